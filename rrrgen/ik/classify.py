@@ -116,7 +116,7 @@ def _planned(chain: Chain, redundancy: int | None) -> SolverPlan:
 
 
 def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
-    """Plan the inverse kinematics of a chain in normal form.
+    """Plan the inverse kinematics of a chain in normal form; ``redundancy`` (from 0) prescribes that joint.
 
     The chain is first planned as it is. Where that needs a quartic or a polynomial of higher degree, or fails, small
     lengths and sines (up to 1e-2, lengths relative to the reach) are set to zero, and the resulting simpler arm is

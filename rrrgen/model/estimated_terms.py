@@ -53,7 +53,7 @@ class DriveTerms:
 
     @classmethod
     def everywhere(cls, n: int, *kinds: DriveKind, coupled: Sequence[CoupledDrive] = ()) -> DriveTerms:
-        """The terms ``kinds`` at all ``n`` joints."""
+        """Choose the terms of ``kinds`` at all ``n`` joints, and those of the ``coupled`` drives."""
         return cls(**{kind: tuple(range(n)) for kind in kinds}, coupled=tuple(coupled))
 
     @classmethod

@@ -207,7 +207,10 @@ def _twisted(twist: Twist) -> RigidTransform:
 
 
 def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> list[sp.Expr]:
-    """Distances (m) by which origins are moved back along their joint axes, by the rules of the module's docstring."""
+    """Distances (m) by which origins are moved back along their joint axes, by the rules of the module's docstring.
+
+    ``constants`` are the X_i before the move; ``parallel`` says of each axis whether it is parallel to the one before.
+    """
     slides: list[sp.Expr] = []
     last_block = max((i for i, flag in enumerate(parallel) if not flag), default=0)
     for i, X in enumerate(constants):

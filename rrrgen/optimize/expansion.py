@@ -22,7 +22,7 @@ class TooLargeError(Exception):
 
 
 class CutSet(Enum):
-    """The nodes at which an expansion stops: they become literals with polynomials of their own."""
+    """How far a program is expanded: the nodes that are kept and become variables of the polynomials."""
 
     NOTHING = "expand everything"
     SUMS = "keep sums that depend on configuration and parameters"
@@ -119,7 +119,10 @@ class Expansion:
         return _sum(args[0], args[1], 1 if node.op is Op.ADD else -1)
 
     def _operand(self, index: int, stage: int) -> Polynomial:
-        """The polynomial of node ``index`` as an operand; a literal in its place where the expansion stops at it."""
+        """The polynomial of node ``index`` as an operand of an operation of this ``stage`` (:func:`_stages`).
+
+        It is a single literal where the expansion stops at the node.
+        """
         if not self._cuts_off(index, stage):
             return self._values[index]
         node = self.program.nodes[index]

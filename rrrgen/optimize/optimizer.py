@@ -91,7 +91,8 @@ class Optimizer:
     ) -> Program | None:
         """Replace the base parameters and drive inertias of ``best`` by the numbers of the robot file, and optimize.
 
-        None if the function takes no base parameters, or computes some, or the file gives no values.
+        None if the function takes no base parameters, or computes some, or the file gives no values. ``best`` came from
+        ``variants`` by ``choice``, which is tried again with the numbers unless these change the structure.
         """
         fold = Fold(recorded.nominal)
         if Role.BASE_PARAMETERS not in fold.known or not best.takes(Role.BASE_PARAMETERS):

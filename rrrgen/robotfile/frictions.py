@@ -15,7 +15,10 @@ _NOT_NEGATIVE = ("viscous", "coulomb", LOAD)
 
 
 def read_friction(node: Node | None, joint_type: str, what: str, scope: Scope) -> FrictionSpec | None:
-    """Read the section ``friction`` of the joint or motor ``what``; None if there is none or it is no mapping."""
+    """Read the section ``friction`` of the joint or motor ``what``; None if there is none or it is no mapping.
+
+    ``joint_type``, "revolute" or "prismatic", decides the units.
+    """
     if node is None:
         return None
     values = read_section(node, "friction", f"friction of {what}", scope.faults, ROBOT_FILE)

@@ -154,7 +154,10 @@ def _read_limits(node: Node | None, joint_type: str, what: str, scope: Scope) ->
 def read_floats(
     node: Node | None, table: tuple[Key, ...], section: str, joint_type: str, what: str, scope: Scope
 ) -> dict[str, float | None] | None:
-    """The SI values of a mapping by key, None for an absent key; None if ``node`` is absent or faulty."""
+    """The SI values of a mapping by key, None for an absent key; None if ``node`` is absent or faulty.
+
+    ``table`` holds the keys of the ``section``; the quantity that a key measures can depend on ``joint_type``.
+    """
     if node is None or (isinstance(node, Scalar) and node.is_null):
         return None
     values = read_section(node, section, f"{section} of {what}", scope.faults, ROBOT_FILE)

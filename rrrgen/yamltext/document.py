@@ -239,7 +239,10 @@ class _Composer:
         return root
 
     def node(self, kind: str, event: Any, place: Place) -> Node | None:
-        """The node of one event, or None where a bound is exceeded."""
+        """Make the node that begins with ``event``, whose class has the name ``kind``.
+
+        None, after a fault, for an alias without anchor or where a bound is exceeded.
+        """
         self.nodes += 1
         if self.nodes > MAX_NODES:
             self.faults.error(place, "too many values in the file", f"at most {MAX_NODES}")

@@ -116,7 +116,10 @@ class Reader:
     def per_joint(
         self, node: Node, what: str, joints: int, table: Mapping[str, float], bare: str
     ) -> tuple[float | None, ...]:
-        """One SI value per joint, from a list with one entry per joint or from one value that applies to all joints."""
+        """One SI value per joint, from a list with one entry per joint or from one value that applies to all joints.
+
+        ``table`` and ``bare`` are those of :meth:`quantity`; a value that cannot be read is None.
+        """
         items = node.items if isinstance(node, Sequence) else [node] * joints
         if len(items) != joints:
             self.faults.error(node, f"{what} has {len(items)} entries for {joints} joints")

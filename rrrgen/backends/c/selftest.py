@@ -149,7 +149,7 @@ def _states(spec: RobotSpec) -> dict[str, Array]:
 
 
 def _scattered(rows: int, columns: int, seed: int = 1) -> Array:
-    """Random numbers in (-1, 1) from a linear congruential generator, independent of library versions."""
+    """A (rows, columns) array of random numbers in (-1, 1), by a generator of its own, the same with every NumPy."""
     values, state = [], seed
     for _ in range(rows * columns):
         state = (1103515245 * state + 12345) % 2**31

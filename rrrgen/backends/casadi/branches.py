@@ -177,7 +177,10 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
 
 
 def _coupled(plan: SolverPlan, coupling: Coupling, y: Any, turns: Any) -> Any:
-    """The joint positions q of a mechanism whose rows have the displacements ``y = S q``; NaN where no q fits."""
+    """The joint positions q of a mechanism whose rows have the displacements ``y = S q``; NaN where no q fits.
+
+    ``turns`` (n,) are whole numbers of full turns, added to the displacements of the rows ``coupling.pivots``.
+    """
     import casadi
 
     turning = casadi.DM([float(plan.chain.joints[p].revolute) for p in coupling.pivots])

@@ -43,7 +43,7 @@ class Matrix:
 
     @classmethod
     def dense(cls, name: str, rows: int, cols: int) -> Matrix:
-        """A matrix without structural zeros."""
+        """Make a ``rows`` x ``cols`` matrix without structural zeros."""
         return cls(name, rows, cols, tuple((r, c) for c in range(cols) for r in range(rows)))
 
     @property
@@ -52,7 +52,7 @@ class Matrix:
         return len(self.entries) == self.rows * self.cols
 
     def empty(self, prefix: str) -> Matrix:
-        """A matrix of the same size without nonzeros."""
+        """A matrix of the same size without nonzeros, its name preceded by ``prefix``."""
         return Matrix(prefix + self.name, self.rows, self.cols, ())
 
     def renamed(self, prefix: str) -> Matrix:
@@ -162,7 +162,11 @@ def _rows(base: Routine, builder: Builder, values: Sequence[Sequence[Value]]) ->
 
 
 def _block(out: Matrix, row: Sequence[Tangent], source: Matrix, offset: int) -> tuple[Matrix, list[Value]]:
-    """Make one block of the sparse Jacobian: (its matrix with the pattern of nonzeros, their values by columns)."""
+    """Make the block d vec(out) / d vec(source) of the sparse Jacobian: (pattern of nonzeros, their values by columns).
+
+    ``row`` holds the gradient of every entry of ``out``; the entries of ``source`` have numbers from ``offset`` on in
+    these gradients.
+    """
     entries, elements = [], []
     for column, (r, c) in enumerate(source.entries):
         for (i, j), tangent in zip(out.entries, row, strict=True):

@@ -161,7 +161,10 @@ def _definition(robot: str, item: Routine, source: Program | None) -> Definition
 
 
 def _loads(elements: Sequence[Sequence[str]], written: Listing) -> Iterable[str]:
-    """The C lines that read the inputs that are used; CasADi passes a null pointer for an input that is zero."""
+    """The C lines that read the inputs that are used; CasADi passes a null pointer for an input that is zero.
+
+    ``elements`` are the C names of all input elements, ``written`` is the text that uses some of them.
+    """
     for port, row in enumerate(elements):
         for element, name in enumerate(row):
             if (port, element) in written.used_inputs:

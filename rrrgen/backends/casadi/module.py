@@ -76,7 +76,8 @@ def rebuild_module(
 ) -> str:
     """The text of ``<robot>_casadi.py``: one Python function per program, each returning a ``casadi.Function``.
 
-    ``programs`` pairs public names with programs; ``parameters`` are the base parameters, for reading only.
+    ``programs`` pairs public names with programs; ``parameters`` are the base parameters, which the module
+    lists for its readers; ``header`` is the text of its opening comment, line by line.
     The module needs CasADi 3.5 or newer and nothing else.
     """
     rows = parameters.rows if parameters else ()

@@ -20,7 +20,10 @@ Wave = dict[sp.Expr, tuple[Fraction, Fraction]]
 
 
 def shorter_form(value: Polynomial, pairs: Pairs) -> sp.Expr:
-    """Convert ``value`` to a SymPy expression, in the one of the module's two forms that has fewer operations."""
+    """Convert ``value`` to a SymPy expression, in the one of the module's two forms that has fewer operations.
+
+    ``pairs`` are the (cosine, sine) generators of the angles in it.
+    """
     plain = sp.factor_terms(value.expression())
     best = plain
     for block in _blocks(pairs):

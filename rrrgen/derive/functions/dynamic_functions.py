@@ -49,7 +49,7 @@ def coriolis_matrix(r: Recording) -> Program:
 
 
 def torque_port(r: Recording, name: str, meaning: str) -> Port:
-    """An output of joint torques (n,)."""
+    """Make the output port ``name`` of joint torques (n,); ``meaning`` describes it in emitted files."""
     return Port(name, (r.n,), r.torque_unit, "", meaning, Role.TORQUE)
 
 
@@ -75,7 +75,10 @@ Frames = Callable[[Chain], list[bool]]
 
 
 def coriolis(frames: Frames) -> Callable[[Recording], Program]:
-    """Make a recorder of the Coriolis and centrifugal torques c = C(q, dq) dq, shape (n,), N m or N."""
+    """Make a recorder of the Coriolis and centrifugal torques c = C(q, dq) dq, shape (n,), N m or N.
+
+    ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
+    """
 
     def record(r: Recording) -> Program:
         chain = _weightless(r.chain())
@@ -89,7 +92,10 @@ def coriolis(frames: Frames) -> Callable[[Recording], Program]:
 
 
 def bias(frames: Frames) -> Callable[[Recording], Program]:
-    """Make a recorder of the bias torques h = c(q, dq) + g(q), shape (n,), N m or N."""
+    """Make a recorder of the bias torques h = c(q, dq) + g(q), shape (n,), N m or N.
+
+    ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
+    """
 
     def record(r: Recording) -> Program:
         chain = r.chain_in_gravity("dq")
@@ -125,7 +131,10 @@ def gravity(r: Recording) -> Program:
 
 
 def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
-    """Make a recorder of M (n, n), c (n,) and g (n,) in one program, so that they share subexpressions."""
+    """Make a recorder of M (n, n), c (n,) and g (n,) in one program, so that they share subexpressions.
+
+    ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
+    """
 
     def record(r: Recording) -> Program:
         chain, dq, inertias = r.chain_in_gravity("dq"), r.joints("dq"), r.inertias()
@@ -145,7 +154,10 @@ def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
 
 
 def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
-    """Make a recorder of tau = M ddq + c + g, shape (n,), N m or N, without friction. (14.6)"""
+    """Make a recorder of tau = M ddq + c + g, shape (n,), N m or N, without friction. (14.6)
+
+    ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
+    """
 
     def record(r: Recording) -> Program:
         chain = r.chain_in_gravity("dq", "ddq")

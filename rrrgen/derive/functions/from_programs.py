@@ -19,7 +19,10 @@ SOURCES = {
 
 
 def by_chain_rule(recorded: RecordedModel, function: str, source: Program) -> Program:
-    """Derive ``function`` by the chain rule from ``source``, a program of the function that :data:`SOURCES` gives."""
+    """Derive a program of ``function`` by differentiating ``source``, a program of another function of the robot.
+
+    :data:`SOURCES` says of which; ``recorded`` is the robot with all functions before optimization.
+    """
     if function in elastic.FROM_LINKS:
         return elastic.FROM_LINKS[function](recorded.derivation.recording(), source)
     if function == "inverse_dynamics_derivatives":

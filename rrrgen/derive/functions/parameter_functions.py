@@ -58,7 +58,10 @@ Projection = Any
 
 
 def base_parameters(project: Projection) -> Recorder:
-    """Make a recorder of beta = K phi (b,) from the standard parameters phi (10 n,) of all links."""
+    """Make a recorder of beta = K phi (b,) from the standard parameters phi (10 n,) of all links.
+
+    ``project`` is the method that computes K phi: :func:`through_projection` or :func:`by_regrouping`.
+    """
 
     def record(r: Recording) -> Program:
         meaning = "per link: " + ", ".join(STANDARD)
@@ -77,7 +80,10 @@ def base_parameters(project: Projection) -> Recorder:
 
 
 def add_payload(project: Projection) -> Recorder:
-    """Make a recorder of beta_loaded (b,) = beta + K_n phi_p for a payload given in the axes of the last link frame."""
+    """Make a recorder of beta_loaded (b,) = beta + K_n phi_p for a payload given in the axes of the last link frame.
+
+    ``project`` is the method that computes K phi: :func:`through_projection` or :func:`by_regrouping`.
+    """
 
     def record(r: Recording) -> Program:
         mass, com, inertia = _payload_inputs(r, "the last link frame")
@@ -95,7 +101,10 @@ def add_payload(project: Projection) -> Recorder:
 
 
 def add_payload_at(project: Projection) -> Recorder:
-    """Make a recorder of beta_loaded (b,) for a payload given in a frame of its own, with its pose in the last link."""
+    """Make a recorder of beta_loaded (b,) for a payload given in a frame of its own, with its pose in the last link.
+
+    ``project`` is the method that computes K phi: :func:`through_projection` or :func:`by_regrouping`.
+    """
 
     def record(r: Recording) -> Program:
         mass, com, inertia = _payload_inputs(r, "the payload's frame")

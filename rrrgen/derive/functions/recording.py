@@ -70,7 +70,10 @@ class Parametrization:
         return tuple(rows)
 
     def inertias(self, n: int, beta: Sequence[Any], constant: Constant) -> list[PseudoInertia]:
-        """The pseudo-inertias of ``n`` links for ``beta`` (b,): entries outside the base set are zero."""
+        """The pseudo-inertias of ``n`` links for ``beta`` (b,): entries outside the base set are zero.
+
+        ``constant`` converts exact constants to the kind of number that ``beta`` has.
+        """
         values = list(beta)
         if self.inverse is not None:
             values = [_combine([constant(v) for v in row], beta) for row in self.inverse]
@@ -196,7 +199,7 @@ class Recording:
         return self._input(self.beta_port("base parameters " + ", ".join(names)))
 
     def beta_port(self, meaning: str, role: Role = Role.BASE_PARAMETERS, name: str = "beta") -> Port:
-        """A port of base parameters (b,)."""
+        """Make a port for base parameters (b,); ``meaning`` describes it in emitted files."""
         return Port(name, (len(self.parametrization.names),), "SI", "", meaning, role)
 
     def friction(self, port: Port) -> list[Value]:

@@ -54,7 +54,11 @@ def _motions(r: Recording, *further: str) -> tuple[Chain, list[LinkMotion]]:
 
 
 def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
-    """Make a recorder of Y (n, b) with tau = Y(q, dq, ddq) beta. (14.10)"""
+    """Make a recorder of Y (n, b) with tau = Y(q, dq, ddq) beta. (14.10)
+
+    ``columns`` is the method that computes the columns of Y for canonical parameters; ``frames`` chooses the frame in
+    which each link is computed.
+    """
 
     def record(r: Recording) -> Program:
         chain = r.chain_in_gravity("dq", "ddq")

@@ -146,7 +146,10 @@ def _fault(spec: RobotSpec, basis: BasisSpec, k: int, message: str) -> Fault:
 def _foreign(
     spec: RobotSpec, basis: BasisSpec, compiler_set: BaseSet, rows: list[list[Any]], S: list[list[Any]]
 ) -> list[Fault]:
-    """Faults of user parameters that contain a part without effect on the dynamics."""
+    """Faults of user parameters that contain a part without effect on the dynamics.
+
+    ``rows`` are the parameters as coefficients (10 n,) of the standard ones, ``S`` the matrix U L of the module.
+    """
     faults = []
     symbols = standard_symbols(len(spec.rows))
     for k, (row, s) in enumerate(zip(rows, S, strict=True)):
@@ -166,7 +169,10 @@ def _vanishing(expression: sp.Expr) -> sp.Expr:
 
 
 def _rank_faults(spec: RobotSpec, basis: BasisSpec, compiler_set: BaseSet, S: list[list[Any]]) -> list[Fault]:
-    """Faults of linearly dependent user parameters, and of directions that none of them covers."""
+    """Faults of linearly dependent user parameters, and of directions that none of them covers.
+
+    ``S`` is the matrix U L of the module, one row per parameter of the user.
+    """
     constants = ResidueConstants(seed=7)
     image = [[Residue.of(constants(to_expression(v))).value for v in row] for row in S]
     b, count = len(compiler_set.parameters), len(S)

@@ -235,7 +235,8 @@ def _dyads(
 ) -> list[Dyad]:
     """The dyads of the composite bodies, one per joint, computed from the tip to the base.
 
-    The last link of a block is added in its own link frame, because the next block begins there.
+    The last link of a block is added in its own link frame, because the next block begins there. ``motion`` are the
+    velocities of the links, ``factor`` is the multiple of them that is used.
     """
     result: dict[int, Dyad] = {}
     for i in reversed(range(chain.n)):

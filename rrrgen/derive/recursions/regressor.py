@@ -67,7 +67,10 @@ def columns_by_axes(
 def unit_wrench(
     chain: Chain, motions: Sequence[LinkMotion], in_link_frame: Sequence[bool], parameter: Parameter
 ) -> Wrench:
-    """The inertial wrench of a link whose only non-zero inertial parameter is ``parameter`` = 1."""
+    """The inertial wrench of a link whose only non-zero inertial parameter is ``parameter`` = 1.
+
+    ``motions`` are those of all links; the wrench is in the frame in which its link is expressed (``in_link_frame``).
+    """
     i, entry = parameter
     J = PseudoInertia(**{entry: 1})
     turned = J if in_link_frame[i] else J.rotated_z(chain.joints[i].c, chain.joints[i].s)

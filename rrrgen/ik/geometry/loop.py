@@ -155,7 +155,8 @@ def _plain(end: tuple[S, S, S]) -> bool:
 def commuted(loop: Loop, i: int, direction: int) -> Loop | None:
     """Exchange prismatic joint ``i`` with a neighbouring revolute joint of parallel axis; None where not possible.
 
-    Tz commutes with Rz and, up to its sign, with every link between parallel axes.
+    The neighbour is the next joint if ``direction`` is positive, otherwise the one before. Tz commutes with Rz and, up
+    to its sign, with every link between parallel axes.
     """
     if direction < 0:
         m = len(loop.joints)

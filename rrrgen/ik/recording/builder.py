@@ -79,7 +79,7 @@ class Builder(Protocol):
         """The target position of the tip in the base frame."""
 
     def name(self, hint: str, x: S) -> S:
-        """Store ``x`` under a readable name and return it."""
+        """Store ``x`` under the readable name ``hint`` and return it."""
 
     def names(self, hint: str, v: Vector) -> Vector:
         """Store the coordinates of ``v`` under the names hint + x, y, z and return them."""
@@ -131,4 +131,7 @@ class Builder(Protocol):
         """
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
-        """Record quantities that are zero at a solution; a candidate is kept only if they are zero."""
+        """Record quantities that are zero at a solution; a candidate is kept only if they are zero.
+
+        ``lengths`` are in m, ``cosines`` are cosines, sines or differences of them.
+        """

@@ -124,7 +124,10 @@ def finish_plane(b: Builder, frame: Frame, motions: list[Motion], length: float)
 def _around(
     frame: Frame, motions: list[Motion], v: Vector, *, backwards: bool = False, direction: bool = False
 ) -> Vector:
-    """Transform a point (or a direction) of the plane of the triple by the product of all other joints of the loop."""
+    """Transform a point (or a direction) of the plane of the triple by the product of all other joints of the loop.
+
+    ``motions`` are the motions of these joints in order; with ``backwards`` the inverse of the product is applied.
+    """
     count = len(motions)
     links = [frame.lead, *(_closing(link) for link in frame.loop.links[: count - 1]), frame.trail]
     if backwards:

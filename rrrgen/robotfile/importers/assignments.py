@@ -66,7 +66,7 @@ class Assignments:
         return self.items.get(name, ("", 0))[0].strip()
 
     def entries(self, name: str, count: int, needed: bool = False) -> list[Entry]:
-        """The entries of one list, ``count`` of them; zeros where the file has no such list."""
+        """The ``count`` entries of one list; zeros if the file does not have it, a fault if it is ``needed``."""
         if (name, count) not in self._lists:
             self._lists[name, count] = self._read_list(name, count, needed)
         return self._lists[name, count]

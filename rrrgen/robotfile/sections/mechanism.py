@@ -26,7 +26,11 @@ _OF_DRIVES = ("friction", "drive")
 def read_mechanism(
     node: Node, tip: Node | None, joints: Row[JointSpec | None], reversed_joints: Row[int], scope: Scope
 ) -> tuple[tuple[JointSpec, ...], MechanismSpec | None]:
-    """Read the driven joints, whose positions are q, and the mechanism (None for a chain of driven joints)."""
+    """Read the driven joints, whose positions are q, and the mechanism (None for a chain of driven joints).
+
+    ``node`` is the list of joints and ``tip`` the value of the file's key ``tip``. ``joints`` are the rows as read
+    before, ``reversed_joints`` the indices of those that the file states with ``sign: -1``.
+    """
     rows = tuple(joint for joint in joints if joint is not None)
     items = node.items if isinstance(node, Sequence) else []
     keys = [_keys_of(item) for item in items]
@@ -57,7 +61,7 @@ def mechanism_of_rows(
     matrix: list[tuple[sp.Expr, ...]],
     driven: Row[int],
 ) -> tuple[tuple[JointSpec, ...], MechanismSpec]:
-    """Make the driven joints (the rows ``driven``) and the mechanism of all ``rows``.
+    """Make the driven joints (the rows ``driven``) and the mechanism of all ``rows`` (:class:`MechanismSpec`).
 
     The position limits of a driven joint are narrowed to those of the rows that follow it.
     """
@@ -118,7 +122,10 @@ def _check_followed(
     rows: Row[JointSpec],
     scope: Scope,
 ) -> None:
-    """Check a row with ``follows``: it names driven joints and has no drive, friction, or limits but its range."""
+    """Check a row with ``follows``: it names driven joints and has no drive, friction, or limits but its range.
+
+    ``keys`` are the keys of the row in the file, ``factors`` those of the joints that it follows, by name.
+    """
     if "follows" not in keys:
         return
     for name, (key, _) in (read_entries(keys["follows"][1], "follows", scope.faults) or {}).items():

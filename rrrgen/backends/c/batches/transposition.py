@@ -30,7 +30,10 @@ def transfers(taken: Iterable[int], given: Iterable[int], prefix: str, real_type
 
 
 def exchanges(wanted: list[tuple[int, int]], names: list[str]) -> str:
-    """The C expression of the register whose lane k is lane ``wanted[k][1]`` of the register ``wanted[k][0]``."""
+    """The C expression of the register whose lane k is lane ``wanted[k][1]`` of the register ``wanted[k][0]``.
+
+    ``names`` are the C variables of the registers.
+    """
     lanes = len(wanted)
     sources = sorted({source for source, _ in wanted})
     value, held = names[sources[0]], {sources[0]}

@@ -80,7 +80,10 @@ def _functions(source: str, sizes: dict[str, int]) -> dict[str, _Function]:
 
 
 def _local_bytes(body: str, sizes: dict[str, int], constants: dict[str, str]) -> int:
-    """Bytes of the arrays and structures that ``body`` declares; scalars and pointers belong to the margin."""
+    """Bytes of the arrays and structures that ``body`` declares; scalars and pointers belong to the margin.
+
+    ``sizes`` are the bytes of C types by name, ``constants`` the texts that C constants in array sizes stand for.
+    """
     total = 0
     for statement in re.split(r"[;{}]", _INITIAL_ARRAY.sub("", body)):
         declaration = _DECLARATION.fullmatch(statement.strip())

@@ -116,7 +116,10 @@ def _public(spec: RobotSpec) -> list[str]:
 
 
 def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Sequence[Pass] = PASSES) -> Emitted:
-    """The emitted files of ``plan`` with their stack and operations; DerivationError if the robot has no solver."""
+    """The emitted files of ``plan`` with their stack and operations; DerivationError if the robot has no solver.
+
+    ``passes`` rewrite the loops of the solver in order, to make it faster.
+    """
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
     dialect = Dialect(spec.name, real)
@@ -161,7 +164,10 @@ CANDIDATES = (
 
 
 def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> tuple[str, int]:
-    """The text of ``<name>_ik.c``, and the largest number of solutions that one call can return."""
+    """The text of ``<name>_ik.c``, and the largest number of solutions that one call can return.
+
+    ``bodies`` are the C bodies that list candidates (:func:`_body`), for the plan and its companion.
+    """
     chain = replace(plan, coupling=None)
     needs = frozenset().union(*({"near"} if body is None else body.needs for body in bodies))
     chosen = settings(

@@ -26,7 +26,8 @@ class Scaffold:
 
     Every statement is recorded inside all loops opened so far; passes move it from there.
 
-    A *virtual* joint is one that the derivation adds to the chain and whose value is zero in every solution.
+    A *virtual* joint is one that the derivation adds to the chain and whose value is zero in every solution. The *tag*
+    of a joint is its number from 1 as text, which ends the names of its C variables: ``c2`` and ``s2`` for joint 2.
     """
 
     def __init__(

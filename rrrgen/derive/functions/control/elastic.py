@@ -55,7 +55,10 @@ def _rotors(r: Recording) -> tuple[Vector, Vector]:
 
 
 def _links(r: Recording, frames: Frames) -> Program:
-    """Record a program of the torques tau_l (n,) that the links alone need, without rotors and springs."""
+    """Record a program of the torques tau_l (n,) that the links alone need, without rotors and springs.
+
+    ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
+    """
     alone = Recording(r.model, r.parametrization)
     chain = alone.chain_in_gravity("dq", "ddq")
     tau = newton_euler.inverse_dynamics(chain, alone.joints("dq"), alone.joints("ddq"), alone.inertias(), frames(chain))

@@ -49,7 +49,10 @@ def momentum_terms(r: Recording) -> Program:
 
 
 def reference_torque(frames: Frames) -> Recorder:
-    """Make a recorder of tau = M a + C(q, dq) v + g, (n,), the feed-forward of Slotine and Li; C by Christoffel."""
+    """Make a recorder of tau = M a + C(q, dq) v + g, (n,), the feed-forward of Slotine and Li.
+
+    C is the matrix from the Christoffel symbols. ``frames`` chooses the frame in which each link is computed.
+    """
 
     def record_torque(r: Recording) -> Program:
         _declared(r, "q", "dq")

@@ -85,7 +85,10 @@ class _Reader:
         self.ref: dict[str, Any] = {}
 
     def read_body(self, element: Element, name: str, inherited: str) -> None:
-        """Read the inertia of a body, then its children; the body's own joint has been read before."""
+        """Read the inertia of a body, then its children; the body's own joint has been read before.
+
+        ``inherited`` is the name of the class of defaults that applies to the body.
+        """
         inertia = None if name == WORLD else body_inertia(element, inherited, self.settings, self.values)
         self.bodies[name] = Body(name, inertia, element.place)
         self._children(element, name, inherited, identity())
@@ -136,8 +139,8 @@ class _Reader:
     ) -> tuple[str, Array]:
         """Read one joint of the body ``owner``; an MJCF body may have several, stacked one behind the other.
 
-        Each becomes a joint between ``parent`` and a new massless body. Returns the new body's name and the owner's
-        pose in it.
+        It becomes joint number ``k`` (from 0) of the owner, between the body ``parent`` and a new massless body;
+        ``place`` is the owner's pose in ``parent``. Returns the new body's name and the owner's pose in it.
         """
         element = self.settings.with_defaults(given, inherited)
         word = "free" if given.tag == "freejoint" else element.attributes.get("type", "hinge")

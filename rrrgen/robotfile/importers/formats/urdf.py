@@ -182,7 +182,10 @@ def _no_end(element: Element, tag: str) -> str:
 
 
 def _limits(element: Element, word: str, values: Values) -> Limits:
-    """The limits of a joint; zero speeds and efforts, which exporters write for unknown ones, cause a warning."""
+    """The limits of a joint of the type ``word``, as the file spells it; a continuous joint has no position limits.
+
+    Zero speeds and efforts, which exporters write for unknown ones, are left out with a warning.
+    """
     limit = element.child("limit")
     if limit is None:
         return Limits()

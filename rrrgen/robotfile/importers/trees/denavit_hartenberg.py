@@ -94,7 +94,7 @@ class _Walk:
         return exact
 
     def _to_axis(self, point: Array, direction: Array, convention: Convention) -> None:
-        """Complete the last row with theta, d, a and alpha to the next axis, and begin the next row."""
+        """Complete the last row so that it leads to the next axis (``point``, ``direction``), and begin a new row."""
         to_frame = inverse(self.frame)
         p, u = to_frame[:3, :3] @ point + to_frame[:3, 3], to_frame[:3, :3] @ direction
         x, height = self._perpendicular(p, u)

@@ -234,7 +234,11 @@ def _poses(tree: Tree, base: str, held: Mapping[str, Any]) -> dict[str, Array]:
 
 
 def _links(tree: Tree, owner: dict[str, int], poses: Mapping[str, Array], count: int) -> tuple[Inertia | None, ...]:
-    """The inertia that each joint of the chain carries: that of the bodies after it, with branches attached to them."""
+    """The inertia that each joint of the chain carries: that of the bodies after it, with branches attached to them.
+
+    ``owner`` maps the bodies on the chain to the number of the joint before them, 0 for the base; ``poses`` are the
+    poses of all bodies in the base frame, ``count`` the number of joints.
+    """
     neighbours: dict[str, list[str]] = {name: [] for name in tree.bodies}
     for joint in tree.joints:
         neighbours[joint.parent].append(joint.child)
