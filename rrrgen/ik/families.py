@@ -27,7 +27,7 @@ Options = Iterator[tuple[int, SolverPlan]]
 
 
 def position_plans(chain: Chain) -> Options:
-    """Plans for the position of the tip, one to three joints."""
+    """Plans, each with its cost, for the position of the tip of a chain with one to three joints."""
     if chain.n == 3:
         base, tip = rigid(chain.base), rigid(chain.tip)
         links = tuple(Crossing.of(link) for link in chain.links)

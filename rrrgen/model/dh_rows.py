@@ -17,7 +17,7 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 class Twist(NamedTuple):
-    """``Tx(a) Rx(alpha)``, m and rad; the order does not matter."""
+    """The twist ``Tx(a) Rx(alpha)`` of a row, a in m and alpha in rad; the two transforms commute."""
 
     a: sp.Expr = sp.S.Zero
     alpha: sp.Expr = sp.S.Zero

@@ -101,7 +101,7 @@ class _Collection:
         return value
 
     def _terms(self, k: int, sign: int) -> list[Term]:
-        """The terms of sum ``k``, including those of the sums merged into it."""
+        """The terms of ``sign`` (+1 or -1) times sum ``k``, including those of the sums merged into it."""
         node, terms = self.program.nodes[k], []
         signs = (-sign,) if node.op is Op.NEG else (sign, sign if node.op is Op.ADD else -sign)
         for arg, arg_sign in zip(node.args, signs, strict=True):

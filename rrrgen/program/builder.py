@@ -1,4 +1,4 @@
-"""Recording programs: arithmetic on the nodes of a :class:`Builder` under the Python operators.
+"""Recording programs: arithmetic on the nodes of a :class:`Builder`, written with the Python operators.
 
 Nodes are hash-consed while they are recorded, so a common subexpression exists once, and the identities of arithmetic
 that never change a value in exact arithmetic (x + 0, 1*x, -(-x), constants folded exactly as fractions) are applied at
@@ -42,7 +42,7 @@ def _negligible(value: Number) -> bool:
 
 
 class Scalar:
-    """A node of a builder under the Python operators; results known while recording are plain numbers."""
+    """A node of a builder with the Python operators + - * /; results known while recording are plain numbers."""
 
     __slots__ = ("builder", "index")
 
@@ -154,7 +154,7 @@ class Builder:
         return Scalar(self, node.args[0]) if node.op is Op.NEG else None
 
     def _unsigned(self, value: Scalar) -> tuple[int, bool]:
-        """Split off a sign: ``(k, False)`` if ``value`` is node k, ``(k, True)`` if it is recorded as its negative."""
+        """Split off a sign: ``(k, False)`` if ``value`` is node k, ``(k, True)`` if it is recorded as minus node k."""
         node = self._op(value)
         return (node.args[0], True) if node.op is Op.NEG else (value.index, False)
 

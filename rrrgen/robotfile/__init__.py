@@ -64,7 +64,7 @@ def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSp
 
     Args:
         robot: path of a robot file, or the name of a bundled robot such as "rrr" (a bare word without suffix).
-        strict: make inertia that no body can have an error; otherwise it is a warning in ``RobotSpec.faults``.
+        strict: reject inertia that no rigid body can have; otherwise it causes a warning in ``RobotSpec.faults``.
 
     Returns:
         The robot with exact values in m, rad, kg, s.
@@ -83,7 +83,7 @@ def loads_spec(text: str, file: str = "robot.yaml", *, strict: bool = False) -> 
     Args:
         text: the contents of a robot file.
         file: the name that messages give to it.
-        strict: make inertia that no body can have an error; otherwise it is a warning in ``RobotSpec.faults``.
+        strict: reject inertia that no rigid body can have; otherwise it causes a warning in ``RobotSpec.faults``.
 
     Returns:
         The robot with exact values in m, rad, kg, s.

@@ -27,7 +27,8 @@ def parameter_symbol(name: str) -> sp.Symbol:
 class Limits:
     """Limits of one joint in SI, None if not stated.
 
-    Positions ``lower``, ``upper`` in rad (m), ``velocity`` and ``acceleration`` per s and s^2, ``torque`` in N m (N).
+    Positions ``lower``, ``upper`` in rad (m), ``velocity`` in rad/s (m/s), ``acceleration`` in rad/s^2 (m/s^2) and
+    ``torque`` in N m (N), with the units of a prismatic joint in parentheses.
     """
 
     lower: float | None = None
@@ -224,8 +225,8 @@ class BasisSpec:
     Link symbols (link i, counted from 1, in the axes of link frame i): ``m{i}``; COM ``x{i} y{i} z{i}``; first moments
     ``mx{i} my{i} mz{i}``; inertia about the *origin* of the link frame ``Ixx{i} Iyy{i} Izz{i} Ixy{i} Ixz{i} Iyz{i}``,
     the off-diagonals being tensor entries (``products="tensor"``) or positive products (``"positive"``).
-    Named parameters of the file may occur too. All are real symbols as of :func:`parameter_symbol`. ``places`` are line
-    and column of each entry in the file, for messages.
+    Named parameters of the file may occur too. All are real symbols, made by :func:`parameter_symbol`. ``places`` are
+    line and column of each entry in the file, for messages.
     """
 
     names: tuple[str, ...]

@@ -205,7 +205,7 @@ def smooth_friction(r: Recording) -> Program:
 
 @dataclass(frozen=True)
 class _Smooth:
-    """The functions that friction laws use, recorded, with tanh(x / width) in place of sgn x."""
+    """The functions sign, exp and tanh that friction laws call, recorded; sign(x) is replaced by tanh(x / width)."""
 
     builder: Builder
     width: Any

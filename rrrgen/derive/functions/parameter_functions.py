@@ -144,7 +144,10 @@ def _at_tip(r: Recording, phi: list[Any]) -> list[list[Any]]:
 
 
 def _standard(mass: Any, com: list[Any], inertia: Matrix) -> list[Any]:
-    """The standard parameters (10,) of a body, by Steiner's theorem: ``I + m (c . c 1 - c c')`` about the origin."""
+    """The standard parameters (10,) of a body with centre of mass c = ``com`` and ``inertia`` I about it.
+
+    The inertia about the origin is ``I + m (c . c 1 - c c')`` by Steiner's theorem.
+    """
     x, y, z = com
     mx, my, mz = scale(mass, com)
     xx, yy, zz = mx * x, my * y, mz * z

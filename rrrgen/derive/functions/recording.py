@@ -211,7 +211,7 @@ class Recording:
         return self.parametrization.inertias(self.model.links, self.beta(), self.constant)
 
     def drive_inertia(self) -> DriveInertia:
-        """Declare the drive inertias Ia as an input if the robot file states any."""
+        """Declare the drive inertias Ia as an input if the robot file states any; returns them and their directions."""
         terms = inertia_terms(self.model.spec)
         if not terms:
             return DriveInertia((), ())

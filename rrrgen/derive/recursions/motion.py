@@ -2,7 +2,7 @@
 
 The acceleration of a point r of link k, minus gravity, is ``a_k + U_k r`` with
 
-    U_k = [alpha_k]x + [omega_k]x [omega_k]x.
+    U_k = [alpha_k]x + [omega_k]x [omega_k]x,    [a]x the matrix of the vector product: [a]x r = a x r.
 
 The links of a block of parallel axes share the frame B of the block, which is fixed to the link before it. They differ
 only by the absolute rate W and acceleration A about the common z axis:

@@ -2,7 +2,7 @@
 
 The inertial wrench of link k about its origin, for the pseudo-inertia (S, h, m), is
 
-    F = m a + U h,    N = vex(U S - (U S)') + h x a.
+    F = m a + U h,    N = vex(U S - (U S)') + h x a,    vex(A) = (A32, A13, A21).
 
 Wrenches are summed from the tip to the base; the torque of joint k is the z component of N (of F if it is prismatic).
 """

@@ -1,8 +1,8 @@
 """Conversion of a ``DHRobot`` of the Robotics Toolbox for Python to a robot description.
 
 Inertia is about the centre of mass. Rotor inertia ``Jm``, viscous friction ``B`` and Coulomb friction ``Tc`` (by
-direction) are those of the motor, and act on the joint as ``G^2 Jm``, ``G^2 B`` and ``|G| Tc``. ``gravity`` is the
-acceleration of a falling body, as in versions from 1.1.
+direction) are those of the motor, and act on the joint as ``G^2 Jm``, ``G^2 B`` and ``|G| Tc`` with the gear ratio G.
+``gravity`` is the acceleration of a falling body, as in versions from 1.1.
 """
 
 from __future__ import annotations

@@ -151,7 +151,7 @@ def _simd_body(program: Program, dialect: Dialect) -> list[str]:
 
 
 def _each(size: int, statement: str) -> list[str]:
-    """Print a C loop of ``statement`` over every element; unrolled text would take twice as long to compile."""
+    """Print a C loop of ``statement`` over ``size`` elements; unrolled text would take twice as long to compile."""
     if size == 1:
         return [statement.format(0)]
     return [f"for (int element = 0; element < {size}; element++)", f"    {statement.format('element')}"]

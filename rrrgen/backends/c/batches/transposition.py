@@ -98,7 +98,10 @@ def _scatter(size: int, prefix: str, real: str, number: int) -> str:
 
 
 def _by_width(body: Callable[[int], list[str]], number: int) -> list[str]:
-    """The lines of ``body(lanes)`` for every width of register, selected by the preprocessor."""
+    """The lines of ``body(lanes)`` for every width of register, selected by the preprocessor.
+
+    ``number`` is the size of one number in bytes, 8 or 4, on which the count of lanes depends.
+    """
     lines: list[str] = []
     for k, width in enumerate(WIDTHS):
         lines.append(f"#{'elif' if k else 'if'} SIMD_BYTES == {width}")

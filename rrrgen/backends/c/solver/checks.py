@@ -105,7 +105,7 @@ def _rows(plan: SolverPlan, q: list[float]) -> list[list[float]]:
 
 
 def _configurations(plan: SolverPlan, values: list[float]) -> list[list[float]]:
-    """The configurations with the joint values of one branch of the chain."""
+    """Convert the joint ``values`` of the chain to configurations of the robot; a mechanism can have several."""
     if plan.coupling is not None:
         return list(plan.coupling.leading(values))
     return [[wrapped(x) if joint.revolute else x for x, joint in zip(values, plan.chain.joints, strict=True)]]

@@ -101,7 +101,7 @@ class CBuilder(Scaffold):
         return self._slack.replace("slack", wide, 1)
 
     def _loop(self, tag: str, n: Scalar, w: Scalar, label: Label, name: str) -> Scalar:
-        """Open a loop over the ``n`` signs of ``w``; returns the signed value, which gets the name ``name``."""
+        """Open a loop over ``n`` = 1 or 2 roots, ``w`` and ``-w``; returns the root of a pass, called ``name`` in C."""
         i = self._open(tag, n, 2)
         first, second = ("", "-") if label.positive > 0 else ("-", "")
         self._branch.append((f"(unsigned)i{tag}", 1))

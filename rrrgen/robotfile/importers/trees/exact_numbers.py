@@ -68,7 +68,7 @@ def rotation(axis: Sequence[Any] | Array, angle: Any) -> Array:
 
 
 def _cos_sin(angle: Any) -> tuple[Any, Any]:
-    """Cosine and sine, in which zeros are exactly zero."""
+    """Cosine and sine of ``angle`` (rad); one that differs from zero by rounding only becomes exactly 0."""
     c, s = HIGH.cos(angle), HIGH.sin(angle)
     return (c if abs(c) > EQUAL else number(0)), (s if abs(s) > EQUAL else number(0))
 

@@ -36,7 +36,10 @@ class Hoist:
 
 
 def _moved(value: Scalar, depth: int, dependence: Dependence, seen: set[int]) -> Iterator[Value]:
-    """The parts of ``value``, first needed at ``depth``, that are known further outside."""
+    """Yield the parts of ``value`` that are known in fewer loops than ``depth``, where it is needed first.
+
+    ``seen`` holds the ids of values that were visited before; they are not yielded again.
+    """
     if value.is_plain or id(value) in seen:
         return
     seen.add(id(value))
