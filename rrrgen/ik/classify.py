@@ -49,7 +49,7 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
 
 
 def with_nominal_first(found: SolverPlan) -> SolverPlan:
-    """Add to the plan ``found`` that the solutions of a nearby special arm are refined before anything else is tried.
+    """Let the plan ``found`` refine the solutions of a nearby special arm before it solves its own equations.
 
     The general equations are then solved only for targets where those solutions may not be all. Plans that do not
     solve general equations, and arms near no special one, keep their equations; ``approach`` of the result says why.

@@ -140,7 +140,7 @@ def arm_angle_plans(chain: Chain) -> Options:
 
 
 def structure(chain: Chain, locked: int | None) -> Loop:
-    """Build the loop without joint ``locked`` at an arbitrary pose, for decisions by its constant links alone."""
+    """Build the loop without joint ``locked`` at an arbitrary pose, to classify the arm by its constant links."""
     import numpy as np
 
     # any pose will do; an irregular one avoids accidental zeros

@@ -131,7 +131,7 @@ def _simplified(value: sp.Expr, angles: list[sp.Symbol]) -> sp.Expr:
 
 
 def _collected(factor: sp.Expr) -> sp.Expr:
-    """Rewrite ``factor`` with sums of angles if that is shorter; one of more than ``TERMS`` terms is left as it is."""
+    """Rewrite ``factor`` with sums of angles if that is shorter; more than ``TERMS`` terms are left as they are."""
     if len(sp.Add.make_args(factor)) > TERMS:
         return factor
     return min((factor, sp.trigsimp(factor)), key=sp.count_ops)

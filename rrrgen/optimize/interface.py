@@ -8,7 +8,7 @@ from rrrgen.program import Program
 
 
 class Pass(Protocol):
-    """A step from a program to one that computes the same with fewer operations, or to the program itself.
+    """Rewrites a program to one that computes the same with fewer operations, or returns it unchanged.
 
     Passes are frozen dataclasses: their fields are their options. They know ports by role, never by name.
     """

@@ -28,8 +28,8 @@ def _nothing() -> tuple[Files, Sequence[Check]]:
 class CBackend:
     """Prints header, sources and self-test; ``trig`` is the source of sines and cosines.
 
-    ``beside`` returns further C files of the robot and checks for the self-test. It is called in the process that
-    prints the self-test, since both need NumPy.
+    ``beside`` is a function that returns further C files of the robot, and checks of these for the self-test. It is
+    called in the process that prints the self-test, since both need NumPy.
     """
 
     trig: Trig = "inline"

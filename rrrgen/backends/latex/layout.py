@@ -88,7 +88,7 @@ def _place(name: str) -> tuple[str, tuple[int, ...]]:
 def _shared(entries: list[sp.Expr]) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ...], list[sp.Expr]]:
     """Extract common subexpressions of ``entries``: (definitions, entries written with them).
 
-    Sines and cosines are not divided, so that sums of angles remain readable.
+    Sines and cosines stay whole, so that sums of angles remain readable.
     """
     waves = sorted(set().union(*(entry.atoms(sp.sin, sp.cos) for entry in entries)), key=sp.default_sort_key)
     masks = {wave: sp.Symbol(f"wave{k:04d}", real=True) for k, wave in enumerate(waves)}

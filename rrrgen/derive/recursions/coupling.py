@@ -75,7 +75,7 @@ class UnitAngles:
                 self.count += 1
 
     def _over(self, k: int, place: int, factors: set[tuple[int, Fraction]]) -> list[Fraction]:
-        """Select the factors of q_k that are whole multiples of the unit of the independent angle number ``place``.
+        """Select the factors f for which f q_k is a whole multiple of the independent angle number ``place``.
 
         ``factors`` holds pairs (index k, factor of q_k).
         """

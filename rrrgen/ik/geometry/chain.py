@@ -119,7 +119,7 @@ class Chain:
 
     @property
     def scale(self) -> float:
-        """Bound (m) on the tip's coordinates in the base frame: the reach plus the distance of the first joint."""
+        """Bound (m) on the tip's coordinates in the base frame: the reach, plus how far joint 1 is from the origin."""
         return self.reach + float(sum(float(self.base[i][3]) ** 2 for i in range(3)) ** 0.5)
 
     @cached_property
@@ -182,7 +182,10 @@ class Chain:
 
 
 def _slid(matrix: Matrix, before: float, behind: float) -> Matrix:
-    """``Tz(-before) matrix Tz(behind)``, rounded once: the terms may be a thousand times their sum."""
+    """The product ``Tz(-before) matrix Tz(behind)``, computed exactly and rounded once.
+
+    Its terms may be a thousand times as large as their sum, so that their rounding errors would be as well.
+    """
     rows = []
     for i, row in enumerate(matrix):
         exact = Fraction(row[3]) + Fraction(row[2]) * Fraction(behind) - (Fraction(before) if i == 2 else 0)

@@ -92,7 +92,7 @@ class Recorder:
         return Turn(*results)
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
-        """Record the equation ``k0 + k1 x + k2 x^2 + ... = 0`` with up to four roots; one of degree 1 as a quotient."""
+        """Record the equation ``k0 + k1 x + k2 x^2 + ... = 0`` with up to four roots; with degree 1 as a quotient."""
         nodes = self._nodes(*k)
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])

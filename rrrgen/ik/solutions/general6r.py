@@ -115,7 +115,7 @@ def free_joints(chain: Chain, locked: int | None) -> tuple[tuple[Joint, ...], tu
 
 
 def shifts(chain: Chain, locked: int | None) -> list[float]:
-    """Offsets (rad or m), one per joint, to add to the joint values that the elimination finds to obtain the chain's.
+    """Offsets (rad or m), one per joint, which added to joint values of the elimination give those of the chain.
 
     Each is minus the offset of the joint and, for a revolute joint, minus the constant rotation of its link about z.
     """

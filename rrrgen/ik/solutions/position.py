@@ -105,7 +105,7 @@ def _cost(arm: Arm) -> int:
 
 
 def simplest(arm: Arm) -> tuple[int, Arm]:
-    """Choose between ``arm`` and the same problem stated from its other end the one of lower cost: (cost, arm)."""
+    """Choose the cheaper of ``arm`` and the same problem stated from its other end: (cost, arm)."""
     forward, backward = _cost(arm), _cost(arm.reversed())
     return (forward, arm) if forward <= backward else (backward, arm.reversed())
 

@@ -51,7 +51,7 @@ def stack_bounds(source: str, name: str, real: str, solutions: Mapping[str, tupl
 
     @cache
     def deepest(function: str) -> int:
-        """Arrays and margins along the deepest chain of calls from here; the emitted code has no recursion."""
+        """Bytes of arrays and margins along the deepest chain of calls from ``function``; there is no recursion."""
         below = max(map(deepest, functions[function].calls), default=0)
         return 3 * functions[function].arrays // 2 + _EACH + below
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Emitted:
-    """The emitted inverse kinematics of one plan: files (name -> text), stack, operations.
+    """The emitted inverse kinematics of one plan: ``files`` maps names to texts.
 
     ``rows`` is the largest number of solutions that one call can return.
     """

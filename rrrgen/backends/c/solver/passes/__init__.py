@@ -11,7 +11,7 @@ from rrrgen.backends.c.solver.passes.unused import DropUnused
 
 
 class Pass(Protocol):
-    """A rewriting of a loop nest to one that finds the same candidates with less work, or no change.
+    """Rewrites a loop nest to one that finds the same candidates with less work, or returns it unchanged.
 
     Passes are frozen dataclasses: their fields are their options.
     """
