@@ -73,7 +73,7 @@ def timing_files(path_dynamics: Program, dialect: Dialect) -> dict[str, str]:
 
 
 def _prototype(further: list[Port], dialect: Dialect) -> str:
-    """The declaration of the function, with the parameters ``further`` of the model behind path and limits."""
+    """The declaration of the function; the inputs ``further`` of the model follow after the path and the limits."""
     p, real = dialect.prefix, dialect.real_type
     model = "".join(f"const {real} {port.name}[{port.size}], " for port in further)
     return (

@@ -68,8 +68,8 @@ def _links(r: Recording, frames: Frames) -> Program:
 def along_time(program: Program, motion: Sequence[str]) -> Program:
     """Extend ``program`` by one output: the time derivative of its last output.
 
-    The input ports ``motion`` are in the order of differentiation, q, dq, ddq, ...; the last of them becomes a new
-    input.
+    ``motion`` names ports in the order of differentiation, q, dq, ddq, ...; the last one is not an input of ``program``
+    and becomes one.
     """
     builder = Builder()
     given = [builder.input(port) for port in program.inputs]

@@ -1,9 +1,9 @@
 """Recorder of the dynamics along a geometric path q(s), linear in d2s/dt2 and (ds/dt)^2.
 
-With dots for time and primes for derivatives by s, ``dq = q' s.`` and ``ddq = q' s.. + q'' s.^2``; the velocity torques
-are quadratic in the velocities, so that along the path
+With u = d2s/dt2, x = (ds/dt)^2 and primes for derivatives by s, ``dq = q' ds/dt`` and ``ddq = q' u + q'' x``. The
+velocity torques c(q, dq) are quadratic in dq, so that along the path
 
-    tau = (M q') s.. + (M q'' + c(q, q')) s.^2 + g.
+    tau = (M q') u + (M q'' + c(q, q')) x + g.
 """
 
 from __future__ import annotations
