@@ -100,7 +100,7 @@ def _started(matrix: Matrix, reach: float) -> tuple[list[Value], ...]:
 def _advanced(frame: tuple[list[Value], ...], matrix: Matrix, reach: float) -> tuple[list[Value], ...]:
     """Multiply a frame by a constant transform: the columns (x, y, z, p) of the product, p in reaches.
 
-    ``frame`` holds the same four columns before it, ``matrix`` is 3x4 with lengths in m, ``reach`` is in m.
+    ``frame`` holds the four columns of the frame, ``matrix`` is the 3x4 transform with lengths in m, ``reach`` in m.
     """
     M = [[_number(value) for value in row] for row in matrix]
     x, y, z, p = frame
