@@ -283,7 +283,10 @@ def _rate(columns: Sequence[Vector], weights: Sequence[Vector], k: int, count: i
 
 
 def nullspace(task: _Task) -> Recorder:
-    """Make a recorder of N = 1 - J' (J J' + damping^2 1)^-1 J (n, n): the joint motions that do not move the tip."""
+    """Make a recorder of the null-space projector ``N = 1 - J' (J J' + damping^2 1)^-1 J`` (n, n).
+
+    For damping = 0, N maps joint velocities to those that do not move the tip.
+    """
 
     def record(r: Recording) -> Program:
         J = kinematics.jacobian(r.chain())[: task.rows]

@@ -1,15 +1,17 @@
 """Six-joint arms with a planar triple: three consecutive joints that move a body in a plane, anywhere in the chain.
 
 The triple consists of parallel revolute axes, or of prismatic ones perpendicular to them. The loop equation is written
-with the triple first, ``Q e1 e2 e3 E0 . N3 Ja Nab Jb Nbc Jc Nc = 1``. A motion of the triple changes neither its normal
-n nor a height along n. Hence the other three joints a, b, c alone must map n onto itself and keep the height. With m1
-the vector n in the frame behind joint a, and m2 the same vector seen from the other end, in the frame behind joint b,
+with the triple first, ``Q e1 e2 e3 E0 . N3 Ja Nab Jb Nbc Jc Nc = 1``: each J is the motion of another joint a, b or
+c, and each N a link before, between or after them. A motion of the triple changes neither its normal n nor a height
+along n. Hence joints a, b, c alone must map n onto itself and keep the height. With m1 the vector n in the frame behind
+joint a, and m2 the same vector seen from the other end, in the frame behind joint b,
 
     z_b . m1(a) = z_b . m2(c),      height:  t_ab . m1(a) + t_bc . m2(c) + constants = 0
 
-are two equations linear in cos a, sin a, cos c, sin c. Eliminating joint a through the constant link
-ab = Tx(a) Rx(alpha) leaves a quartic in joint c, or two quadratic equations where a = 0 or sin alpha = 0. Then b is the
-angle that turns m2 onto m1, and a planar problem for the triple remains (:mod:`rrrgen.ik.solutions.planar`).
+are two equations linear in cos a, sin a, cos c, sin c, where z_b is the axis of joint b, and t_ab and t_bc are the
+translations of the links Nab and Nbc. Eliminating joint a through the constant link ab = Tx(a) Rx(alpha) leaves a
+quartic in joint c, or two quadratic equations where a = 0 or sin alpha = 0. Then b is the angle that turns m2 onto m1,
+and a planar problem for the triple remains (:mod:`rrrgen.ik.solutions.planar`).
 """
 
 from __future__ import annotations
