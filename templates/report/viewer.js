@@ -145,7 +145,7 @@
     const channels = (name) => read(name).split(",").map(Number);
     return {
       link: channels("--arm-link"), joint: channels("--arm-joint"), slide: channels("--arm-slide"),
-      grid: read("--line"), trace: read("--accent"), ghost: read("--muted"), text: read("--text"),
+      grid: read("--line"), trace: read("--accent"), ghost: read("--muted"), text: read("--text"), card: read("--card"),
       axes: [read("--axis-x"), read("--axis-y"), read("--axis-z")],
     };
   }
@@ -166,14 +166,28 @@
       line(plus(base, [-cells, k, 0], pitch), plus(base, [cells, k, 0], pitch), colors.grid, 1);
     }
   }
-  function triad(T, length, colors, label) {
+  function triad(T, length, colors) {
     [0, 1, 2].forEach((k) => line(origin(T), plus(origin(T), axis(T, k), length), colors.axes[k], 2));
-    if (label) {
-      const at = project(plus(origin(T), [1, 1, 1], 0.12 * length));
+  }
+  function write(labels, colors) {
+    const places = [];  // texts that would overlap share a place
+    paint.font = "600 12px system-ui, sans-serif";
+    const end = (x, text) => x + paint.measureText(text).width + 4;
+    const overlap = (place, x, y, text) =>
+      Math.abs(y - place.y) < 13 && x < end(place.x, place.text) && place.x < end(x, text);
+    labels.forEach((label) => {
+      const at = project(label.at), near = places.find((place) => overlap(place, at[0], at[1], label.text));
+      if (near) near.text += ", " + label.text;
+      else places.push({ x: at[0], y: at[1], text: label.text });
+    });
+    paint.lineJoin = "round";
+    places.forEach((place) => {
+      paint.strokeStyle = colors.card;
+      paint.lineWidth = 4;
+      paint.strokeText(place.text, place.x + 8, place.y - 8);
       paint.fillStyle = colors.text;
-      paint.font = "600 12px system-ui, sans-serif";
-      paint.fillText(label, at[0] + 5, at[1] - 5);
-    }
+      paint.fillText(place.text, place.x + 8, place.y - 8);
+    });
   }
   function draw() {
     const ratio = window.devicePixelRatio || 1;
@@ -207,8 +221,11 @@
     });
     for (let k = 1; k < state.trace.length; k++) line(state.trace[k - 1], state.trace[k], colors.trace, 1.5);
     const length = 0.13 * scene.reach;
-    if (state.frames) arm.frames.slice(0, -1).forEach((T, k) => triad(T, length, colors, String(k)));
-    triad(arm.tip, 1.3 * length, colors, "tip");
+    const shown = state.frames ? arm.frames.slice(0, -1) : [];
+    shown.forEach((T) => triad(T, length, colors));
+    triad(arm.tip, 1.3 * length, colors);
+    const frames = shown.map((T, k) => ({ at: origin(T), text: String(k) }));
+    write([...frames, { at: origin(arm.tip), text: "tip" }], colors);
     report(arm.tip);
   }
 

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+from itertools import combinations
 from math import radians
 from pathlib import Path
 
@@ -40,10 +41,17 @@ document.querySelectorAll("body *").forEach((e) => {
   const box = e.getBoundingClientRect();
   if (box.width && box.right > innerWidth + 1 && !scrolls(e)) found.outside.push(e.tagName + "." + e.className);
 });
+const labels = [], fill = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+  labels.push([text, x, y, x + this.measureText(text).width]);
+  fill.call(this, text, x, y);
+};
 document.querySelectorAll("#joints input").forEach((input, i) => {
+  labels.length = 0;
   input.value = ANGLES[i];
   input.dispatchEvent(new Event("input"));
 });
+found.labels = labels.slice();
 found.tip = document.getElementById("tip").textContent;
 const time = document.querySelector("#player input");
 time.value = 2;
@@ -105,6 +113,11 @@ def test_report_is_whole_at_every_width(page: str, laptop: tuple[dict, str], wid
     assert found["scroll"] <= found["width"], "the page scrolls sideways"
     assert found["outside"] == [], "elements stand out of the page"
     assert found["colors"] > 20, "the canvas is empty"
+    names = ", ".join(text for text, *_ in found["labels"]).split(", ")
+    assert sorted(names) == [*"0123456", "tip"]
+    for (_, x, y, end), (_, other, level, _) in combinations(sorted(found["labels"], key=lambda each: each[1]), 2):
+        assert x <= other
+        assert end < other or abs(y - level) > 11, "names of frames overlap"
 
 
 def test_paper_needs_no_scrolling(page: str, tmp_path: Path) -> None:
