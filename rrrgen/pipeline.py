@@ -100,7 +100,7 @@ def emit(
         any_gravity: the model of the same robot with gravity as an input, to be written beside it, or None.
         tell: called as ``tell(done, total, message)`` as the work proceeds.
         further: C files to be built and listed with those of the model.
-        checks: their part of the self-test.
+        checks: the self-tests of these files, which become part of the emitted self-test.
 
     Raises:
         BackendError: a language cannot express a function.
@@ -188,7 +188,10 @@ def _backends(
 
 
 def _beside(spec: RobotSpec, real: Real, checks: Sequence[Check]) -> tuple[dict[str, str], Sequence[Check]]:
-    """The C files of the inverse kinematics, and what the self-test checks besides the model: that and ``checks``."""
+    """The C files of the inverse kinematics, and the checks of the self-test besides those of the model.
+
+    These are ``checks`` and that of the inverse kinematics.
+    """
     from rrrgen.backends.c.solver.checks import selftest
     from rrrgen.backends.c.solver.files import sources
     from rrrgen.backends.interface import Check

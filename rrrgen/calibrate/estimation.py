@@ -116,7 +116,10 @@ def _aligned(nominal: Geometry, measured: Measurements) -> Geometry:
 def _system(
     geometry: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array
 ) -> tuple[Array, Array]:
-    """The weighted derivative (m, p) and residual (m,)."""
+    """Derivatives (m, p) of all measured numbers by the parameters ``entries``, and residuals (m,), both weighted.
+
+    The weights are those of the measured components times the root of ``weights`` (N,), those of the measurements.
+    """
     J = observed(measured.kind, geometry, measured.q, geometry.jacobian(measured.q, entries))
     scale = measured.weights[None, :] * np.sqrt(weights)[:, None]
     return (J * scale[..., None]).reshape(-1, len(entries)), (measured.residuals(geometry) * scale).ravel()

@@ -47,9 +47,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class Geometry:
-    """``base`` and ``tool`` (4, 4), ``rows`` (n, 5) of theta, d, a, alpha, beta, and which rows are revolute.
+    """Geometry of a robot in numbers: transforms ``base`` and ``tool`` (4, 4), and between them the rows of its table.
 
-    ``coupling`` (n, joints) is the matrix S of a mechanism, whose rows move by S q; None where they move by q.
+    ``rows`` (n, 5) are theta, d, a, alpha, beta in rad and m, ``revolute`` tells which rows turn and which slide. Each
+    row moves by its joint position q or, in a mechanism, by ``coupling q`` with the matrix ``coupling`` (n, joints).
     """
 
     base: Array
@@ -65,7 +66,7 @@ class Geometry:
 
     @property
     def joints(self) -> int:
-        """Number of joint positions q that are measured: in a mechanism rows follow them."""
+        """Number of measured joint positions q; in a mechanism there are fewer of them than rows."""
         return self.n if self.coupling is None else int(self.coupling.shape[1])
 
     def entries(self) -> list[Entry]:
@@ -85,11 +86,15 @@ class Geometry:
         return bool(abs(np.sin(self.rows[i, 3])) < PARALLEL)
 
     def forward(self, q: Array) -> Array:
-        """Poses (N, 4, 4) of the tip."""
+        """Poses (N, 4, 4) of the tip in the world frame, for the joint positions ``q`` (N, joints)."""
         return self._frames(q)[-1]
 
     def _frames(self, q: Array) -> list[Array]:
-        """Poses (N, 4, 4) of the frames before each rotation about z, each twist and each beta, and of the tip."""
+        """Poses (N, 4, 4) of the tip, last, and of every frame about whose axes a parameter turns or shifts.
+
+        For each row these are the frames before the joint's screw along z, before the twist along x, and before beta
+        about y.
+        """
         q = q if self.coupling is None else q @ self.coupling.T
         T = np.broadcast_to(self.base, (len(q), 4, 4))
         frames = []
@@ -121,7 +126,10 @@ class Geometry:
         return J
 
     def moved(self, entries: Sequence[Entry], step: Array) -> Geometry:
-        """Add ``step`` (p,) to the parameters ``entries``; steps of base and tool are about their own axes."""
+        """A copy with ``step`` (p,) added to the parameters ``entries``, in m and rad.
+
+        Base and tool move along and about the axes of their own frames.
+        """
         rows = self.rows.copy()
         change = {"base": np.zeros(6), "tool": np.zeros(6)}
         for entry, value in zip(entries, step, strict=True):

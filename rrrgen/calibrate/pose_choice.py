@@ -58,7 +58,7 @@ def choose_poses(spec: RobotSpec, geometry: Geometry, kind: Kind, count: int, se
 
 
 def _limits(spec: RobotSpec) -> tuple[Array, Array]:
-    """Position limits (n,); half a turn, or half a metre, where the file states none."""
+    """Lower and upper limits (n,) of the joint positions; +-pi, or +-0.5 m, where the robot file states none."""
     free = [np.pi if joint.is_revolute else 0.5 for joint in spec.joints]
     lower = [-f if j.limits.lower is None else j.limits.lower for j, f in zip(spec.joints, free, strict=True)]
     upper = [f if j.limits.upper is None else j.limits.upper for j, f in zip(spec.joints, free, strict=True)]

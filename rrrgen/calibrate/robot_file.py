@@ -49,7 +49,7 @@ def _rounded(value: float) -> sp.Rational:
 
 
 def _kept(nominal: sp.Expr, spec: RobotSpec, value: float) -> sp.Expr:
-    """The nominal value, exact, where calibration did not change it."""
+    """The exact ``nominal`` expression of a parameter if ``value`` agrees with it up to rounding, else ``value``."""
     exact = spec.nominal(nominal)
     return exact if abs(float(exact) - value) < 10.0**-DIGITS else _rounded(value)
 
@@ -78,7 +78,10 @@ def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
 
 
 def _with_rows(spec: RobotSpec, rows: list[JointSpec]) -> RobotSpec:
-    """Replace the geometry of the rows of the table, which of a mechanism stand beside the joints that q counts."""
+    """Replace the rows of the Denavit-Hartenberg table by ``rows``.
+
+    A mechanism stores its rows apart from its driven joints; there both are replaced.
+    """
     if spec.mechanism is None:
         return replace(spec, joints=tuple(rows))
     geometry = {row.name: {key: getattr(row, key) for key in ("alpha", "a", "d", "theta")} for row in rows}
@@ -87,7 +90,11 @@ def _with_rows(spec: RobotSpec, rows: list[JointSpec]) -> RobotSpec:
 
 
 def _twisted(T: Array, spec: RobotSpec, nominal: Array, first: bool) -> Array:
-    """Remove from the base or the tool the nominal twist that :func:`geometry_of` has made a part of it."""
+    """Remove a nominal twist from the transform ``T`` of the base (``first``) or the tool.
+
+    :func:`geometry_of` counts the first twist of a modified table as part of the base, the last one of a standard table
+    as part of the tool; ``nominal`` is that transform before the calibration.
+    """
     if first:
         turned = np.linalg.solve(_matrix(spec.base, spec), nominal)
         return np.asarray(T @ np.linalg.inv(turned))

@@ -101,7 +101,10 @@ def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
 
 
 def words(choices: Iterable[str]) -> Callable[[click.Context, click.Parameter, Iterable[str]], tuple[str, ...]]:
-    """The callback of an option that takes words out of ``choices``, joined by commas, and may be repeated."""
+    """Make the callback of an option that takes words out of ``choices``, joined by commas; it may be given repeatedly.
+
+    The callback returns the words as a tuple, each once, and raises BadParameter for another word.
+    """
     allowed = tuple(choices)
 
     def callback(_ctx: click.Context, _param: click.Parameter, values: Iterable[str]) -> tuple[str, ...]:

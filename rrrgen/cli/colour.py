@@ -75,7 +75,7 @@ def verdict(text: str, ok: bool) -> str:
 
 
 def with_headings(text: str) -> str:
-    """Print the headings of ``text`` in bold: lines without indentation that are followed by indented ones."""
+    """Set the headings of ``text`` in bold: lines without indentation that are followed by indented ones."""
     return re.sub(r"^(?! )(.+)(?=\n )", lambda line: click.style(line[1], bold=True), text, flags=re.M)
 
 

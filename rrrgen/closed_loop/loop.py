@@ -47,11 +47,12 @@ class Run:
 class Equations(Protocol):
     """Interface of the equations of motion of n joints with m friction surfaces and ``size`` parameters theta.
 
-    ``directions`` (m, n) maps joint speeds to sliding speeds of the surfaces. ``programs()`` returns
-    ``terms(q, dq, theta) -> M, load`` and, if m > 0, ``friction(u, d, s, size, theta) -> f``: the friction torques (m,)
-    at sliding speeds u in directions d (+1 or -1). Where friction has a state s, ``reaches`` (m,) is the place in theta
-    of the distance over which it turns, otherwise -1; f is linear in s. ``carried`` (m, n) maps the joint torques
-    without friction to the loads of the surfaces, whose sizes friction may depend on; None if it does not.
+    ``directions`` (m, n) maps joint speeds to sliding speeds of the surfaces. ``programs()`` returns ``terms(q, dq,
+    theta) -> M, load`` and, if m > 0, ``friction(u, d, s, size, theta) -> f``: the friction torques (m,) at sliding
+    speeds u in directions d (+1 or -1). Where friction has a state s, which gradually follows the direction d after a
+    reversal, ``reaches`` (m,) is the index in theta of the distance that this takes, otherwise -1; f is linear in s.
+    ``carried`` (m, n) maps the joint torques without friction to the loads of the surfaces, whose sizes friction may
+    depend on; None if it does not.
     """
 
     @property

@@ -216,10 +216,10 @@ class OutputError:
         return _sandwich(*self._curvature_and_scatter(fit))
 
     def spread_by_shapes(self, fit: LoopFit, count: int) -> Array:
-        """Factors (count,) >= 1 by which the uncertainty of the shapes enlarges other standard deviations.
+        """Factors (count,) >= 1 by which uncertain friction shapes enlarge the standard deviations of other parameters.
 
-        For the first ``count`` unknowns it is the ratio of their standard deviations with the other unknowns (shapes)
-        fitted, too, to those with known values of the others.
+        The first ``count`` unknowns are these parameters, the others the shapes. A factor is the standard deviation
+        when the shapes are fitted too, divided by that for known shapes.
         """
         H, G = self._curvature_and_scatter(fit)
         whole = np.diag(_sandwich(H, G))[:count]

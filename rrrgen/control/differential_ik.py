@@ -123,7 +123,7 @@ def differential_ik_files(robot: str, n: int, real: Real) -> dict[str, str]:
 
 
 def _sum_of_products(factors: Sequence[tuple[str, str]]) -> str:
-    """The C text of ``sum of x y`` over ``factors``, halved again and again: short chains of additions are fast."""
+    """The C text of ``sum of x y`` over ``factors``, added in pairs as a balanced tree, faster than one chain."""
     if len(factors) == 1:
         return " * ".join(factors[0])
     half = (len(factors) + 1) // 2

@@ -81,7 +81,10 @@ class ProblemFunctions:
 
     @staticmethod
     def over(function: Any, *columns: Floats) -> Floats:
-        """Evaluate ``function`` at every row of its arguments, (m, k) each; returns (m, rows, cols)."""
+        """Evaluate ``function`` at m instants: every argument is (m, k), the result (m, rows, cols).
+
+        ``rows`` and ``cols`` are the shape of one value of the function.
+        """
         m = columns[0].shape[0]
         values = np.asarray(function.map(m)(*(c.T for c in columns)).full())
         rows, cols = function.size_out(0)

@@ -162,7 +162,10 @@ class ExcitationProgram:
         return function.map(t.size)(*((q, dq, ddq) if name == "torque" else (q,)))[i, :].T
 
     def _rest(self, collected: Constraints) -> None:
-        """Add the constraints for rest at start and end of a cycle: dq(0) = sum a_j = 0, ddq(0) = sum w_j b_j = 0."""
+        """Add the constraints for rest at start and end of a cycle: dq(0) = sum a_j = 0, ddq(0) = sum w_j b_j = 0.
+
+        a_j and b_j are the Fourier coefficients of a joint, w_j the angular frequency of harmonic j.
+        """
         import casadi
 
         order = casadi.DM(np.arange(1, self.N + 1) / self.N)

@@ -26,8 +26,8 @@ class ExcitationLimits:
 
     ``speed``, ``acceleration`` and ``torque`` bound absolute values (rad/s or m/s, their rates, N m or N);
     ``position_lower`` and ``position_upper`` bound q; ``box_lower`` and ``box_upper`` (3,) bound the tip, base frame,
-    m, with ``None`` for a free coordinate. ``followers`` are the ranges of rows of a mechanism that follow several
-    joints.
+    m, with ``None`` for a free coordinate. ``followers`` bound the positions of joints of a mechanism that have no
+    drive and follow several driven joints.
     """
 
     position_lower: tuple[float | None, ...] | None = None
@@ -53,12 +53,15 @@ class ExcitationLimits:
 
 @dataclass(frozen=True)
 class ExcitationProblem:
-    """The optimisation problem of (14.24): choose q0, a, b so that the stacked regressor is well conditioned.
+    """The optimisation problem of (14.24): Fourier coefficients for which the stacked regressor is well conditioned.
 
-    ``regressor`` is a serialised CasADi function (q, dq, ddq) -> Y (n, b); ``torque`` one (q, dq, ddq) -> (n,) and
-    ``tip`` one q -> (3,), needed only where the torque or the tip is limited. ``row_weights`` (n,) multiply the rows of
-    Y (1/standard deviation of each joint's torque), ``column_scales`` (b,) its columns (expected parameter sizes):
-    the condition number depends on units, and these make the choice of units explicit.
+    The motion has ``harmonics`` multiples of ``base_frequency`` (Hz) and, if ``at_rest``, stands still at the ends of a
+    cycle. ``regressor`` is a serialised CasADi function (q, dq, ddq) -> Y (n, b); ``torque`` one (q, dq, ddq) -> (n,)
+    and ``tip`` one q -> (3,), needed only where the torque or the tip is limited. ``row_weights`` (n,) multiply the
+    rows of Y (1/standard deviation of each joint's torque), ``column_scales`` (b,) its columns (expected parameter
+    sizes): the condition number depends on units, and these make the choice of units explicit. ``objective`` is
+    evaluated at ``design_instants`` instants of a cycle, limits are checked every ``sample_period`` (s). A random start
+    uses the share ``start_amplitude`` of the limits.
     """
 
     joints: int

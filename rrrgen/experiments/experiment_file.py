@@ -242,7 +242,10 @@ class _Reader(Reader):
         )
 
     def flexible_joints(self, node: Node, what: str) -> dict[str, Any] | str:
-        """Read rotors, springs and dampers of the joints, or the word that takes them from the robot file."""
+        """Read rotor inertias, stiffnesses and dampings of the joints, or the word ``from_robot``.
+
+        The word stands for the values of the robot file.
+        """
         if isinstance(node, Scalar):
             return self.choice(node, what, (FROM_ROBOT,))
         take = dict.fromkeys(KEYS["flexible_joints"], self.each(UNITLESS, "one"))

@@ -20,6 +20,8 @@ class RecordedMotion:
     """The reconstructed motion of one uninterrupted recording, from its first sample at t = 0 to ``duration`` (s).
 
     Between samples the position is the cubic that matches position and speed at both ends, the acceleration is linear.
+    ``position`` and ``speed`` are these cubics and their derivative, ``ddq`` (N, n) the accelerations at the samples
+    ``t`` (N,).
     """
 
     duration: float

@@ -134,7 +134,8 @@ def _filters(experiment: Experiment, model: Any) -> list[KalmanMatrices] | None:
 def sampled_controller(kp: float, kd: float, period: float, matrices: KalmanMatrices | None = None) -> Controller:
     """The controller C(z) of ``u = n - C (q - q_r)`` as implemented: PD with backward difference or Kalman filter.
 
-    The filter estimates the state ``x = (I - k c) E x z^-1 + k e`` of the deviation e, and ``u = n - [kp, kd, 0] x``.
+    The filter ``matrices``, with transition matrix E and gain k, estimate ``x = (I - k c) E x z^-1 + k e`` from the
+    deviation e, c = [1, 0, 0]; x holds the deviation and its derivatives, and ``u = n - [kp, kd, 0] x``.
     """
     if matrices is None:
         return Controller((kp + kd / period, -kd / period))

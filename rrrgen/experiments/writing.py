@@ -134,7 +134,8 @@ def writing_task(
 class JointPath:
     """The joint motion of a writing task: the reference of the experiment.
 
-    ``dq = J_v^-1 v`` and ``ddq = J_v^-1 (a - dJ/dt dq)``, with the pseudoinverse for more than three joints.
+    For the tip velocity v and acceleration a, ``dq = J_v^-1 v`` and ``ddq = J_v^-1 (a - dJ_v/dt dq)``; J_v is the
+    Jacobian of the tip position, whose pseudoinverse is used for more than three joints.
     """
 
     task: WritingTask

@@ -21,7 +21,7 @@ class Exported:
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """User options.
+    """Options that the user gives to ``rrrgen export``.
 
     ``real`` is the number type of the C code, ``platforms`` those to build for (empty: this machine), ``further`` what
     the package holds besides the model: words of :data:`rrrgen.robotfile.keys.EMIT`.

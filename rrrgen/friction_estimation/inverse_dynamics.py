@@ -125,7 +125,10 @@ def _named(names: Sequence[str], columns: Sequence[Array], tau: Array) -> tuple[
 
 
 def _solve(columns: Sequence[Array], tau: Array) -> tuple[Array, float]:
-    """Ridge regression ``tau = columns x`` on columns of norm 1; returns x, unscaled, and the norm of the residual."""
+    """Ridge regression ``tau = columns x``, computed on columns scaled to norm 1.
+
+    Returns x for the given columns, and the norm of the residual.
+    """
     A = np.stack(columns, axis=1)
     scale = np.linalg.norm(A, axis=0)
     A = A / np.where(scale > 0.0, scale, 1.0)

@@ -53,7 +53,7 @@ def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
 
 
 def variables(spec: RobotSpec) -> list[str]:
-    """The displacement of every row by the joint positions: ``q1``, or ``q2 − q3`` in a mechanism."""
+    """Text for the displacement of every DH row: its joint position such as ``q1``, or in a mechanism ``q2 − q3``."""
     names = [f"q{k}" for k in range(1, spec.n + 1)]
     if spec.mechanism is None:
         return names

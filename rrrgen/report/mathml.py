@@ -106,7 +106,7 @@ def inline(expression: sp.Expr, walk: Walk) -> str:
 
 
 def folding(expression: sp.Expr, walk: Walk) -> str:
-    """A sum as inline MathML, one piece a term, so that a browser can break it between terms."""
+    """A sum as inline MathML with one element for each term, so that a browser can break the line between terms."""
     return " ".join(f"<math>{term}</math>" for _, term in _lines("", expression, walk, width=1))
 
 

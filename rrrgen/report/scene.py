@@ -35,8 +35,9 @@ def scene(model: DerivedModel) -> dict[str, Any]:
     """The data of the view: geometry at nominal parameters (SI units), joint ranges, configurations of equal tip pose.
 
     ``joints`` holds per joint name, type, alpha, a, d, theta and the ends of its slider: the limits of the robot file,
-    else one turn or the reach; of a mechanism the table is in ``rows``, with the parents of the rows and their factors
-    of q. ``poses`` holds lists of configurations ``q`` with the names of their branches.
+    else one turn or the reach. In a mechanism, ``rows`` holds the Denavit-Hartenberg rows instead, each with the number
+    of the row that carries it and the factors of q in its displacement. ``poses`` holds lists of configurations ``q``
+    with the names of their branches.
     """
     spec = model.spec
     base, stages, tip = zero_pose(spec)
@@ -68,7 +69,10 @@ def scene(model: DerivedModel) -> dict[str, Any]:
 
 
 def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]:
-    """The rows of a mechanism with their parents and factors of q, and the row of the tip; empty for a serial chain."""
+    """Data of a mechanism: its Denavit-Hartenberg rows ``rows`` and the row ``tip_row`` of the tip; empty for a chain.
+
+    Each row has its ``parent``, the number of the row that carries it, and ``factors`` of q in its displacement.
+    """
     if spec.mechanism is None:
         return {}
     rows = [

@@ -29,7 +29,7 @@ DECIMALS = 12  # of the entries of the zero pose; rounding errors of cosines, su
 
 @dataclass(frozen=True)
 class Table:
-    """Headings and rows; ``numeric`` columns are aligned to the right."""
+    """Headings and rows; ``numeric`` columns are aligned to the right, ``failed`` rows are marked."""
 
     headings: tuple[str, ...]
     rows: tuple[tuple[str | Markup, ...], ...]
@@ -63,7 +63,7 @@ def dh_exact(spec: RobotSpec, walk: Walk) -> Table:
 
 
 def _carrier(spec: RobotSpec, i: int) -> tuple[str, ...]:
-    """The row whose link carries row ``i`` of a mechanism; nothing for a serial chain."""
+    """Name of the row whose link carries row ``i`` of a mechanism, as a tuple of one cell; empty for a serial chain."""
     if spec.mechanism is None:
         return ()
     return (spec.rows[spec.parents[i]].name if spec.parents[i] >= 0 else "base",)

@@ -91,8 +91,9 @@ class FrequencyResponse:
 
 
 def read_responses(path: Path) -> list[FrequencyResponse]:
-    """The responses of a ``frf.json`` of `rrrgen frf`, one for every posture; raises :class:`InputError` where it is
-    none.
+    """Read the responses, one for every posture, from a ``frf.json`` of `rrrgen frf`.
+
+    Raises :class:`InputError` for any other file.
     """
     try:
         found = json.loads(path.read_text(encoding="utf-8"))

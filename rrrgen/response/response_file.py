@@ -70,7 +70,10 @@ class SignalColumn:
 
 @dataclass(frozen=True)
 class ResponseFile:
-    """The contents of a response file; ``period`` is that of the excitation in s, None where the file states none."""
+    """The contents of a response file; ``period`` is that of the excitation in s, None where the file states none.
+
+    ``several`` says how several recordings differ: "realisations" of the excitation, which are averaged, or "postures".
+    """
 
     files: tuple[FileSource, ...]
     time: TimeSource

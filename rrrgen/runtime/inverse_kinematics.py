@@ -121,7 +121,7 @@ class InverseKinematics:
 
     ``plan`` describes the family of the arm, ``max_solutions`` is the largest number of solutions of one target, ``n``
     the number of joints. ``labels`` names the choices between roots that make up a branch number, such as "elbow", each
-    with the position of its first bit in the number and its bits.
+    as (name, position of its first bit in the number, number of bits).
 
     Args:
         plan: the family of the arm with its equations, or the reason why it has no solver.

@@ -221,8 +221,8 @@ class Model(
 
         Returns:
             A Function whose inputs and outputs carry the names of the method's arguments and results: ``q``, ``dq``,
-            ``beta``, .., ``tau``. A vector is a column; of a stack of matrices, (m, r, c), each stands below the one
-            before, (m r, c). A function that can fail has the output ``status`` as its last one.
+            ``beta``, .., ``tau``. A vector is a column; a stack of matrices, (m, r, c), is one matrix, (m r, c), with
+            each below the one before. A function that can fail has the output ``status`` as its last one.
 
         Raises:
             BuildError: CasADi is not installed.

@@ -203,13 +203,12 @@ class ForwardDynamicsDerivatives(NamedTuple):
 class IKResult:
     """All solutions found for one target.
 
-    ``q`` (k, n) are the configurations in rad or m; ``flags`` (k,) sums of MULTIPLE, FREE, OUTSIDE, INEXACT;
-    ``branch`` (k,) numbers that stay constant along a path without singularities
-    (:meth:`InverseKinematics.branch_names` decodes them); ``residual`` (k,) the remaining errors of the task: the root
-    of the sum of squares of the orientation error (rad) and of the position error divided by the length that the header
-    states. Without a solution, ``status`` and ``reason`` say why, and ``distance`` (m) is the distance of the target
-    from the workspace (negative if unknown). With the status "incomplete" there may be further solutions, even if none
-    was found.
+    ``q`` (k, n) are the configurations in rad or m; ``flags`` (k,) sums of MULTIPLE, FREE, OUTSIDE, INEXACT; ``branch``
+    (k,) numbers that stay constant along a path without singularities (:meth:`InverseKinematics.branch_names` decodes
+    them); ``residual`` (k,) the remaining errors of the task: the root of the sum of squares of the orientation error
+    (rad) and of the position error divided by a length, which the header of the emitted C states. Without a solution,
+    ``status`` and ``reason`` say why, and ``distance`` (m) is the distance of the target from the workspace (negative
+    if unknown). With the status "incomplete" there may be further solutions, even if none was found.
     """
 
     q: NDArray[np.float64]

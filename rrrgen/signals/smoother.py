@@ -167,11 +167,12 @@ def _states(matrices: KalmanMatrices, e: Array, smooth: bool) -> Array:
 
 
 def _forward(matrices: KalmanMatrices, y: Array) -> tuple[Array, Array]:
-    """Run the Kalman filter over ``y`` (N,): states (N, 3) and innovations (N,), from the line through two samples.
+    """Run the Kalman filter over ``y`` (N,); returns the states (N, 3) and the innovations (N,).
 
-    The recursion runs on the difference s between the states and ``[y(k), (y(k) - y(k-1))/Ts, 0]``, which obeys
-    ``s(k) = F s(k-1) + (k - [1, 1/Ts, 0]) a(k)`` with a the second difference of y. Differences of measured values are
-    exact, so that round-off is relative to the noise and not to the position.
+    The filter starts on the straight line through the first two samples. The recursion runs on the difference s between
+    the states and ``[y(k), (y(k) - y(k-1))/Ts, 0]``, which obeys ``s(k) = F s(k-1) + (k - [1, 1/Ts, 0]) a(k)`` with a
+    the second difference of y. Differences of measured values are exact, so that round-off is relative to the noise and
+    not to the position.
     """
     F, _ = smoother_recursions(matrices)
     slope = np.diff(y, prepend=2 * y[:1] - y[1:2]) / matrices.period

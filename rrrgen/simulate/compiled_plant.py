@@ -41,9 +41,9 @@ class _SmoothBuilder(Builder):
 
 
 class CompiledIntegrator:
-    """Integrates ``plant`` by its emitted C; ``fastest`` (1/s) is the rate that its steps follow.
+    """Integrates ``plant`` by compiled C in Runge-Kutta steps short enough for the rate ``fastest`` (1/s) of its modes.
 
-    Bristles of a friction with a state relax faster at higher speed, and the steps with them.
+    The bristles of a friction law with a state relax faster at higher speed; the steps are shortened accordingly.
     """
 
     def __init__(self, plant: Plant, program: Program, fastest: float) -> None:
@@ -194,14 +194,17 @@ def _friction(
 
 
 def _torque_of(law: FrictionLaw, ops: Any, speed: Any, row: Sequence[Any], z: Any) -> Any:
-    """Friction torque of one joint with the internal state ``z`` of its law; without a state, that of sliding."""
+    """Friction torque of one joint at ``speed`` under ``law``, whose internal state is ``z`` (None: steady sliding).
+
+    ``ops`` are the operations that the law uses, ``row`` its parameters.
+    """
     if z is None or law.state_torque is None:
         return law.torque(ops, speed, row)
     return law.state_torque(ops, z, speed, row)
 
 
 class _Exact:
-    """The operations of a smooth builder with the true sign."""
+    """Operations of a :class:`_SmoothBuilder`, except that sgn(x) is recorded as it is, not as tanh(x/width)."""
 
     def __init__(self, builder: Builder) -> None:
         self.exp, self.tanh = builder.exp, builder.tanh

@@ -60,8 +60,9 @@ class BackwardDifference:
 class DeviationFilter:
     """Observer that filters the deviation from the reference with a steady-state Kalman filter, (14.30), (14.31).
 
-    ``transition`` E (3, 3) and ``gain`` k (3,) apply to the state ``[e, de, nu]`` of every joint; with a leading axis
-    (n, ...) each joint has its own: ``x_bar = x_hat + k (y - q_r - e_hat)``, ``x_hat(k+1) = E x_bar``.
+    The state x of every joint is the deviation e and its first two derivatives. A reading y corrects the prediction
+    x_hat, ``x_bar = x_hat + k (y - q_r - e_hat)``, and the next prediction is ``E x_bar``. ``transition`` is E (3, 3)
+    and ``gain`` is k (3,), for all joints alike; with a leading axis (n, ...) each joint has its own.
     """
 
     def __init__(self, transition: ArrayLike, gain: ArrayLike) -> None:

@@ -50,8 +50,8 @@ def controller_text(recording: Recording, joints: Sequence[str], instruments: In
 def _filters(E: Array, k: Array) -> tuple[list[float], list[float], list[float]]:
     """The transfer functions of the filter: numerators to the filtered deviation and its rate, and the denominator.
 
-    All are coefficients in powers of 1/z. The filter is
-    ``x_bar = (I - k c) x_hat + k e``, ``x_hat(k+1) = E x_bar``.
+    All are coefficients in powers of 1/z. The filter with transition matrix ``E`` and gain ``k`` predicts the state
+    x_hat of the deviation e: ``x_bar = (I - k c) x_hat + k e``, ``x_hat(k+1) = E x_bar``, c = [1, 0, 0].
     """
     from scipy.signal import ss2tf
 

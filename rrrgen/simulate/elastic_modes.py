@@ -1,8 +1,8 @@
 """Vibration modes of a robot with elastic joints and base, from its mass matrix and stiffness at a posture.
 
-Links q (n,), rotors r (n,) and base angle b, all absolute: ``M(q) q'' = K (r - q) + D (r' - q')``,
-``J r'' = tau - K (r - q) - D (r' - q')``, ``J_b b'' = -k_b b - d_b b' - tau_1``; the encoders read ``r - b e_1``.
-Gravity and friction are left out: their stiffness is small against K.
+Links q (n,), rotors r (n,) and base angle b, all absolute: ``M(q) q'' = K (r - q) + D (r' - q')``, ``J r'' = tau - K (r
+- q) - D (r' - q')``, ``J_b b'' = -k_b b - d_b b' - tau_1`` with the torque tau_1 of joint 1; the encoder of joint 1
+reads ``r_1 - b``, the others read r. Gravity and friction are left out: their stiffness is small against K.
 """
 
 from __future__ import annotations

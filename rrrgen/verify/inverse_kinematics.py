@@ -166,7 +166,10 @@ class _Checks:
         self.rows.rows.append(_row(*entry))
 
     def _share(self, what: str, *entry: Any) -> None:
-        """Add the check that no solution is missing, unless the solver says itself that there may be more."""
+        """Add the row ``entry`` for the check ``what`` that no solution is missing.
+
+        It is listed as skipped if the solver itself says that it may miss solutions.
+        """
         if self.solver.plan.incomplete:
             self.rows.skipped.append((f"{FUNCTION}: {what}", self.solver.plan.incomplete))
         else:

@@ -90,9 +90,10 @@ def draw_states(chain: Chain, count: int, rng: np.random.Generator) -> States:
 
 @dataclass(frozen=True)
 class Parameters:
-    """One set of inertial parameters: ``phi`` (n, 10) standard ones for references, ``beta`` base ones for the model.
+    """One set of inertial parameters: standard ones for the references, base ones for the model.
 
-    ``beta`` is None for the nominal ones of the model; ``label`` names the set in the report.
+    They are ``phi`` (n, 10) and ``beta`` (b,); ``beta`` is None where the model uses its own nominal base parameters.
+    ``label`` names the set in the report.
     """
 
     label: str

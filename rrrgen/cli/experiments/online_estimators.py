@@ -111,7 +111,7 @@ def _refuse_unused(kinds: tuple[str, ...], options: dict[str, Any]) -> None:
 
 
 def _gain(setting: Regression, options: dict[str, Any]) -> float:
-    """The gain alpha Ts of the gradient estimator; if a motion is given, it is checked against its bound along it."""
+    """The gain alpha Ts of the gradient estimator; along a given motion it must be below the bound of stability."""
     from rrrgen.cli.identification.workflow import read_trajectory
     from rrrgen.control.estimation.gain import chosen_gain, gain_bound
     from rrrgen.errors import InputError

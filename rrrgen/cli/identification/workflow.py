@@ -190,7 +190,7 @@ def recording_names(mappings: list[LogMapping]) -> list[str]:
 
 
 def described_files(**paths: Path | None) -> dict[str, Path]:
-    """Select those of ``paths``, by role, that are existing files; the name of a bundled robot is none."""
+    """Select those of ``paths``, by role, that are existing files; the name of a bundled robot is left out."""
     return {role: path for role, path in paths.items() if path is not None and path.is_file()}
 
 

@@ -53,7 +53,7 @@ def _check(file: str, strict: bool, quiet: bool) -> dict[str, Any]:
 
 
 def _approach(spec: RobotSpec) -> str:
-    """What comes of the wish that the inverse kinematics tries a special arm first; empty where nobody asked."""
+    """Text on how the inverse kinematics treats an arm near a special geometry; empty unless the file asks for it."""
     if spec.ik == "general":
         return ""
     from rrrgen.ik.classify import plan

@@ -52,7 +52,7 @@ class Shaper:
         return np.sum(np.array(self.weights)[:, None] * z ** np.array(self.delays)[:, None], axis=0)
 
     def residual(self, frequency: float, damping: float) -> float:
-        """Residual vibration V of a mode of ``frequency`` (Hz) and ``damping`` ratio, as a share of that unshaped."""
+        """Residual vibration V of a mode of ``frequency`` (Hz) and ``damping`` ratio, over that without a shaper."""
         p = pole(frequency, damping, self.period)
         return float(abs(np.sum(np.array(self.weights) * p ** (self.length - np.array(self.delays)))))
 
@@ -101,7 +101,10 @@ def _extra_insensitive(damping: float, tolerance: float) -> tuple[Array, Array]:
     x = np.array([0.25 * (1.0 + tolerance), 0.25 * (1.0 + tolerance), 0.5, 1.0, apart, 2.0 - apart])
 
     def vibration(x: Array, ratio: float, zeta: float) -> complex:
-        """Complex residual vibration ``sum_i A_i exp(s (t_m - t_i))`` at ``ratio`` times the design frequency."""
+        """Complex residual vibration ``sum_i A_i exp(s (t_m - t_i))`` at ``ratio`` times the design frequency.
+
+        ``x`` holds the six unknowns in their order above, ``zeta`` is the damping ratio.
+        """
         s = 2.0 * np.pi * ratio * (-zeta + 1j * np.sqrt(1.0 - zeta**2))
         A = np.array([x[0], 1.0 - x[0] - x[1], x[1]])
         return complex(np.sum(A * np.exp(s * (x[3] - np.array([0.0, x[2], x[3]])))))

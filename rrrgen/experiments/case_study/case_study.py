@@ -53,9 +53,11 @@ LARGEST_ERROR = 0.01
 class CaseStudySettings:
     """Settings that the chapter does not state, and the effort of the search.
 
-    ``viscous``, ``coulomb`` friction (N m s/rad, N m), ``torque_noise`` (N m) and ``bandwidth`` (Hz) of the PD control
-    belong to the virtual robot; ``low_speed`` (rad/s) and ``decimate`` to the estimation. ``symmetric_links`` takes
-    y2 = y3 = 0 for known, as the chapter does: 13 base parameters instead of 15.
+    ``harmonics`` and ``starts`` belong to the search for the exciting trajectory; ``text`` and ``pace`` (relative speed
+    of each letter segment) to the writing task; ``viscous``, ``coulomb`` friction (N m s/rad, N m), ``torque_noise`` (N
+    m) and ``bandwidth`` (Hz) of the PD control to the virtual robot; ``low_speed`` (rad/s) and ``decimate`` to the
+    estimation. ``symmetric_links`` assumes, as the chapter does, that the centres of mass of links 2 and 3 have y = 0,
+    which leaves 13 of 15 base parameters. ``period`` (s) is that of the sampling, ``duration`` (s) that of each motion.
     """
 
     robot: str = "rrr"
@@ -79,7 +81,12 @@ class CaseStudySettings:
 
 @dataclass(frozen=True, eq=False)
 class CaseStudy:
-    """All results of the case study, from which its tables and figures are made."""
+    """All results of the case study, from which its tables and figures are made.
+
+    ``design`` is that of the exciting trajectory, ``observer`` the Kalman filters of the joints, ``path`` the joint
+    motion of the writing task by closed-form inverse kinematics, ``recursive`` the iterative inverse kinematics
+    compared with it.
+    """
 
     settings: CaseStudySettings
     model: Any

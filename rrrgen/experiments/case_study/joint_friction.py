@@ -49,7 +49,7 @@ class JointFriction:
 
     @property
     def errors(self) -> dict[str, float]:
-        """Relative errors of the parameters that the true law has, under the law that was chosen."""
+        """Relative error, by name, of each parameter of the true friction law that the chosen law has too."""
         values = self.found.chosen.values
         return {name: values[name] / actual - 1.0 for name, actual in self.truth.items() if name in values}
 

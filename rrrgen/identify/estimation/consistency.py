@@ -1,9 +1,10 @@
 """Physically consistent estimation: standard parameters whose pseudo-inertias (14.9) are positive definite.
 
 ``min |R [beta; theta] - z|^2 / s^2 + lambda sum_j D(P_j)``, ``beta = K phi``, subject to ``P_j(phi) > 0`` for every
-link (a linear matrix inequality), and drive inertia, viscous and Coulomb friction not negative. D is the entropic
-divergence from a prior P0, ``tr(P0^-1 P) - log det P``; it determines the parameters that the torques do not
-(Wensing, Kim and Slotine 2018; Lee, Wensing and Park 2020).
+link (a linear matrix inequality), and drive inertia, viscous and Coulomb friction not negative. The data enter by the
+triangular factor [R z] of the weighted rows and the standard deviation s of their noise; theta are the drive
+parameters. D is the entropic divergence from a prior P0, ``tr(P0^-1 P) - log det P``; it determines the parameters that
+the torques do not (Wensing, Kim and Slotine 2018; Lee, Wensing and Park 2020).
 """
 
 from __future__ import annotations

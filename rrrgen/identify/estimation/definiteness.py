@@ -19,7 +19,8 @@ POSES = 10_000
 def mass_matrix(model: RigidModel, columns: Sequence[Column], theta: Array, q: Array) -> Array:
     """Mass matrix M(q) (N, n, n), kg m^2 (kg), from the parameters ``theta`` (p,) of all ``columns``, at ``q`` (N, n).
 
-    Column k is the torque at rest with ``ddq = e_k`` minus that with ``ddq = 0``; drive inertia is included.
+    Column k is the torque at rest for unit acceleration of joint k alone, minus that for ddq = 0; drive inertia is
+    included.
     """
     n, b = model.n, len(model.base_parameter_names)
     M = np.empty((*q.shape, n))

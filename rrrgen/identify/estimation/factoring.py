@@ -34,7 +34,11 @@ class Factors:
 
 @dataclass(frozen=True)
 class _Task:
-    """Computes the triangular factors of the rows of one window; picklable, so that it can run in any process."""
+    """Computes the triangular factors of the rows of one window; picklable, so that it can run in any process.
+
+    ``split`` decides which rows are fitted and which are held out; ``spans`` are start and duration (s) of each
+    recording.
+    """
 
     maker: RowMaker
     split: Split

@@ -26,9 +26,10 @@ MOST_NAMED = 5
 
 @dataclass(frozen=True)
 class Direction:
-    """A weakly excited combination of parameters: ``sentence`` for the user, ``weights`` (p,) in scaled columns.
+    """A weakly excited combination of parameters, with a ``sentence`` about it for the user.
 
-    ``excitation`` is its singular value divided by the largest one.
+    ``weights`` (p,) are its coefficients for regressor columns scaled to unit length; ``excitation`` is its singular
+    value divided by the largest one.
     """
 
     sentence: str

@@ -88,7 +88,7 @@ class RowMaker:
     def _states(self, window: Window, q: Array) -> Array:
         """Directions (N, m) of friction with a state along the positions ``q`` (N, n) of a window.
 
-        They are constant before the sample at which the window states them.
+        The window gives the directions at one of its samples; before that sample they are taken as constant.
         """
         assert self.sliding is not None
         lead, start = (0, self.sliding.start()) if window.state is None else window.state
@@ -109,7 +109,11 @@ class RowMaker:
     def _block(
         self, motion: Reconstruction, tau: Array, part: Part, decimate: Decimator, kept: slice, given: tuple[Array, ...]
     ) -> Rows:
-        """Filter both sides of the equations alike; samples with an invalid torque are set to zero on both sides."""
+        """Compute the rows of one block: regressor and torque pass the same filter and are decimated.
+
+        Samples with an invalid torque are set to zero on both sides of the equation. ``kept`` selects the rows of the
+        block from the decimated samples; ``given`` holds the directions of friction with a state, if there are any.
+        """
         first = part.first
         W = self.regressor(motion.q, motion.dq, motion.ddq, *given) * part.valid[..., None]
         sound = decimate(part.valid.astype(float), first)[kept] > 0.5

@@ -77,7 +77,11 @@ def residual_whiteness(blocks: Iterable[Rows], x: Array, lags: int = 20) -> tupl
 def _products(
     residual: Array, segment: NDArray[np.int64] | None, lags: int, old: int = 0
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Sums of ``r_k r_{k-l}`` and numbers of pairs for l = 0..lags; only pairs whose later sample is not ``old``."""
+    """Sums of ``r_k r_{k-l}`` over the samples k, for the lags l = 0..lags, and the numbers of pairs in each sum.
+
+    Samples k below ``old`` are skipped as the later one of a pair, because an earlier call has counted them. Pairs with
+    a missing sample, or across two stretches (``segment``), are left out.
+    """
     present = np.isfinite(residual)
     r = np.where(present, residual, 0.0)
     sums, pairs = np.zeros(lags + 1), np.zeros(lags + 1, np.int64)

@@ -131,7 +131,7 @@ def factor_rows(rows: Rows, weights: Array | None = None) -> JointFactors:
 
 
 def factor_blocks(blocks: Sequence[Rows]) -> JointFactors:
-    """Triangular factors of all rows of ``blocks``, one block at least."""
+    """Triangular factors of all rows of ``blocks``, which must not be empty."""
     found = factor_rows(blocks[0])
     for rows in blocks[1:]:
         found = found.merged(factor_rows(rows))

@@ -132,10 +132,11 @@ class _Search:
         return r, J
 
     def descend(self, start: Array, to_logs: Array, pull: Array, usual: Array | None = None) -> tuple[Array, Array]:
-        """Minimise the cost over x, with the logarithms ``usual + to_logs x``, by Levenberg-Marquardt from ``start``.
+        """Minimise the cost over x by Levenberg-Marquardt; ``usual + to_logs x`` are the logarithms of all shapes.
 
-        ``pull`` are the precisions of a prior of x about 0; ``usual`` is ``start`` by default. Returns the logarithms,
-        and the covariance of x in units of the noise variance.
+        The search begins at the logarithms ``start``; x = 0 stands for ``usual``, which is ``start`` by default.
+        ``pull`` are the inverse variances of a prior of x about 0. Returns the logarithms, and the covariance of x in
+        units of the noise variance.
         """
         logs = start if usual is None else usual
         x: Array = np.asarray(np.linalg.lstsq(to_logs, start - logs, rcond=None)[0])
@@ -221,7 +222,8 @@ def _tuned(search: _Search, before: Array) -> tuple[Array, tuple[tuple[float, ..
 def _starts(search: _Search, groups: Sequence[tuple[str, str]], common: Array) -> list[Array]:
     """Initial logarithms of all shapes: each combination of initial values, and the shapes the surfaces already have.
 
-    ``groups`` are the pairs (law, shape) that share a value, ``common`` maps those values to all logarithms.
+    ``groups`` are the pairs (law, shape) that share a value; the matrix ``common`` (shapes, groups) copies the
+    logarithm of each group to its shapes.
     """
     choices = [(1.0,) if name.startswith("w") else STARTS for _, name in groups]
     found = [search.scale + common @ np.log(values) for values in product(*choices)]

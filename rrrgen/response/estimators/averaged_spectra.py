@@ -23,10 +23,11 @@ HANN_EFFICIENCY = 0.947  # independent averages per half-overlapping Hann segmen
 
 @dataclass(frozen=True)
 class AveragedSpectra:
-    """Spectra of n, u, q at ``frequency`` (L,): ``Phi`` (L, 3, 3) with ``Phi[:, a, b] = E conj(A) B``.
+    """Auto and cross spectra of n, u and q at ``frequency`` (L,) in Hz: ``Phi[:, a, b] = E conj(A) B``, (L, 3, 3).
 
-    ``averages`` is the number of independent averages, ``independent`` the share of the lines that share no data with
-    others: a Hann window spreads a line over its neighbours.
+    A and B are the spectra of the signals number a and b, E is the mean over the windows. ``averages`` is the number of
+    independent averages, ``independent`` the share of the lines that share no data with others: a Hann window spreads a
+    line over its neighbours.
     """
 
     frequency: Array
@@ -43,7 +44,10 @@ class AveragedSpectra:
         return P, np.maximum(variance, 0.0)
 
     def direct(self) -> tuple[Complex, Array]:
-        """Direct response ``Phi_uq/Phi_uu`` and its variance: biased in closed loop, towards -1/C by disturbances."""
+        """Direct response ``Phi_uq/Phi_uu`` and its variance; in closed loop it is biased.
+
+        Disturbances draw it towards -1/C, with the transfer function C of the controller.
+        """
         Phi = self.Phi
         P = Phi[:, 1, 2] / Phi[:, 1, 1]
         rest = Phi[:, 2, 2].real - np.abs(Phi[:, 1, 2]) ** 2 / Phi[:, 1, 1].real

@@ -139,7 +139,7 @@ def excited_lines(magnitude: Array, name: str) -> NDArray[np.int64]:
 
 
 def window_of(samples: int) -> int:
-    """Number of lines at either side in a window, for a recording of ``samples`` samples with noise as excitation."""
+    """Number of lines on either side of the middle of a window, for noise of ``samples`` samples as excitation."""
     return int(np.clip(samples // 200, 5, MOST_WINDOW))
 
 
@@ -198,9 +198,11 @@ def _overlap(width: int) -> Array:
 
 
 def regress_window(inputs: Complex, outputs: Complex) -> tuple[Complex, Complex, Array, int]:
-    """Fit the response g_0 (L, outputs) to one input, and a transient, by least squares over windows (L, lines, ..).
+    """Fit in each of L windows the response to one input, and a transient, as polynomials of the line number.
 
-    Returns g_0, the residuals, the variance factor of g_0 and the degrees of freedom.
+    ``inputs`` (L, lines, 1) and ``outputs`` (L, lines, k) are the spectra. Returns the response g_0 (L, k) in the
+    middle of each window, the residuals (L, lines, k), the factor (L,) from the noise variance to that of g_0, and the
+    degrees of freedom.
     """
     lines = inputs.shape[1]
     r = (np.arange(lines) - lines // 2)[:, None] / (lines // 2)

@@ -118,6 +118,9 @@ def _toeplitz(kernel: Array, size: int) -> Array:
 
 
 def _length(kernel: Array, m: int) -> float:
-    """Number of correlated lines that carry as much information as one independent line."""
+    """Number of correlated lines in a window of 2m+1 lines that carry as much information as one independent line.
+
+    ``kernel`` (lags,) is the correlation of lines that are 0, 1, .. apart.
+    """
     inside = kernel[1 : 2 * m + 1]
     return float(1.0 + 2.0 * np.sum(inside**2))

@@ -104,7 +104,11 @@ def fit_difference_model(
 def _candidates(
     u: Array, y: Array, start: int, stop: int, method: str, least_delay: int
 ) -> Iterator[tuple[Equation, str]]:
-    """Yield models of increasing order, fitted to the rows [start, stop), each with its kind."""
+    """Yield fitted models of increasing order as pairs (equation, name of the kind of model, such as "arx").
+
+    They are fitted to the rows [start, stop). ``least_delay`` 0 lets the output follow the input at once; with 1,
+    delays of one and two samples are tried.
+    """
     kinds = {"auto": ("arx", "armax", "output_error"), "indirect": ("arx", "output_error")}.get(method, (method,))
     subspace = SubspaceIdentification(u, y, start, stop) if method == "subspace" else None
     for order in range(1, HIGHEST_ORDER + 1):
@@ -142,10 +146,10 @@ def free_run(equation: Equation, u: Array, y: Array, start: int, stop: int) -> A
 
 
 def _prefiltered(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
-    """Improve the start of an output-error fit: repeated ARX fits on signals filtered by the last 1/A.
+    """Improve the initial equation of an output-error fit by repeated ARX fits to filtered signals.
 
-    This is the method of Steiglitz and McBride. ARX is biased by measurement noise; the filter turns its equation error
-    into an output error.
+    The filter is 1/A of the fit before (Steiglitz and McBride). ARX is biased by measurement noise; the filter turns
+    its equation error into an output error.
     """
     from scipy.signal import lfilter
 
@@ -290,9 +294,10 @@ def _free_run_error(equation: Equation, u: Array, y: Array, start: int, stop: in
 
 
 def _scores(equation: Equation, u: Array, y: Array, start: int, stop: int) -> dict[str, Any]:
-    """Scores 100 (1 - |y - y_model|/|y - mean y|) by the way of simulation (free run, one-step prediction).
+    """Scores 100 (1 - |y - y_model|/|y - mean y|) of a model, by name of the simulation that gives y_model.
 
-    They are of the rows after the fitted ones; where there are none, of the fitted ones.
+    It is a free run or the one-step prediction. The rows after the fitted ones are scored or, if these are too few, the
+    fitted rows themselves.
     """
     after = len(y) - stop >= 10 * max(len(equation.a), 1)
     begin, end = (stop, len(y)) if after else (start + equation.past, stop)

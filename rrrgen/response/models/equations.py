@@ -11,7 +11,10 @@ from rrrgen.arrays import Array
 
 @dataclass(frozen=True)
 class Equation:
-    """``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}`` with the covariance of [a, b]."""
+    """Difference equation ``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}``, i from 1, j from 0.
+
+    ``a`` and ``b`` hold the coefficients, ``delay`` is in samples, ``covariance`` is that of [a, b].
+    """
 
     a: Array
     b: Array
@@ -25,11 +28,11 @@ class Equation:
 
 
 def arx(u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Equation:
-    """Least squares ``theta = F# Q`` (14.41) on the rows [start, stop): order coefficients a, as many b from the delay
-    on, one more without delay.
+    """Fit a difference equation to the rows [start, stop) by least squares ``theta = F# Q``, (14.41).
 
-    Row k of F is ``[y_{k-1} .. y_{k-n}, u_{k-delay} .. ]``; the last one is that of k = stop - 1, so that the columns
-    of (14.42) end at t_{zeta-n} (the book's t_{zeta-n+1} is a misprint).
+    It has ``order`` coefficients a and as many coefficients b; without ``delay`` it has one b more. Row k of F is
+    ``[y_{k-1} .. y_{k-n}, u_{k-delay} .. ]``; the last one is that of k = stop - 1, so that the columns of (14.42) end
+    at t_{zeta-n} (the book's t_{zeta-n+1} is a misprint).
     """
     size = order + 1 if delay == 0 else order
     past = max(order, delay + size - 1)

@@ -20,7 +20,10 @@ from rrrgen.response.response_file import ResponseFile, ResponseRecording, read_
 
 @dataclass(frozen=True)
 class FittedModels:
-    """Fitted models, measured responses to draw with them, and reasons for postures without a model, by name."""
+    """Models fitted to postures, the ``measured`` responses to draw with them, and postures without a model.
+
+    ``refused`` maps the name of each posture without a model to the reason.
+    """
 
     models: list[ResponseModel]
     measured: list[FrequencyResponse]

@@ -66,7 +66,7 @@ class _Candidate:
         return max(1.0, float(np.median(self.costs)))
 
     def capped(self, scale: float) -> float:
-        """The cost in units of ``scale``, with at most :data:`MOST_OF_A_LINE` of every line."""
+        """Sum of the costs of all lines in units of ``scale``, each limited to :data:`MOST_OF_A_LINE` of them."""
         return float(np.sum(np.minimum(self.costs / scale, MOST_OF_A_LINE)))
 
 
@@ -199,9 +199,10 @@ def _residual(lines: _Lines, modes: Array, delay: int, integrators: int) -> Arra
 
 
 def _slopes(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:
-    """Derivatives (2 L, 2m) of the residual by ln f and ln zeta of every mode, without what the numerators take over.
+    """Derivatives (2 L, 2m) of the residual by ln f and ln zeta of every mode, when the numerators are refitted.
 
-    Kaufman's part of the derivative of variable projection: the gradient of the squared residual is exact with it.
+    Refitting removes from each column what the numerators can represent. Of this derivative of variable projection,
+    only Kaufman's part is computed, with which the gradient of the squared residual is exact.
     """
     found = _solve(lines, modes, delay, integrators)
     basis = _basis(lines, modes, delay, integrators)

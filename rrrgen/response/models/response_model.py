@@ -35,9 +35,11 @@ class Resonance:
 
 @dataclass(frozen=True)
 class ResponseModel:
-    """``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}``, i from 1, j from 0; ``period`` in s.
+    """Difference equation ``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}``, i from 1, j from 0, with its resonances.
 
-    ``fit`` names its protocol; ``table`` holds one row per candidate; ``name`` is that of the recording or posture.
+    ``method`` names the kind of fit, ``delay`` is in samples, ``period`` in s. ``fit`` holds the scores of the model
+    and says how they were computed; ``table`` has one row for each model that was compared; ``name`` is that of the
+    recording or posture.
     """
 
     method: str
@@ -114,9 +116,9 @@ class ResponseModel:
 
 
 def read_response_models(path: str | Path) -> list[ResponseModel]:
-    """The models of a ``response_model.json`` of `rrrgen response-model`, one for every posture.
+    """Read the models, one for every posture, from a ``response_model.json`` of `rrrgen response-model`.
 
-    Raises :class:`InputError` where the file is none.
+    Raises :class:`InputError` for any other file.
     """
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))

@@ -143,7 +143,9 @@ class _Path:
     # -- choices ------------------------------------------------------------------------------------------------------
 
     def _choose(self, count: int, numbers: Sequence[int] = (0, 1)) -> int:
-        """Index of the root, of ``count`` ones, that this solution path takes; its number enters the branch label."""
+        """Index of the root, among ``count``, that this path takes; its entry of ``numbers`` is added to the branch
+        number.
+        """
         if count == 0:
             raise _NoRootError
         k = len(self.counts)

@@ -99,10 +99,10 @@ class FreeJoints:
         return held
 
     def _stands(self, before: Sequence[float], after: Sequence[float], j: int) -> bool:
-        """Whether all joints except ``j`` and one other, which may have the same axis, stay in place.
+        """Whether all joints except ``j`` and one other have the same positions in ``before`` and ``after``, (n,) each.
 
-        It is tested only for an arm with a prescribed arm angle, which could also meet the target by changing this
-        angle.
+        The other one may have the same axis. It is tested only for an arm with a prescribed arm angle, which could also
+        meet the target by changing this angle.
         """
         if self._plan.locked != ARM_ANGLE:
             return True
@@ -112,9 +112,9 @@ class FreeJoints:
     # -- limits -------------------------------------------------------------------------------------------------------
 
     def _fit(self, wide: Row, held: int, least: float) -> None:
-        """Move the free joints ``held`` to the values nearest to the reference for which all limits are met.
+        """Move the free joints ``held`` (bit mask) to the values nearest to the reference for which all limits are met.
 
-        ``wide`` is the candidate, which is changed in place; ``least`` is the length below which a direction is none.
+        ``wide`` is the candidate, which is changed in place; a vector shorter than ``least`` has no direction.
         """
         assert self._limits is not None
         q, margin = list(wide.q), TOLERANCE["limit"]
@@ -159,9 +159,10 @@ class FreeJoints:
         q[j] = x
 
     def row_with(self, j: int, x: float, branch: int, held: int, least: float) -> tuple[list[float], float]:
-        """Solution of a branch with the free joint ``j`` at ``x``, and by how much it exceeds the limits, rad or m.
+        """Solution of a ``branch`` with the free joint ``j`` at ``x``, and by how much it exceeds the limits, rad or m.
 
-        The latter is 10 if the branch has no solution there.
+        The excess is 10 if the branch has no solution there. ``held`` is the bit mask of the free joints; a vector
+        shorter than ``least`` has no direction.
         """
         assert self._limits is not None
         at = list(self._query.reference)

@@ -24,8 +24,8 @@ class Settings:
     """Tolerances with which the scalar equations are solved.
 
     ``slack`` is how far below zero a discriminant may be and still count as zero; ``least`` the length below which a
-    vector has no direction; ``band`` the distance by which double roots are moved apart, None if the equations are
-    those of the arm itself and not of a similar one.
+    vector has no direction. ``band`` is None if the equations are those of the arm itself; if they are those of a
+    similar arm of special geometry, it is the distance by which double roots are moved apart.
     """
 
     slack: float

@@ -55,9 +55,10 @@ class Answer:
 
 
 class Evaluation:
-    """Inverse kinematics of the solver ``plan``, evaluated in Python; ``reasons`` is its number of unreachable reasons.
+    """Inverse kinematics of the solver ``plan``, evaluated in Python.
 
-    Raises DerivationError for a plan that is solved by elimination, for which only emitted C exists.
+    ``reasons`` is the number of different texts that explain why a target has no solution. Raises DerivationError for a
+    plan that is solved by elimination, for which only emitted C exists.
     """
 
     def __init__(self, plan: SolverPlan, reasons: int) -> None:
@@ -147,7 +148,7 @@ class Call:
         return Answer(UNREACHABLE, (), self._stage, distance)
 
     def _collect(self) -> int:
-        """Collect the solutions that meet the task; returns the number of candidates of the last set of equations."""
+        """Collect the solutions that meet the task; returns how many candidates the equations solved last had."""
         count = near = 0
         for part in self._parts:
             rows, stage = candidates(part, self._query, self._usual)

@@ -46,7 +46,7 @@ class DifferentialFunctions(TipFunctions):
         Args:
             q: joint positions, (..., n), rad or m.
             dq_last: joint speeds of the last tick, (..., n), rad/s or m/s.
-            J: Jacobian of the tip or of a point, (..., 6, n), m and -.
+            J: Jacobian of the tip or of a point, (..., 6, n), linear rows first, SI units.
             V: wanted velocity, (..., 6), m/s and rad/s, in the axes of J.
             weight: weights of the rows, (6,) or (..., 6); zero leaves a row out; by default all are 1.
             dq_ref: joint speeds to prefer where V leaves a choice, (..., n), rad/s or m/s; by default zero.

@@ -244,7 +244,7 @@ class ControlLaws(DynamicFunctions):
         Args:
             q: joint positions, (..., n), rad or m.
             dq: joint velocities, (..., n), rad/s or m/s.
-            T_d: desired pose of the tip in the base frame, (..., 4, 4), -, m.
+            T_d: desired pose of the tip in the base frame, (..., 4, 4), translation in m.
             V_d: desired velocity of the tip, (..., 6), m/s and rad/s, base frame.
             stiffness: spring along and about the axes of the base, (6,) or (..., 6), N/m and N m/rad.
             damping: damper along and about these axes, (6,) or (..., 6), N s/m and N m s/rad.

@@ -76,7 +76,7 @@ class ParameterFunctions(Calls):
             com: its centre of mass, (..., 3), m, in its own frame.
             inertia: its inertia tensor about that centre, (..., 3, 3), kg m^2, in the axes of its own frame; None for a
                 point mass.
-            frame: pose of its frame in the last link, (..., 4, 4), -, m.
+            frame: pose of its frame in the last link, (..., 4, 4), translation in m.
             beta: base parameters without the body, (b,) or (..., b), SI units; by default those of the robot file.
 
         Returns:

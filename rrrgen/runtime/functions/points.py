@@ -46,7 +46,7 @@ class PointFunctions(Calls):
         """Geometric Jacobian of a point that is fixed to a frame: ``[v_p; omega] = J_p dq``.
 
         Args:
-            T: pose of the frame, (..., 4, 4), -, m.
+            T: pose of the frame, (..., 4, 4), translation in m.
             J: its Jacobian, (..., 6, n), base frame, linear rows first.
             point: the point in that frame, (..., 3), m.
 
@@ -59,7 +59,7 @@ class PointFunctions(Calls):
         """Velocity and acceleration of a point that is fixed to a frame.
 
         Args:
-            T: pose of the frame, (..., 4, 4), -, m.
+            T: pose of the frame, (..., 4, 4), translation in m.
             V: its velocity, (..., 6), linear part first, m/s and rad/s, such as ``link_velocities(q, dq)[..., i, :]``.
             A: its acceleration, (..., 6), m/s^2 and rad/s^2. If only its part (dJ/dt) dq is given, A_p is that part for
                 the point.
@@ -87,7 +87,7 @@ class PointFunctions(Calls):
 
         Args:
             q: joint positions, (..., n), rad or m.
-            tool: pose of the tool in the last link frame, (4, 4) or (..., 4, 4), -, m.
+            tool: pose of the tool in the last link frame, (4, 4) or (..., 4, 4), translation in m.
 
         Returns:
             The named tuple (T, J): (..., 4, 4) and (..., 6, n), base frame.
@@ -98,11 +98,11 @@ class PointFunctions(Calls):
         """Target of ``inverse_kinematics`` for which a tool in place of that of the robot file has the pose T.
 
         Args:
-            T: wanted pose of the tool in the base frame, (..., 4, 4), -, m.
-            tool: pose of the tool in the last link frame, (4, 4) or (..., 4, 4), -, m.
+            T: wanted pose of the tool in the base frame, (..., 4, 4), translation in m.
+            tool: pose of the tool in the last link frame, (4, 4) or (..., 4, 4), translation in m.
 
         Returns:
-            target, (..., 4, 4), -, m: ``T tool^-1 T_tool`` with the tool T_tool of the robot file.
+            target, (..., 4, 4), translation in m: ``T tool^-1 T_tool`` with the tool T_tool of the robot file.
         """
         return self._points("tool_target", T, tool)[0]
 
@@ -154,8 +154,7 @@ class PointFunctions(Calls):
         return self._nullspace("nullspace", q, damping, with_status)
 
     def position_nullspace(self, q: ArrayLike, damping: ArrayLike = 0.0, with_status: bool = False) -> Any:
-        """Joint velocities that leave the position of the tip at rest, while its orientation may change.
-
+        """Projection N on joint motions that keep the position of the tip, while its orientation may change.
         Args:
             q: joint positions, (..., n), rad or m.
             damping: 0 projects exactly; larger values keep N smooth through singularities.

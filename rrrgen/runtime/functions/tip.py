@@ -44,7 +44,7 @@ class TipFunctions(ControlLaws):
         Args:
             q: joint positions, (..., n), rad or m.
             dq: joint velocities, (..., n), rad/s or m/s.
-            T_d: desired pose of the tip in the base frame, (..., 4, 4), -, m.
+            T_d: desired pose of the tip in the base frame, (..., 4, 4), translation in m.
             V_d: desired velocity of the tip, (..., 6), m/s and rad/s, base frame.
             A_d: desired acceleration of the tip, (..., 6), m/s^2 and rad/s^2, base frame.
             kp: gains of the error of the tip, (6,) or (..., 6), 1/s^2.
@@ -158,7 +158,7 @@ class TipFunctions(ControlLaws):
         the point where the wrench acts.
 
         Args:
-            J: Jacobian of the tip or of the point where it acts, (..., 6, n), m and -.
+            J: Jacobian of the tip or of the point where it acts, (..., 6, n), linear rows first, SI units.
             r: estimated torques of the environment, (..., n), N m or N, of :meth:`momentum_observer`.
             sigma: standard deviations of r, (n,) or (..., n), N m or N.
             with_status: return ``(result, status)`` instead of raising LinAlgError.
@@ -180,7 +180,7 @@ class TipFunctions(ControlLaws):
         rows of the Jacobian of the point where the force acts.
 
         Args:
-            J: Jacobian of the tip or of the point where it acts, (..., 6, n), m and -.
+            J: Jacobian of the tip or of the point where it acts, (..., 6, n), linear rows first, SI units.
             r: estimated torques of the environment, (..., n), N m or N, of :meth:`momentum_observer`.
             sigma: standard deviations of r, (n,) or (..., n), N m or N.
             with_status: return ``(result, status)`` instead of raising LinAlgError.

@@ -59,9 +59,11 @@ class TimingKernel:
         ends: tuple[float, float],
         parameters: Mapping[str, Array],
     ) -> tuple[int, int, Array, Array]:
-        """Compute the fastest motion along ``path``: status, point at which it arose, ds/dt (N,) and t (N,).
+        """Compute the fastest motion along ``path``: (status, number of a point, ds/dt (N,), times t (N,) in s).
 
-        ``limits`` (n,) by name, ``friction`` parameters or None, ``ends`` ds/dt at both ends, ``parameters`` by name.
+        The number is that of the point at which the status arose. ``limits`` maps names to limits (n,), ``friction``
+        are the friction parameters or None, ``ends`` is ds/dt at both ends, ``parameters`` maps names to model
+        parameters.
         """
         arrays = self._dense(path)
         given = self.ffi.new(f"{self.robot}_path_limits *")
@@ -99,7 +101,10 @@ class TimingKernel:
 
 
 def _declarations(p: str, n: int, further: int, real: Real) -> str:
-    """C declarations of the header for cffi."""
+    """C declarations that cffi reads: the path structures and functions of the robot ``p`` with ``n`` joints.
+
+    ``further`` is the number of model parameters that the timing function takes.
+    """
     vectors = f"const {real} *, " * further
     return f"""
         typedef struct {{ int points; const {real} *s; const {real} *q; const {real} *q_s;

@@ -67,9 +67,10 @@ class Chain:
         return self.base if self.parents[row] < 0 else after[self.parents[row]]
 
     def around_joints(self) -> list[tuple[Array, Array]]:
-        """The constant transforms (before, after) of every row i: A_i(q) = before motion(q) after, motion along z.
+        """For every row i the constant transforms (before, after) in ``A_i(q) = before S(q) after``.
 
-        Standard ``Rz(theta) Tz(d) Tx(a) Rx(alpha)``, modified ``Rx(alpha) Tx(a) Rz(theta) Tz(d)``.
+        S is the motion of the row about or along z. Standard ``Rz(theta) Tz(d) Tx(a) Rx(alpha)``, modified ``Rx(alpha)
+        Tx(a) Rz(theta) Tz(d)``.
         """
         pairs = []
         for alpha, a, d, theta in zip(self.alpha, self.a, self.d, self.theta, strict=True):
