@@ -26,7 +26,10 @@ SHOWN = 1e-6
 
 @dataclass(frozen=True)
 class MinimalSet:
-    """The parameters ``kept``, and for each one left out, by name, a sentence that says which have the same effect."""
+    """The parameters ``kept`` for the calibration, and those that are ``left_out``.
+
+    ``left_out`` maps the name of a parameter to a sentence that says which kept parameters have the same effect.
+    """
 
     kept: tuple[Entry, ...]
     left_out: dict[str, str]

@@ -71,7 +71,7 @@ def plot_torque(t: Floats, tau: Floats, limits: Sequence[float] | None = None) -
 
 
 def plot_joint(t: Any, motion: Sequence[Any], title: str) -> Figure:
-    """Position, speed and acceleration, (m,) each, of one joint over time, one panel each."""
+    """Plot position, speed and acceleration of one joint, (m,) each, over the times ``t``, one panel each."""
     figure, axes = new_figure(3, 1, height=5.0, sharex=True)
     for axis, values, label in zip(axes, motion, ("q [rad]", "dq [rad/s]", "ddq [rad/s²]"), strict=True):
         axis.plot(t, values, linewidth=0.8)

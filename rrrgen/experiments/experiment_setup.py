@@ -149,7 +149,7 @@ def friction_of(experiment: Experiment, model: Any) -> Any:
 
 
 def instruments_of(experiment: Experiment, model: Any) -> Instruments:
-    """Encoders and drives by the robot file, or the experiment where it states others."""
+    """Encoders and drives as the experiment states them; what it leaves out is taken from the robot file."""
     from rrrgen.simulate.experiment import Instruments, MotorLimits
 
     names = {entry.name for entry in fields(Instruments)}

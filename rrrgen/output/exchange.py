@@ -66,7 +66,10 @@ def replace_directory(staging: Path, directory: Path, replaced: Set[str]) -> Non
 
 
 def _in_use(directory: Path) -> bool:
-    """Whether a process (a shell, an editor, make) has its working directory in ``directory``, as far as visible."""
+    """Whether a process (a shell, an editor, make) has its working directory in ``directory``.
+
+    Processes that this one may not inspect are overlooked.
+    """
     target, places = _number(str(directory)), ["."]
     with contextlib.suppress(OSError), os.scandir("/proc") as entries:
         places += [f"{entry.path}/cwd" for entry in entries if entry.name.isdecimal()]

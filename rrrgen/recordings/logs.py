@@ -154,7 +154,7 @@ def read_log(
 
 
 def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
-    """Load a stream into memory; ``joints``, if given, are the names that it must have, otherwise InputError."""
+    """Load a stream into memory; raises InputError if ``joints`` are given and are not its joint names."""
     if joints is not None:
         check_joints(stream.joints, joints)
     parts = list(stream.parts())

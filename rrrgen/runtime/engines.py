@@ -122,7 +122,7 @@ class CompiledEngine:
         }
 
     def prepare(self) -> None:
-        """Build the loops of all functions at once, which is faster than one by one for more than about ten."""
+        """Build the loops of all functions at once: faster than one by one if more than about ten are needed."""
         missing = [name for name in self._calls if name not in self._loops]
         if missing:
             self._loops |= self._build_loops(missing)

@@ -112,7 +112,10 @@ def fastest_rate(plant: Plant, state: Array) -> float:
 
 
 def plant_program(plant: Plant) -> Program | None:
-    """Record the time derivative of the state of ``plant`` as a program; None if its model or friction has none."""
+    """Record the time derivative of the state of ``plant`` as a program.
+
+    Returns None if the robot model or the friction model cannot be recorded.
+    """
     dynamics, friction = plant.body.forward_dynamics_program(), plant.friction
     model = friction.model
     if dynamics is None or not (isinstance(friction, NoFriction) or isinstance(model, FrictionModel | MixedFriction)):

@@ -288,6 +288,9 @@ def make_plant(
 
 
 def without_drives(model: Any) -> Array | None:
-    """Correction (n,) that removes the robot file's drive inertia from the diagonal of M; None if it has none."""
+    """Correction (n,) that removes the drive inertia of the robot file from the diagonal of M.
+
+    None if the file states no drive inertia.
+    """
     stated = getattr(model, "drive_inertia", None)
     return None if stated is None else -np.asarray(stated)

@@ -57,7 +57,7 @@ def lines_of(band: tuple[float, float], samples: int, rate: float) -> NDArray[np
 
 
 def odd_lines(lines: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.int64]:
-    """The odd ones of ``lines``, without one at random of every :data:`GROUP`.
+    """Keep the odd line numbers of ``lines``, except one, chosen at random, in each group of :data:`GROUP`.
 
     A response at an even line or at one left out is nonlinear distortion or noise.
     """

@@ -53,7 +53,11 @@ class FlexibleSettings:
 
 @dataclass(frozen=True, eq=False)
 class FlexibleDynamics:
-    """The results: responses and models for each posture, and each computed mode with the measured one."""
+    """Results of the study of flexible dynamics.
+
+    ``fitted`` holds the responses and models of all postures; ``resonances`` has an entry for each computed mode, with
+    the measured resonance that belongs to it.
+    """
 
     settings: FlexibleSettings
     fitted: FittedModels

@@ -26,7 +26,10 @@ LAG = 10  # samples over which positions are differenced: a tenth of the encoder
 
 @dataclass(frozen=True)
 class Motion:
-    """The first stretch of a recording (``part``), with the robot file ``spec`` and the wording of its faults."""
+    """The first uninterrupted stretch of a recording (``part``), as the rules that need no model use it.
+
+    ``spec`` is the robot file, ``words`` formulates the faults found, ``period`` is that of the sampling, s.
+    """
 
     spec: Any
     words: Wording

@@ -41,7 +41,7 @@ class Structure:
 
     @property
     def dependent(self) -> tuple[int, ...]:
-        """Columns that are combinations of kept ones, or zero."""
+        """Indices of the columns that are zero or linear combinations of the kept ones."""
         kept = set(self.kept)
         return tuple(j for j in range(len(self.all_names)) if j not in kept)
 

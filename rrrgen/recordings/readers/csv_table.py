@@ -191,7 +191,10 @@ class CsvTable:
     _keep_last = False
 
     def _separator(self, head: list[str]) -> str:
-        """Detect the separator in the first lines ``head``: it splits the last of them into equally many cells, > 1."""
+        """Detect the separator: the first one that splits all of the later lines of ``head`` into equally many cells.
+
+        A separator that does not occur in these lines does not count.
+        """
         if self.source.separator:
             return self.source.separator
         body = head[len(head) // 2 :]

@@ -92,7 +92,11 @@ def estimate_one(
 def _findings(
     record: ResponseRecording, lines: LineEstimates, P: Complex, variance: Array, samples: int | None
 ) -> tuple[list[Finding], dict[str, Any]]:
-    """Reasons not to trust a recording, and the measured figures; detection lines decide where there are any."""
+    """Reasons not to trust a recording, and the measured figures by name.
+
+    A periodic excitation is checked at the harmonics that it leaves out (detection lines) and for scatter between
+    harmonics, any excitation for friction.
+    """
     measures: dict[str, Any] = {}
     found: list[Finding | None] = []
     if samples is not None:

@@ -128,7 +128,7 @@ def _between_harmonics(
 ) -> _Force | None:
     """Estimate the friction force from the lines between the harmonics.
 
-    sgn(velocity) has a part there where the joint reverses only once in several periods.
+    At these lines sgn(velocity) has a part only if the joint does not reverse in every period alike.
     """
     rows, signs, M = _with_sign(record, sign, samples)
     both = np.hstack([rows[:, 1:], signs])

@@ -143,8 +143,9 @@ class _Path:
     # -- choices ------------------------------------------------------------------------------------------------------
 
     def _choose(self, count: int, numbers: Sequence[int] = (0, 1)) -> int:
-        """Index of the root, among ``count``, that this path takes; its entry of ``numbers`` is added to the branch
-        number.
+        """Index of the root, among ``count``, that this path takes; also extends the number of the branch.
+
+        ``numbers`` are the contributions of the roots to that number.
         """
         if count == 0:
             raise _NoRootError
@@ -216,7 +217,10 @@ class _Path:
         return found
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
-        """Cosine and sine of the angle about z that turns ``v`` onto ``u``; of the reference if one is along z."""
+        """Cosine and sine of the angle about z that turns ``v`` onto ``u``.
+
+        If one of them lies along z, every angle does, and the result is that of the reference angle.
+        """
         before, after = (hypot(x[0], x[1]) for x in (v, u))
         (a, b), size = between(v, u), before * after
         flags = 0

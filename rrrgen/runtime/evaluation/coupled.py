@@ -194,7 +194,10 @@ class CoupledEvaluation:
         return kept, every
 
     def _placed(self, q: Sequence[float], q_ref: Sequence[float] | None) -> tuple[list[float], bool]:
-        """Move ``q`` by its periods next to ``q_ref`` and within the limits if possible; and whether it is within."""
+        """Move ``q`` by full periods next to ``q_ref`` and within the limits if possible.
+
+        Returns the moved positions, and whether all limits are met.
+        """
         margin, inside, placed = TOLERANCE["limit"], True, []
         for k, (x, period, (lower, upper)) in enumerate(
             zip(q, self._coupling.periods, self._coupling.limits, strict=True)

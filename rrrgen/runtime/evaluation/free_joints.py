@@ -130,7 +130,10 @@ class FreeJoints:
             wide.q, wide.residual = q, error
 
     def _shift(self, q: list[float], j: int) -> None:
-        """Move joint ``j`` within its limits, in place; another joint on the same axis also within its limits."""
+        """Move joint ``j`` of ``q`` to within its limits, in place.
+
+        If another joint has the same axis, it turns by the same amount in return, within its own limits.
+        """
         import numpy as np
 
         assert self._limits is not None

@@ -31,7 +31,7 @@ class Core(Protocol):
     def update(self, q: Array, dq: Array, ddq: Array, tau: Array, e: Array) -> int:
         """Update the estimate with one sample, (n,) each; writes the torque errors before the update to ``e`` (n,).
 
-        Returns the status that the C function returns.
+        Returns the status of the C function ``<robot>_<kind>_update``.
         """
         ...
 
@@ -112,7 +112,10 @@ class NumpyLeastSquares:
         return count
 
     def _learn(self, r: Array, y: float) -> bool:
-        """Update the estimate with one scalar equation ``y = r p`` whose noise has variance 1; whether it was used."""
+        """Update the estimate with one scalar equation ``y = r p`` whose noise has variance 1.
+
+        Returns False if the equation was skipped, because it tells nothing new about the parameters.
+        """
         Pr = self.P @ r
         a = float(r @ Pr)
         if not a > NEGLIGIBLE["double"]:
