@@ -55,7 +55,7 @@ class LoopEquations:
 
     @cached_property
     def columns(self) -> tuple[Column, ...]:
-        """Columns of the regressor: what each parameter that enters the torques linearly stands for."""
+        """Descriptions of the regressor columns, one for each parameter that enters the torques linearly."""
         return self.regressor.columns
 
     @property

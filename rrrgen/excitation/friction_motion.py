@@ -69,7 +69,10 @@ class Multisine:
 
 @dataclass(frozen=True)
 class FrictionMotion:
-    """Motion of joint number ``joint`` (from 0) about the posture ``centre`` (n,), the others at rest."""
+    """Motion of joint number ``joint`` (from 0) about the posture ``centre`` (n,), while the other joints are at rest.
+
+    ``name`` is that of the joint; its deviation from the posture is the sum of the multisines ``parts``.
+    """
 
     joint: int
     name: str

@@ -171,7 +171,7 @@ def resolutions_of(instruments: Instruments, joints: int) -> tuple[float, ...]:
 
 
 def rigid_body_of(experiment: Experiment, model: Any) -> RigidBody:
-    """The model of a controller that takes joints for rigid: rotors of flexible joints count as drive inertia."""
+    """The robot model of a controller that assumes rigid joints: rotors of flexible joints count as drive inertia."""
     from rrrgen.simulate.plant import RigidBody, without_drives
 
     flexible = flexible_joints_of(experiment, model)

@@ -57,7 +57,7 @@ class Finding:
 
     @property
     def warned(self) -> bool:
-        """Whether the finding causes a warning: over WARN_SHARE of the rows, and not an exact repair."""
+        """Whether the finding causes a warning: it affects over WARN_SHARE of the rows, and its repair is not exact."""
         return self.share > WARN_SHARE and self.kind not in NEVER_WARNED
 
     def to_json(self) -> dict[str, Any]:

@@ -93,7 +93,10 @@ def _with_variable(q: str, offset: str) -> str:
 
 
 def stated(spec: RobotSpec) -> list[tuple[str, Table]]:
-    """What the robot file states beside the Denavit-Hartenberg table, by title, in SI and the second usual units."""
+    """Tables by title of what the robot file states beside the Denavit-Hartenberg table.
+
+    Values are in SI units and in other usual ones, such as degrees and mm.
+    """
     found = []
     for title, (first, *others) in facts.tables(spec):
         headed = first[0] in ("joint", "link")

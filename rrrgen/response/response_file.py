@@ -151,7 +151,7 @@ class _ResponseReader(SourceReader):
         return found
 
     def read_sources(self, node: Node | None) -> None:
-        """Files as in a mapping file, or a list of paths."""
+        """Read the recorded files, described as in a mapping file or given as a list of paths."""
         if not isinstance(node, Sequence):
             self.read_files(node)
             return
@@ -188,7 +188,7 @@ class _ResponseReader(SourceReader):
         )
 
     def control(self, node: Node | None) -> Controller | None:
-        """Read the controller, given in powers of z^-1, as implemented."""
+        """Read the controller as it is implemented: the coefficients of its transfer function in powers of z^-1."""
         if node is None:
             return None
         part = self.values(node, "controller", CONTROLLER_KEYS) or {}

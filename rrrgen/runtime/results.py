@@ -145,7 +145,7 @@ class ElasticAccelerations(NamedTuple):
 
 
 class PathDynamics(NamedTuple):
-    """Factors ``a`` of d2s/dt2 and ``b`` of (ds/dt)^2 in the torques along a path, and ``g``, (..., n) each."""
+    """Torques ``a d2s/dt2 + b (ds/dt)^2 + g`` along a path q(s): the factors ``a``, ``b`` and ``g``, (..., n) each."""
 
     a: NDArray[Any]
     b: NDArray[Any]

@@ -85,7 +85,10 @@ class Controller(Protocol):
     """Interface of a controller: computes torque commands from the observed motion and the reference."""
 
     def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
-        """Torque command (n,), N m (N), at the observed ``q``, ``dq`` (n,); ``disturbance`` (n,) is n of (14.36)."""
+        """Torque command (n,), N m (N), at the observed ``q``, ``dq`` (n,).
+
+        ``disturbance`` (n,) is the excitation n of (14.36), which the control law adds.
+        """
         ...
 
 

@@ -22,7 +22,10 @@ Progress = Callable[[int, int, str], None]
 
 @dataclass(frozen=True)
 class MotorLimits:
-    """Torque limits of coupled motors: ``torque`` (m,), infinite where unlimited, and ``W`` (m, n) with dq_m = W dq."""
+    """Torque limits ``torque`` (m,) of coupled motors, infinite where a motor has none.
+
+    ``W`` (m, n) maps joint speeds to motor speeds, ``dq_m = W dq``.
+    """
 
     torque: Array
     W: Array

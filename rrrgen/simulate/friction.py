@@ -36,7 +36,10 @@ class FrictionLike(Protocol):
         ...
 
     def torque(self, dq: Array, width: Any = 0.0, load: Any = 0.0) -> Array:
-        """Friction torque at the speeds ``dq`` (..., n), with tanh(x/width) for sgn(x) if ``width`` (or (n,)) > 0."""
+        """Friction torque at the speeds ``dq`` (..., n).
+
+        ``width`` > 0, a number or one for each joint (n,), replaces sgn(x) by the smooth tanh(x/width).
+        """
         ...
 
     def directed(self, dq: Array, direction: Array, load: Any = 0.0) -> Array:
@@ -141,7 +144,7 @@ class MotorFriction:
 
 
 class NoFriction(Friction):
-    """A robot of ``n`` joints without friction."""
+    """Friction model of ``n`` joints without friction: all torques are zero."""
 
     def __init__(self, n: int) -> None:
         super().__init__(_Frictionless(n))

@@ -104,7 +104,7 @@ class CaseStudy:
 
     @property
     def truth(self) -> Array:
-        """The virtual robot's own values of the identified parameters."""
+        """The true values of the identified parameters: those of the virtual robot."""
         values = dict(zip(self.model.base_parameter_names, self.model.beta, strict=True))
         for i, (viscous, coulomb) in enumerate(zip(self.settings.viscous, self.settings.coulomb, strict=True)):
             values |= {f"fv{i + 1}": viscous, f"fc{i + 1}": coulomb}
@@ -112,7 +112,7 @@ class CaseStudy:
 
     @property
     def deviations(self) -> Array:
-        """Errors of the identified parameters in their reported standard deviations."""
+        """Errors of the identified parameters in units of their reported standard deviations."""
         estimate = self.identification.estimate
         return np.asarray((estimate.x - self.truth) / estimate.std)
 
@@ -311,7 +311,7 @@ class _Work:
 
     @property
     def terms(self) -> DriveTerms:
-        """The friction columns beside the base regressor, (14.11)."""
+        """The friction terms that are estimated beside the base parameters, (14.11)."""
         return DriveTerms.everywhere(self.model.n, "viscous", "coulomb")
 
     @property
@@ -328,7 +328,7 @@ class _Work:
         return identify(self.model, [log], self.processing, options, progress=self.tell)
 
     def validated(self, found: Identification, log: Log, fitted: Log) -> Validation:
-        """The identified model against the writing task, which was not fitted."""
+        """Compare the torques of the identified model with those of the writing task, which was not fitted."""
         return validate_recordings(
             column_model(FullRegressor(self.model, self.terms), found.theta),
             [log],

@@ -141,7 +141,10 @@ def plot_experiment(study: CaseStudy) -> Figure:
 
 
 def _kinematics(run: RunFolder, study: CaseStudy, t: Array, closed: Array) -> tuple[Array, Array, str, str]:
-    """Compare closed-form with recursive inverse kinematics along the writing task: (times, differences, texts)."""
+    """Compare closed-form with recursive inverse kinematics along the writing task.
+
+    Returns times, differences of the joint positions, axis label and title.
+    """
     recursive = study.recursive(study.path.task.evaluate(t)[0])
     difference = closed - recursive
     run.write_json("inverse_kinematics.json", {"largest_difference_rad": np.abs(difference).max(axis=0)})
@@ -151,9 +154,9 @@ def _kinematics(run: RunFolder, study: CaseStudy, t: Array, closed: Array) -> tu
 def _dynamics(
     run: RunFolder, study: CaseStudy, t: Array, motion: tuple[Array, Array, Array]
 ) -> tuple[Array, Array, str, str]:
-    """Compare the emitted inverse dynamics with a recursive Newton-Euler routine: (times, differences, texts).
+    """Compare the emitted inverse dynamics with a recursive Newton-Euler routine; both use the nominal parameters.
 
-    Both use the nominal parameters.
+    Returns times, differences of the joint torques, axis label and title.
     """
     from rrrgen.verify.references.chain import chain_of, nominal_parameters
     from rrrgen.verify.references.newton_euler import NewtonEuler

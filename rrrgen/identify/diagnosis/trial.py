@@ -45,7 +45,7 @@ class AllTerms:
         return (*self.model.base_parameter_names, *(column.name for column in self.drives))
 
     def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Evaluate at N instants; ``q``, ``dq``, ``ddq`` are (N, n)."""
+        """Evaluate the regressor W (N, n, p) at N instants; ``q``, ``dq``, ``ddq`` are (N, n)."""
         rigid = np.asarray(self.model.regressor(q, dq, ddq))
         return np.concatenate([rigid, drive_columns(self.drives, dq, ddq)], axis=-1)
 

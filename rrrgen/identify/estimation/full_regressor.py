@@ -67,7 +67,7 @@ class FullRegressor:
 
     @property
     def sliding(self) -> Sliding | None:
-        """Computes the states of the friction laws along a motion; None if no law has a state."""
+        """The object that computes the states of the friction laws along a motion; None if no law has a state."""
         return Sliding.of(self.surfaces)
 
     def __call__(self, q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:

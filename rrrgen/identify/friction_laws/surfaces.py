@@ -186,7 +186,7 @@ def surfaces_with(spec: Any, law: str) -> tuple[FrictionSurface, ...]:
 
 
 def slides(friction: FrictionSpec | None) -> bool:
-    """Whether friction that depends on the speed is stated."""
+    """Whether ``friction`` of the robot file has a term that depends on the speed: viscous, Coulomb, or another law."""
     return friction is not None and (friction.viscous, friction.coulomb, friction.law) != (None, None, None)
 
 

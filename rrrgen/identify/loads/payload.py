@@ -171,7 +171,7 @@ def identify_payload(
 def _prior(estimate: Estimate, torque: float) -> Prior:
     """Prior of the payload: a sphere at the origin of the link frame with the mass of the unconstrained estimate.
 
-    The mass is at least a thousandth of that whose weight at 1 m causes the RMS ``torque`` (N m).
+    That mass is raised to a thousandth of the mass whose weight, 1 m from an axis, causes the RMS ``torque`` (N m).
     """
     mass = max(float(estimate.x[0]), 1e-3 * torque / 9.81, 1e-6)
     return Prior(mass * np.diag([PRIOR_RADIUS**2] * 3 + [1.0])[None])

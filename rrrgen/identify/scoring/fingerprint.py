@@ -53,7 +53,7 @@ class Fingerprint:
 
     @property
     def range(self) -> int:
-        """Largest hash up to which :attr:`hashes` is complete."""
+        """The largest number up to which :attr:`hashes` holds every hash of the recording."""
         return self.hashes[-1] if len(self.hashes) >= SMALLEST else (1 << BITS) - 1
 
 

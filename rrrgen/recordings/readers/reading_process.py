@@ -114,7 +114,7 @@ class _Watch:
         faulthandler.cancel_dump_traceback_later()
 
     def each(self, blocks: Iterator[Array]) -> Iterator[Array]:
-        """Iterate over ``blocks`` with a time limit on reading each one; the time of the parent between blocks is free."""
+        """Iterate over ``blocks`` with a time limit on reading each one; the time between the reads is not limited."""
         while True:
             with self:
                 block = next(blocks, None)

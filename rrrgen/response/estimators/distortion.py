@@ -63,9 +63,9 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
 
 
 def _relative_quantile(ratio: Array, share: float, dof: int) -> float:
-    """Quantile (at ``share``) of squared errors over variances, relative to that of the distribution F(2, 2 dof).
+    """The quantile at ``share`` of ``ratio``, squared errors over their variances, divided by that of F(2, 2 dof).
 
-    It is 1 for noise alone.
+    F(2, 2 dof) is the distribution for noise alone, so that the result is 1 for noise alone.
     """
     from scipy.stats import f as f_distribution
 
@@ -73,7 +73,10 @@ def _relative_quantile(ratio: Array, share: float, dof: int) -> float:
 
 
 def _scatter(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Array, Array]:
-    """Distances of the lines from a smooth curve: squared, over the noise variance (L,), and relative to P (L,)."""
+    r"""Distances of the lines from a smooth curve through their neighbours, as two arrays (L,).
+
+    The first are squared and divided by the variance of the noise, the second relative to \|P\|.
+    """
     shape = P * lines.frequency**2  # without the slope of a double integrator
     spread = variance * lines.frequency**4
     index = np.arange(NEIGHBOURS, len(P) - NEIGHBOURS)

@@ -90,8 +90,8 @@ def _window(
 ) -> tuple[Complex, Array, Array, Array]:
     """Fit polynomials in windows of 2m+1 lines; returns four arrays, one entry per window.
 
-    They are the value in the middle by order 2, its variance, the squared difference from the value by order 4 (the
-    bias), and the variance of that difference.
+    They are the value of the polynomial of order 2 in the middle of the window, its variance, the squared difference
+    from the polynomial of order 4 there (the bias), and the variance of that difference.
     """
     position = (f - f[:, m : m + 1]) / (f[:, -1:] - f[:, :1]) * 2.0
     if float(np.max(np.ptp(position, axis=0))) < EVENLY:

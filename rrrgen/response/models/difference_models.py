@@ -247,7 +247,11 @@ def continued_run(equation: Equation, u: Array, y: Array, start: int, begin: int
 
 
 def plant_of_loop(a: Array, b: Array, delay: int, controller: Controller) -> tuple[Array, Array]:
-    """The plant P in ``T = P/(1 + C P)`` from T by n to q: ``P = T/(1 - C T) = B D/(A D - N B)`` for C = N/D."""
+    """The plant P of a loop whose response T from n to q is ``T = B/A = P/(1 + C P)``, with the controller C = N/D.
+
+    ``a``, ``b`` and ``delay`` are the coefficients of T. Returns those of ``P = T/(1 - C T) = B D/(A D - N B)``, which
+    has the same delay.
+    """
     N, D = np.array(controller.numerator), np.array(controller.denominator)
     A, B = np.concatenate([[1.0], -a]), np.concatenate([np.zeros(delay), b])
     left, right = np.convolve(A, D), np.convolve(N, B)

@@ -58,7 +58,10 @@ def root(w2: float, size: float, settings: Settings) -> Roots:
 
 
 def cosine(k: float, w2: float, settings: Settings) -> Roots:
-    """Solve cos(e) = k: returns k and w = sin(e) >= 0; at a double root k becomes the nearer of -1 and 1."""
+    """Solve cos(e) = k, for ``w2`` = 1 - k^2; returns k and w = sin(e) >= 0.
+
+    At a double root (w = 0) k becomes the nearer of -1 and 1.
+    """
     found = root(w2, 1.0, settings)
     return Roots(found.count, (copysign(1.0, k) if found.count == 1 else k, *found.values), found.flags)
 
