@@ -34,7 +34,7 @@ class LoopRecording:
     encoder to torque, is in samples; ``records`` says which torque was stored. The first ``warm`` samples are a
     warm-up, in which only the controller runs; the simulation then starts at the positions and speeds ``start`` (2n,).
     ``span`` is the time range (s) of the whole recording. ``lacks_feedforward`` tells that the controller uses a
-    feed-forward torque that was not recorded; it is zero then.
+    feed-forward torque that was not recorded and is taken as zero.
     """
 
     t: Array

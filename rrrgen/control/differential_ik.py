@@ -47,7 +47,11 @@ def steps(n: int) -> int:
 
 @dataclass(frozen=True)
 class Declaration:
-    """Interface of a C function written from a template, from which wrappers in other languages are generated."""
+    """Interface of a C function written from a template, from which wrappers in other languages are generated.
+
+    ``name`` is that of the function without the robot's prefix, ``inputs`` and ``data_outputs`` are its arguments in C
+    order; ``summary`` and ``formula`` describe what it computes, ``status`` what it returns.
+    """
 
     name: str
     inputs: tuple[Port, ...]

@@ -118,7 +118,7 @@ def plot_convergence(design: ExcitationDesign) -> Figure:
 
 
 def plot_information(design: ExcitationDesign, samples: int = 400) -> Figure:
-    """Plot the condition number of the regressor stacked over the instants up to time t, over t in one cycle."""
+    """Plot, over the time t in one cycle, the condition number of the regressor stacked over the instants up to t."""
     functions = ProblemFunctions(design.problem)
     t = np.arange(samples) * (design.trajectory.period / samples)
     W = functions.weighted(*design.trajectory.evaluate(t)).reshape(samples, design.problem.joints, -1)

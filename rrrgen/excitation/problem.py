@@ -61,7 +61,7 @@ class ExcitationProblem:
     rows of Y (1/standard deviation of each joint's torque), ``column_scales`` (b,) its columns (expected parameter
     sizes): the condition number depends on units, and these make the choice of units explicit. ``objective`` is
     evaluated at ``design_instants`` instants of a cycle, limits are checked every ``sample_period`` (s). A random start
-    uses the share ``start_amplitude`` of the limits.
+    uses the share ``start_amplitude`` of the limits; the solver makes at most ``max_iterations`` in each stage.
     """
 
     joints: int

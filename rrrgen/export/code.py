@@ -29,8 +29,10 @@ from rrrgen.runtime.derived_cache import recall
 class Code:
     """Emitted C code of a robot: ``files`` are headers and sources, ``programs`` the functions in them by name.
 
-    ``declared`` are functions in files of their own, ``<name>_<function>.h`` and ``.c``, which no program describes;
-    ``further`` are the words of :data:`rrrgen.robotfile.keys.EMIT` that the code holds besides the model.
+    ``identity`` is the hash of the robot with the version of rrrgen, ``dialect`` the way in which C is written,
+    ``plan`` the solver of the inverse kinematics. ``declared`` are functions written from templates, in files
+    ``<name>_<function>.h`` and ``.c`` of their own; ``further`` are the words of :data:`rrrgen.robotfile.keys.EMIT`
+    that the code holds besides the model.
     """
 
     model: DerivedModel

@@ -50,8 +50,9 @@ class Level:
 class Presliding:
     """Bristle parameters of the LuGre law measured at rest, each as (value, standard deviation) in SI.
 
-    ``sigma1`` and ``inertia`` are None if the recordings do not determine them. ``resonance`` is the frequency in Hz,
-    ``levels`` are the estimates at each amplitude of the excitation, ``notes`` warnings to the user.
+    ``sigma0`` is the stiffness, ``sigma1`` the damping of the bristles; ``sigma1`` and ``inertia`` are None if the
+    recordings do not determine them. ``resonance`` is the frequency in Hz, ``levels`` are the estimates at each
+    amplitude of the excitation, ``notes`` warnings to the user.
     """
 
     sigma0: tuple[float, float]

@@ -79,10 +79,11 @@ class JointScore:
 class Validation:
     """Result of a validation: scores, verdict, and the torque curves ``measured`` and ``predicted`` (N, n) at ``t``.
 
-    ``relative_error`` is that of the ``used`` (N, n) rows; ``scores`` also holds the errors on all rows and on
-    unfiltered torques. ``label`` states whether the data were held out; ``failures`` lists the thresholds missed, empty
-    if the model passes. ``tuning`` describes the filters, None if torques were compared as given; ``split`` the part of
-    the recordings that was scored.
+    ``joints`` are the scores joint by joint; ``relative_error`` is that of the ``used`` (N, n) rows;
+    ``indefinite_share`` is the share of random poses with an indefinite mass matrix, None if not tested. ``scores``
+    also holds the errors on all rows and on unfiltered torques. ``label`` states whether the data were held out;
+    ``failures`` lists the thresholds missed, empty if the model passes. ``tuning`` describes the filters, None if
+    torques were compared as given; ``split`` the part of the recordings that was scored.
     """
 
     joints: tuple[JointScore, ...]

@@ -27,7 +27,11 @@ SIGNALS: tuple[Signal, ...] = (
 
 @dataclass(frozen=True)
 class FileSource:
-    """One file of a recording and its format; whatever is None is detected by the reader."""
+    """One file ``path`` of a recording and its format; whatever is None is detected by the reader.
+
+    ``name`` is that in the mapping file; ``skip`` lines are left out before the header; ``comment`` begins a comment;
+    ``topic`` is that of a ROS recording.
+    """
 
     name: str
     path: Path
@@ -46,7 +50,8 @@ class FileSource:
 class Channel:
     """One column of a file and its conversion to SI: ``value = sign * (column - zero) * factor``.
 
-    ``wraps`` is the period, in column units, after which an encoder starts over; ``unit`` is kept for messages.
+    ``side`` says whether joint or motor is measured; ``wraps`` is the period, in column units, after which an encoder
+    starts over; ``limit`` is the declared torque limit, if any; ``unit`` is kept for messages.
     """
 
     file: str

@@ -25,11 +25,12 @@ class FrequencyResponse:
     """The response ``P`` (L,) of the plant, output over input, at ``frequency`` (L,) in Hz.
 
     ``band95`` (L,) is the radius of the circle around P that contains the true response with probability 95 %, relative
-    to \\|P\\|; ``variance`` (L,) that of the complex P; ``coherence`` (L,) the share of the output's power that is due
-    to the excitation (14.37); ``period`` the sampling period in s. ``independent`` is the share of the lines that do
-    not share data with others. ``findings`` are reasons not to trust the recording as a whole. ``dof`` are the complex
-    degrees of freedom of the variance, ``kernel`` (lags,) the correlation of lines that are 0, 1, .. apart (None:
-    independent); ``unsmoothed`` is the response before it was smoothed over lines, where it was.
+    to the magnitude of P; ``variance`` (L,) that of the complex P; ``coherence`` (L,) the share of the output's power
+    that is due to the excitation (14.37); ``period`` the sampling period in s. ``independent`` is the share of the
+    lines that do not share data with others. ``findings`` are reasons not to trust the recording as a whole. ``dof``
+    are the complex degrees of freedom of the variance, ``kernel`` (lags,) the correlation of lines that are 0, 1, ..
+    apart (None: independent); ``unsmoothed`` is the response before it was smoothed over lines, None if it was not.
+    ``method`` names the estimator; ``details`` holds the kind of excitation and the figures of the checks.
     """
 
     name: str

@@ -70,9 +70,11 @@ class SignalColumn:
 
 @dataclass(frozen=True)
 class ResponseFile:
-    """The contents of a response file; ``period`` is that of the excitation in s, None where the file states none.
+    """The contents of a response file: recorded ``files``, their ``time``, and the columns of the signals.
 
-    ``several`` says how several recordings differ: "realisations" of the excitation, which are averaged, or "postures".
+    ``input`` is u, ``output`` q, ``excitation`` n, None if it was not recorded; ``period`` is that of the excitation in
+    s, None where the file states none; ``controller`` is C(z), if known. ``several`` says how several recordings
+    differ: "realisations" of the excitation, which are averaged, or "postures".
     """
 
     files: tuple[FileSource, ...]

@@ -116,9 +116,10 @@ class PD:
 class ComputedTorque:
     """Computed torque ``tau = M u + c + g + tau_f`` with ``u = ddq_r - Kp e - Kd de + n``. Source: (14.34), (14.36).
 
-    ``kp`` (n,) in 1/s^2, ``kd`` (n,) in 1/s. ``friction`` is the friction model that the controller compensates, None
-    for no compensation. With ``along_reference``, the model is evaluated at ``q_r``, ``dq_r``, which keeps sensor noise
-    out of it; without ``feedforward``, ``ddq_r`` is left out of u.
+    M, c and g are those of the model ``body``; ``kp`` (n,) is in 1/s^2, ``kd`` (n,) in 1/s. ``friction`` is the
+    friction model that the controller compensates, None for no compensation. With ``along_reference``, the model is
+    evaluated at ``q_r``, ``dq_r``, which keeps sensor noise out of it; without ``feedforward``, ``ddq_r`` is left out
+    of u.
     """
 
     body: RigidBody

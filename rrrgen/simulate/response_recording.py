@@ -21,8 +21,9 @@ COLUMNS = ("t", "n", "u", "q", "q_r")
 
 @dataclass(frozen=True, eq=False)
 class LoopSignals:
-    """One recorded run of one joint: time, excitation, input, measured position and its reference, (N,) each.
+    """Signals of one joint in one recorded ``run``, (N,) each, of the loop ``u = n - C (q - q_r)``.
 
+    ``t`` is time, ``n`` the excitation, ``u`` the input, ``q`` the measured position and ``q_r`` its reference.
     ``clipped`` counts the torques of all joints that a limit has clipped.
     """
 

@@ -74,9 +74,9 @@ class ResponseRun:
 class ResponseDesign:
     """Designed frequency response experiment of one joint: its loop gains and the runs to be recorded.
 
-    ``joint`` counts from 0; ``period`` is the sampling period (s); ``signal`` is the kind of excitation and
-    ``signal_period`` its period in samples, None for noise. ``kp`` (n,) in 1/s^2 and ``kd`` (n,) in 1/s are the gains
-    of the position loops, (14.36).
+    ``robot`` is the name of the robot, ``joint_name`` that of the joint number ``joint`` (from 0). ``period`` is the
+    sampling period (s); ``signal`` is the kind of excitation and ``signal_period`` its period in samples, None for
+    noise. ``kp`` (n,) in 1/s^2 and ``kd`` (n,) in 1/s are the gains of the position loops, (14.36).
     """
 
     robot: str

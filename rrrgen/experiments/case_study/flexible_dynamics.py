@@ -38,8 +38,9 @@ class FlexibleSettings:
     """The elastic parts of the virtual robot and the experiment on joint 1.
 
     ``postures`` are joint positions in rad, the chapter's (a) and (b) first; ``rotor_inertia`` (kg m^2), ``stiffness``
-    (N m/rad) and ``damping`` (N m s/rad) of the joints; ``base`` frequency (Hz) and damping ratio; ``disturbance`` rms
-    of a torque that is not recorded (N m).
+    (N m/rad) and ``damping`` (N m s/rad) are those of the joints; ``base`` is the frequency (Hz) and damping ratio of
+    the base; ``disturbance`` is the RMS of a torque that is not recorded (N m); ``periods`` of the excitation are
+    recorded.
     """
 
     postures: tuple[tuple[float, ...], ...] = ((0.0, 0.0, np.pi / 2), (0.0, 0.0, 0.0), (0.0, 0.0, 2.6))

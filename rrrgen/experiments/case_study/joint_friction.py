@@ -42,7 +42,10 @@ class JointFrictionSettings:
 
 @dataclass(frozen=True, eq=False)
 class JointFriction:
-    """The result: the estimate, and the true parameters of the virtual robot."""
+    """The result of the friction experiment: the estimate ``found``, and the ``truth``.
+
+    ``truth`` maps names of friction parameters to their values in the virtual robot.
+    """
 
     found: FrictionEstimate
     truth: dict[str, float]

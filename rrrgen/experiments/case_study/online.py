@@ -31,9 +31,9 @@ KINDS: tuple[Kind, ...] = ("rls", "gradient")
 
 @dataclass(frozen=True, eq=False)
 class OnlineEstimates:
-    """Estimates ``p`` (points, p) of one estimator at times ``t`` (points,) in s.
+    """Estimates ``p`` (points, p) of the parameters ``names`` by the estimator ``kind``, at times ``t`` (points,) in s.
 
-    ``error`` (points,) is the norm of the torque error along the trajectory over that of the torque.
+    ``error`` (points,) is the norm of the torque error along the trajectory divided by that of the torque.
     """
 
     kind: Kind

@@ -28,7 +28,11 @@ TOLERANCE = 1e-8
 
 @dataclass(frozen=True)
 class _Block:
-    """Block of FMU variables of one kind with consecutive value references; ``start`` is the first of these."""
+    """A vector of FMU variables, such as ``q``, whose value references are consecutive and begin with ``start``.
+
+    ``values`` are the start values; ``descriptions`` and ``units`` have one entry for each variable; ``causality``,
+    ``variability`` and ``initial`` are the attributes of these names in FMI, equal for all.
+    """
 
     name: str
     start: int

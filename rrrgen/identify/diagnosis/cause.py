@@ -94,8 +94,9 @@ class Wording:
         return f"joint{'s' if len(joints) > 1 else ''} {', '.join(self.joints[i] for i in joints)}"
 
     def wrong_unit(self, signal: Signal, joints: Sequence[int], factor: float) -> Cause:
-        """The cause that the ``signal`` of ``joints`` was read in a wrong unit: it is ``factor`` times what was
-        read.
+        """The cause that the ``signal`` of ``joints`` was read in a wrong unit.
+
+        The true values are ``factor`` times those read.
         """
         units = [self._unit(signal, i, factor) for i in joints]
         read, told = (" and ".join(dict.fromkeys(column)) for column in zip(*units, strict=True))

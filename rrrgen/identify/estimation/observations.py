@@ -144,7 +144,7 @@ class Window:
     """A piece of a recording: rows are made of samples ``start`` to ``stop`` of ``part``; the others feed the filters.
 
     ``recording`` is the number of the recording, ``segment`` that of the uninterrupted stretch over all recordings.
-    ``period`` is that of the sampling, s; ``state`` is a sample of the part and the states of friction at it.
+    ``period`` is that of the sampling, s; ``state`` is a pair (sample of the part, states of friction there).
     """
 
     part: Part

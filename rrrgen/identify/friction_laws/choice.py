@@ -208,7 +208,12 @@ def fit_friction(
 
 @dataclass(frozen=True, eq=False)
 class _Problems:
-    """Builds the rows of the recordings for any choice of friction laws; all other columns are the same for each."""
+    """Builds the rows of ``recordings`` for any choice of friction laws; only the friction columns depend on the
+    choice.
+
+    ``processing`` holds the filters, ``terms`` are the drive terms to estimate, ``known`` is a torque that is
+    subtracted from the measured one, None for none.
+    """
 
     model: RigidModel
     recordings: Sequence[Recording]

@@ -77,8 +77,8 @@ def score_models(
     ``names`` are those of the models, ``torques(q, dq, ddq)`` computes their joint torques. For each part, the scores
     are those on the rows as fitted, on all rows, and on unfiltered torques at all samples; duplicates are left out.
     ``tuning`` holds the filters; ``columns`` is the width of the regressor, which bounds the size of the blocks;
-    ``known`` is a torque subtracted from the measured one; ``sliding`` the states of friction that ``torques`` takes as
-    a fourth argument; ``labels`` name the two parts.
+    ``known`` is a torque subtracted from the measured one; ``sliding`` computes the states of friction that ``torques``
+    takes as a fourth argument; ``labels`` name the two parts.
     """
     split = split or Split()
     filtered = RowMaker(torques, tuning.processing, columns, known, sliding)

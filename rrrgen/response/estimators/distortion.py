@@ -26,7 +26,10 @@ QUANTILE = 0.3  # share of the lines, those nearest to the smooth curve, that ar
 
 @dataclass(frozen=True)
 class Finding:
-    """One reason not to trust a response as a whole: its ``kind``, and the ``measure`` that exceeds its ``limit``."""
+    """One reason not to trust a response as a whole: its ``kind``, and the ``measure`` that exceeds its ``limit``.
+
+    ``message`` says so in words, for the user.
+    """
 
     kind: str
     measure: float
@@ -73,9 +76,9 @@ def _relative_quantile(ratio: Array, share: float, dof: int) -> float:
 
 
 def _scatter(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Array, Array]:
-    r"""Distances of the lines from a smooth curve through their neighbours, as two arrays (L,).
+    """Distances of the lines from a smooth curve through their neighbours, as two arrays (L,).
 
-    The first are squared and divided by the variance of the noise, the second relative to \|P\|.
+    The first are squared and divided by the variance of the noise, the second relative to the magnitude of P.
     """
     shape = P * lines.frequency**2  # without the slope of a double integrator
     spread = variance * lines.frequency**4

@@ -21,10 +21,11 @@ FASTEST = 2.0  # rad/s, rad/s^2 (m/s, m/s^2), largest speeds and accelerations o
 
 @dataclass(frozen=True)
 class SourceComparison:
-    """The result of a comparison: the largest differences of the tip's pose and of the torques at random states.
+    """The largest differences of tip poses and of torques between a robot file and its source, at random states.
 
-    ``pose`` is in m and in entries of the rotation matrix, relative to the reach if that is more than 1 m; ``torque``
-    is relative to the largest torque. A difference is None where it could not be computed, and ``reason`` says why.
+    ``library`` is the one that read the source. ``pose`` is in m and in entries of the rotation matrix, relative to the
+    reach if that is more than 1 m; ``torque`` is relative to the largest torque. A difference is None where it could
+    not be computed, and ``reason`` says why.
     """
 
     library: str = ""
