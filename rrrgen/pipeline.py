@@ -188,9 +188,9 @@ def _backends(
 
 
 def _beside(spec: RobotSpec, real: Real, checks: Sequence[Check]) -> tuple[dict[str, str], Sequence[Check]]:
-    """The C files of the inverse kinematics, and the checks of the self-test besides those of the model.
+    """The C files of the inverse kinematics, and all checks of the self-test other than those of the model.
 
-    These are ``checks`` and that of the inverse kinematics.
+    The latter are the given ``checks`` and the one of the inverse kinematics.
     """
     from rrrgen.backends.c.solver.checks import selftest
     from rrrgen.backends.c.solver.files import sources

@@ -118,9 +118,9 @@ class ProblemFunctions:
 class LimitedQuantity(NamedTuple):
     """One limited quantity ``name`` over m instants: its ``use`` (m,) is 1 at the limit.
 
-    ``joint`` is the number of the joint, or of the axis of the tip position, from 0.
-    ``polynomial`` is true if the quantity is the absolute value of a trigonometric polynomial of the degree of the
-    trajectory, so that its maximum between samples is bounded.
+    ``joint`` is the number of the joint, or of the axis of the tip position, from 0. ``polynomial`` is true if the
+    quantity is the absolute value of a trigonometric polynomial of the degree of the trajectory, so that its maximum
+    between samples is bounded.
     """
 
     name: str

@@ -51,8 +51,9 @@ def problem_of(experiment: Experiment, model: Any) -> ExcitationProblem:
 
 
 def writing_path(experiment: Experiment, model: Any) -> JointPath:
-    """Joint motion of the writing task, by closed-form inverse kinematics for up to three joints, else by Newton's
-    method.
+    """Joint motion of the writing task.
+
+    The inverse kinematics is in closed form for up to three joints, by Newton's method for more.
     """
     from rrrgen.ik.classify import plan
     from rrrgen.runtime.inverse_kinematics import load_solver
@@ -73,8 +74,7 @@ def simulate_motion(
     *,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> tuple[Any, Any]:
-    """Run the virtual robot along ``reference(t) -> (q, dq, ddq)`` for ``duration`` s; returns recording and
-    instruments.
+    """Run the virtual robot along ``reference(t) -> (q, dq, ddq)`` for ``duration`` s: (recording, instruments).
 
     Links, drive inertia, friction, encoders and torque limits are those of the robot file unless the experiment states
     others. Friction and torque limits of coupled motors remain in effect in addition to those that the experiment

@@ -26,8 +26,9 @@ InverseKinematics = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class WritingPlane:
-    """The writing window: ranges of ``x`` and ``z`` in the vertical plane at ``y``, m, base frame. Source: Fig.
-    14.3.
+    """The writing window: ranges of ``x`` and ``z`` in the vertical plane at ``y``, m, base frame.
+
+    Source: Fig. 14.3.
     """
 
     x: tuple[float, float] = (-0.25, 0.25)
@@ -83,8 +84,9 @@ class WritingTask:
 
 
 def _along(segment: Segment, u: Array, duration: float) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration in the plane, (m, 2) each, at fractions ``u`` (m,) of the segment's
-    duration.
+    """Position, velocity and acceleration in the plane, (m, 2) each, along a segment that takes ``duration`` (s).
+
+    ``u`` (m,) are fractions of the duration.
     """
     L, turn = segment.length, 2.0 * math.pi
     s = L * (u - np.sin(turn * u) / turn)

@@ -92,7 +92,10 @@ class Contact(NamedTuple):
 
 
 class ExternalLoad(NamedTuple):
-    """Wrench or force ``F`` (..., k), N, N m, its covariance ``P`` (..., k, k), and ``condition`` (...); k = 6 or 3."""
+    """Wrench or force on the robot: ``F`` (..., k) in N and N m, k = 6 for a wrench, 3 for a force.
+
+    ``P`` (..., k, k) is its covariance and ``condition`` (...) a condition number, large near singular configurations.
+    """
 
     F: NDArray[Any]
     P: NDArray[Any]

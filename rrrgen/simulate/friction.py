@@ -124,8 +124,9 @@ class MotorFriction:
         self.rate = self.joints.rate
 
     def torque(self, dq: Array, width: float = 0.0, load: Any = 0.0) -> Array:
-        """Friction torque (..., n) of joints and motors at the joint speeds ``dq`` (..., n), sgn smoothed over
-        ``width``.
+        """Friction torque (..., n) of joints and motors at the joint speeds ``dq`` (..., n).
+
+        sgn is smoothed over ``width``.
         """
         return np.asarray(self.joints.torque(dq, width, load) + self._motors(dq, width, load))
 

@@ -31,8 +31,9 @@ class Integrator(Protocol):
 
 
 def make_integrator(plant: Plant, steps: int = 2, tolerance: float = 1e-8) -> Integrator:
-    """Choose the integrator for ``plant``: ``steps`` Runge-Kutta steps per sample if rigid, else LSODA to
-    ``tolerance``.
+    """Choose the integrator for ``plant``: Runge-Kutta for a rigid one, otherwise LSODA.
+
+    ``steps`` are the Runge-Kutta steps per sample, ``tolerance`` is that of LSODA.
     """
     return StiffIntegrator(plant, tolerance) if plant.needs_stiff_solver else RigidIntegrator(plant, steps)
 

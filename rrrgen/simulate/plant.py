@@ -35,9 +35,7 @@ class Dynamics(Protocol):
         ...
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, beta: Array | None = None) -> Array:
-        """Joint torques ``M ddq + c + g`` (n,), N m (N), for base parameters ``beta`` (those of the robot file if
-        None).
-        """
+        """Joint torques ``M ddq + c + g`` (n,), N m (N), for base parameters ``beta`` (None: as in the robot file)."""
         ...
 
 
@@ -151,8 +149,9 @@ def _folded(program: Program, known: dict[Role, Array]) -> Program:
 
 @dataclass(frozen=True)
 class Plant:
-    """The simulated mechanics: rigid body, friction, optional flexible joints and base. Source: (14.6),
-    (14.11)-(14.14).
+    """The simulated mechanics: rigid body, friction, optional flexible joints and base.
+
+    Source: (14.6), (14.11)-(14.14).
     """
 
     body: RigidBody

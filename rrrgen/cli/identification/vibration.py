@@ -22,7 +22,7 @@ AGAINST = ("resonances", "antiresonances")
 
 
 def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> tuple[tuple[float, float], ...]:
-    """Parse the option ``--mode HZ:DAMPING``: a pair (frequency in Hz, damping ratio) for each."""
+    """Parse the option ``--mode HZ:DAMPING``, which may be repeated, to pairs (frequency in Hz, damping ratio)."""
     found = []
     for value in values:
         match = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*:\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*", value)

@@ -147,8 +147,7 @@ def residual_weights(estimate: Estimate, factors: JointFactors) -> Array:
 def weighted_least_squares(
     factors: JointFactors, names: Sequence[str], passes: int = 50, tolerance: float = RANK_TOLERANCE
 ) -> Estimate:
-    """Least squares weighted by the residual of every joint, ``w_j = 1 / sigma_j``, iterated until the weights
-    converge.
+    """Least squares weighted by the residual of every joint, ``w_j = 1 / sigma_j``, iterated to convergence of w.
 
     ``names`` are those of the p parameters; ``passes`` is the largest number of iterations (three are customary),
     ``tolerance`` that of the rank. The first estimate is unweighted. Raises :class:`DerivationError` if no parameter is

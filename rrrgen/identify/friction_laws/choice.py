@@ -208,8 +208,7 @@ def fit_friction(
 
 @dataclass(frozen=True, eq=False)
 class _Problems:
-    """Builds the rows of ``recordings`` for any choice of friction laws; only the friction columns depend on the
-    choice.
+    """Builds the rows of ``recordings`` for any choice of friction laws; all other columns stay the same.
 
     ``processing`` holds the filters, ``terms`` are the drive terms to estimate, ``known`` is a torque that is
     subtracted from the measured one, None for none.

@@ -213,8 +213,10 @@ def bridged(stretches: Sequence[Stretch]) -> list[Array]:
 
 
 def _cubic(before: Array, after: Array, gap: int) -> Array:
-    """``gap`` samples of a cubic between two stretches; end speeds are those of parabolas fitted to the last
-    samples.
+    """Positions in the ``gap`` samples between two stretches, interpolated by a cubic.
+
+    At its ends the cubic has the positions and speeds of the stretches; the speeds are those of parabolas fitted to the
+    samples next to the gap.
     """
     instants = np.arange(float(END_SAMPLES))[:, None] ** np.arange(3)
     slope = np.linalg.pinv(instants)[1]  # slope of the parabola at the first of its samples

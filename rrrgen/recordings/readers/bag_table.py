@@ -19,11 +19,11 @@ ROS = "a ROS recording"
 
 
 class BagTable:
-    """One JointState topic as a table: ``t`` (header stamp, s), ``position.<joint>``, ``velocity.<joint>``,
-    ``effort.<joint>``.
+    """One JointState topic of a ROS recording as a table with one row per message.
 
-    ``t`` counts from the first message. A message without a wanted joint, such as one of another publisher on the same
-    topic, is skipped.
+    The columns are ``t`` (header stamp, s, from the first message), ``position.<joint>``, ``velocity.<joint>`` and
+    ``effort.<joint>``. A message without a wanted joint, such as one of another publisher on the same topic, is
+    skipped.
     """
 
     def __init__(self, source: FileSource) -> None:

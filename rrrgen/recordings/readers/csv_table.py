@@ -58,8 +58,9 @@ class CsvTable:
         self.columns = tuple(names) if names else tuple(str(i + 1) for i in range(len(data[0])))
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
-        """Iterate over blocks of the wanted columns; raises InputError at an entry that is neither number nor
-        missing.
+        """Iterate over blocks (up to ``size`` rows, columns) of the ``wanted`` columns.
+
+        Raises :class:`InputError` at an entry that is neither a number nor missing.
         """
         places = [named_column(self.path, name, self.columns) for name in wanted]
         with self._open() as stream:

@@ -28,8 +28,9 @@ class Table(Protocol):
         ...
 
     def chunks(self, wanted: Sequence[str | int], size: int) -> Iterator[Array]:
-        """Iterate over blocks of the ``wanted`` columns (by name or number), each (up to ``size`` rows,
-        len(wanted)).
+        """Iterate over blocks of the ``wanted`` columns (by name or number), up to ``size`` rows at a time.
+
+        Each block has the shape (rows, len(wanted)).
         """
         ...
 
@@ -68,8 +69,9 @@ def bytes_of(path: Path) -> int:
 
 
 def seconds_for(path: Path) -> float:
-    """Time limit (s) for reading one block: a minute (or ``$RRRGEN_READ_SECONDS``) plus a second per 20 MB of the
-    file.
+    """Time limit (s) for reading one block of the file ``path``.
+
+    It is a minute (or ``$RRRGEN_READ_SECONDS``) plus a second per 20 MB of the file.
     """
     try:
         patience = float(os.environ.get("RRRGEN_READ_SECONDS", ""))

@@ -77,7 +77,7 @@ def whole_periods(record: ResponseRecording, samples: int) -> tuple[Array, int]:
 def periodic_lines(record: ResponseRecording, samples: int) -> LineEstimates:
     """Estimate the responses from M >= 2 periods of ``samples`` samples, with T and noise from lines between harmonics.
 
-    Around harmonic k the lines ``kM + r`` with \\|r\\| from 1 to max(M - 1, 6), without the multiples of M, contain
+    Around harmonic k the lines ``kM + r`` with ``|r|`` from 1 to max(M - 1, 6), without the multiples of M, contain
     only the transient T and noise.
     """
     rows, M = whole_periods(record, samples)

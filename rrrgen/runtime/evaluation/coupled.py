@@ -183,7 +183,8 @@ class CoupledEvaluation:
     def _finished(self, rows: Sequence[Row], q_ref: Sequence[float] | None, wish: Wish) -> tuple[list[Row], bool]:
         """Solutions with their angles moved by full turns next to ``q_ref`` and within the limits if possible.
 
-        Their residuals are no longer squared. Also returns whether all were within the limits.
+        The squared residuals of the ``rows`` are replaced by their roots. Also returns whether all were within the
+        limits.
         """
         kept, every = [], True
         for row in rows:

@@ -203,8 +203,8 @@ class Call:
     def _finished(self, rows: Sequence[Row], reference: Sequence[float] | None) -> tuple[list[Row], bool]:
         """Solutions with their angles moved by full turns next to ``reference`` and within the limits if possible.
 
-        Their residuals are no longer squared; solutions outside the limits are left out or flagged. Also returns
-        whether all were within the limits.
+        The squared residuals of the ``rows`` are replaced by their roots; solutions outside the limits are left out or
+        flagged. Also returns whether all were within the limits.
         """
         kept, every = [], True
         for row in rows:

@@ -155,6 +155,7 @@ class PointFunctions(Calls):
 
     def position_nullspace(self, q: ArrayLike, damping: ArrayLike = 0.0, with_status: bool = False) -> Any:
         """Projection N on joint motions that keep the position of the tip, while its orientation may change.
+
         Args:
             q: joint positions, (..., n), rad or m.
             damping: 0 projects exactly; larger values keep N smooth through singularities.
