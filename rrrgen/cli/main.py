@@ -119,7 +119,7 @@ def _unwind_when_terminated() -> None:
 
 
 def _print_anything() -> None:
-    """Let the outputs write characters that they cannot encode as escapes; files on Windows need that."""
+    """Make the outputs write escapes for characters that their encoding lacks; files on Windows need that."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

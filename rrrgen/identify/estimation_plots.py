@@ -105,7 +105,7 @@ def plot_convergence(
 
 
 def plot_whiteness(whiteness: Sequence[Whiteness], joints: Sequence[str]) -> Figure:
-    """Autocorrelation of the residuals of every joint over the lag, with the 95 % band of white noise."""
+    """Plot the autocorrelation of the residuals of every joint over the lag, with the 95 % band of white noise."""
     figure, axes = new_figure(1, 1, height=3.0)
     for white, joint in zip(whiteness, joints, strict=True):
         lags = np.arange(1, len(white.autocorrelation) + 1)

@@ -28,12 +28,13 @@ Selection = Literal["moving", "all"]
 
 @dataclass(frozen=True)
 class Score:
-    """The error of one estimate on one set of rows: ``|tau - tau_model| / |tau|`` over all joints, and N m (N) RMS.
+    """The error of one estimate on one set of rows.
 
-    ``data`` states whether the rows were fitted, ``torque`` how they are filtered, ``rows`` whether slow ones are left
-    out (``moving``) or not (``all``). ``count`` rows are scored, a ``share`` of all rows of these data; rows with an
-    invalid torque never are. ``joint_rms``, ``joint_relative`` and ``joint_counts`` (n,) are the same joint by joint.
-    The errors are None if no row is left.
+    ``relative_error`` is ``|tau - tau_model| / |tau|`` over all joints, ``rms`` the root mean square of the error, N m
+    (N); ``joint_rms``, ``joint_relative`` and ``joint_counts`` (n,) are the same joint by joint. ``data`` states
+    whether the rows were fitted, ``torque`` how they are filtered, ``rows`` whether slow ones are left out (``moving``)
+    or not (``all``). ``count`` rows are scored, a ``share`` of all rows of these data; rows with an invalid torque
+    never are. The errors are None if no row is left.
     """
 
     estimate: str

@@ -79,7 +79,7 @@ def column_of(path: Path, name: str, array: Any, index: int | None) -> Any:
 
 
 class _Column:
-    """A lazily sliced column of an array in memory, memory-mapped, or in HDF5."""
+    """One column of an array in memory, memory-mapped, or in HDF5, of which only the rows asked for are read."""
 
     def __init__(self, array: Any, axis: int | None, index: int | None) -> None:
         self.array, self.axis, self.index = array, axis, index

@@ -141,7 +141,7 @@ def _between_harmonics(
 def _coefficient(e: Complex, s: Complex, dof: int) -> tuple[float, float]:
     """Estimate the real factor f in ``e = f s`` over windows (L, lines), weighted by their noise.
 
-    Returns f and f in standard deviations.
+    Returns f, and f divided by its standard deviation.
     """
     weight = dof / np.maximum(np.sum(np.abs(e) ** 2, axis=1), 1e-300)
     information = max(float(np.sum(weight * np.sum(np.abs(s) ** 2, axis=1))), 1e-300)
