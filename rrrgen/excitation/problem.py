@@ -26,8 +26,8 @@ class ExcitationLimits:
 
     ``speed``, ``acceleration`` and ``torque`` bound absolute values (rad/s or m/s, their rates, N m or N);
     ``position_lower`` and ``position_upper`` bound q; ``box_lower`` and ``box_upper`` (3,) bound the tip, base frame,
-    m, with ``None`` for a free coordinate. ``followers`` bound the positions of joints of a mechanism that have no
-    drive and follow several driven joints.
+    m, with ``None`` for a free coordinate. ``followers`` bound those rows of a mechanism's Denavit-Hartenberg table
+    whose displacement depends on several joint positions.
     """
 
     position_lower: tuple[float | None, ...] | None = None

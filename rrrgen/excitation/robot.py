@@ -31,9 +31,9 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
     """Build the excitation problem of a compiled robot (:class:`rrrgen.Model`), by default within its file's limits.
 
     Torque limits apply to the joint torques of the nominal model, drive inertia included; a Cartesian box bounds the
-    tip; joints of a mechanism that follow several driven joints stay within their range. ``settings`` are further
-    fields of ``ExcitationProblem``, such as ``harmonics`` or ``sample_period``. Raises InputError if torques are
-    limited but the robot file has no links, or for an inconsistent problem.
+    tip; rows of a mechanism whose displacement depends on several joint positions stay within their range. ``settings``
+    are further fields of ``ExcitationProblem``, such as ``harmonics`` or ``sample_period``. Raises InputError if
+    torques are limited but the robot file has no links, or for an inconsistent problem.
     """
     import casadi
 

@@ -131,7 +131,7 @@ def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
 
 
 def regrouping(model: DerivedModel) -> Table:
-    """The table of regrouping: the part of each standard parameter in the base parameters, and the reason."""
+    """The table of regrouping: how each standard parameter enters the base parameters, and why."""
     rows = tuple((item.parameter, item.formula, item.reason) for item in model.regrouping)
     return Table(("standard parameter", "regrouped into", "reason"), rows)
 

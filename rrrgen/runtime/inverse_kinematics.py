@@ -108,7 +108,7 @@ class _Evaluated:
         given: NDArray[np.float64] | None,
         bits: int,
     ) -> IKBatch:
-        """Solve for every target, one after the other or in one call of C."""
+        """Solve for every target, one after the other."""
         values = [0.0] * len(goals) if given is None else given.tolist()
         answers = [
             self.answer(goal, reference, value, bits, closest=False) for goal, value in zip(goals, values, strict=True)

@@ -191,7 +191,10 @@ def slides(friction: FrictionSpec | None) -> bool:
 
 
 def _owners(spec: Any) -> list[tuple[str, tuple[float, ...], tuple[float, ...], FrictionSpec | None]]:
-    """Suffix of the parameter names, direction (n,), load (n,) and friction of every joint and every coupled motor."""
+    """For every joint and every coupled motor: suffix of its parameter names, direction (n,), load (n,), friction.
+
+    The direction maps joint speeds to the sliding speed, the load maps joint torques to the torque transmitted.
+    """
     if spec is None:  # a model of equations alone
         return []
     found = []

@@ -130,9 +130,10 @@ class FreeJoints:
             wide.q, wide.residual = q, error
 
     def _shift(self, q: list[float], j: int) -> None:
-        """Move joint ``j`` of ``q`` to within its limits, in place.
+        """Move joint ``j`` of ``q`` to its reference, or to the nearest value within its limits, in place.
 
-        If another joint has the same axis, it turns by the same amount in return, within its own limits.
+        Unless the joint has no effect on the tip, another joint with the same axis turns back by the same amount,
+        within its own limits; if there is none, nothing moves.
         """
         import numpy as np
 
