@@ -341,7 +341,7 @@ class _Reader(Reader):
         return lambda node, what: self.quantity(node, what, table, bare, positive)
 
     def each(self, table: Mapping[str, float], bare: str) -> Take:
-        """Make a reader of one value per joint, each with a unit of ``table`` or, without one, in ``bare``."""
+        """Make a reader of one value per joint with a unit of ``table``; a number without a unit is in ``bare``."""
         return lambda node, what: self.per_joint(node, what, self.n, table, bare)
 
     def count(self, node: Node, what: str) -> int:

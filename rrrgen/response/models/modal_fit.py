@@ -66,7 +66,7 @@ class _Candidate:
         return max(1.0, float(np.median(self.costs)))
 
     def capped(self, scale: float) -> float:
-        """Sum of the costs of all lines in units of ``scale``, each limited to :data:`MOST_OF_A_LINE` of them."""
+        """Sum of the costs of the lines in units of ``scale``; a line counts for at most :data:`MOST_OF_A_LINE`."""
         return float(np.sum(np.minimum(self.costs / scale, MOST_OF_A_LINE)))
 
 

@@ -23,7 +23,7 @@ HIGHEST_ZERO = 0.8  # zeros above this share of half the sampling rate are due t
 
 @dataclass(frozen=True)
 class Resonance:
-    """Frequency and damping ratio of a mode with the poles ``exp(s T)`` and its conjugate, T the sampling period.
+    """Frequency and damping ratio of a mode with the pole ``exp(s T)`` and its conjugate, T the sampling period.
 
     ``frequency`` is ``|s|/(2 pi)`` in Hz, ``damping`` is ``-Re s/|s|``; ``frequency_std`` and ``damping_std`` are their
     standard deviations, None where the method gives none.

@@ -122,7 +122,8 @@ class ElasticFunctions(ControlLaws):
     ) -> Array:
         """Feed-forward of a motion of the links, and PD control of the rotors, where the encoders are.
 
-        ``tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d)``.
+        ``tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d)``, where theta_d are the
+        rotor positions and tau_l the torques of the links that belong to the desired motion.
 
         Args:
             theta: measured positions of the rotors, (..., n), rad or m.
