@@ -17,7 +17,8 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 class Controller:
     """The controller ``C(z) = (c_0 + c_1 z^-1 + ..)/(d_0 + d_1 z^-1 + ..)`` of the loop ``u = n - C(z) (q - q_r)``.
 
-    A PD controller with the backward difference of the position has ``c = [kp + kd/T, -kd/T]``, ``d = [1]``.
+    ``numerator`` holds the c_i, ``denominator`` the d_i. A PD controller with the gains kp and kd, the sampling period
+    T and the backward difference of the position has ``c = [kp + kd/T, -kd/T]``, ``d = [1]``.
     """
 
     numerator: tuple[float, ...]

@@ -137,10 +137,10 @@ class RigidIntegrator:
     def _decide(self, state: Array, tau: Array) -> None:
         """Set the direction of sliding (-1, 0 or 1) of every joint; a joint that sticks has the direction 0.
 
-        It is the sign of the speed or, for a joint at rest that starts to move, of its acceleration. The friction
-        torques f of the joints at rest solve ``a = M^-1 (tau - h - f)`` with ``h = c + g``, where f is within its
-        bounds if a = 0 and at the bound that opposes a otherwise: a box-constrained quadratic program, solved by
-        projected Gauss-Seidel.
+        Otherwise it is the sign of the speed or, for a joint at rest, of its acceleration. The friction torques f of
+        the joints at rest solve ``a = M^-1 (tau - h - f)`` with ``h = c + g``, where f is within its bounds if a = 0
+        and at the bound that opposes a otherwise: a box-constrained quadratic program, solved by projected
+        Gauss-Seidel.
         """
         q, dq = state[: self.n], state[self.n :]
         self.direction = np.sign(dq)

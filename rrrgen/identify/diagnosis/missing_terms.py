@@ -50,6 +50,6 @@ def missing_terms(
 
 
 def _clear(fit: Fit, columns: Sequence[int]) -> bool:
-    """Whether one of the coefficients differs from zero by more than CLEAR standard deviations."""
+    """Whether the coefficient of one of ``columns`` differs from zero by more than CLEAR standard deviations."""
     std = np.sqrt(np.maximum(np.diag(fit.covariance)[list(columns)], 0.0))
     return bool(np.any(np.abs(fit.theta[list(columns)]) > CLEAR * std))

@@ -66,15 +66,24 @@ class Split:
         return replace(self, guard=guard)
 
     def fitted(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Mask (N,) of the fitted instants among ``t`` (N,), for a recording from ``start`` of ``duration``, in s."""
+        """Mask (N,) of the fitted instants among ``t`` (N,), s.
+
+        The recording begins at ``start`` (s) and lasts ``duration`` (s).
+        """
         return self._first(t - start, duration) & ~self.between(t, start, duration)
 
     def scored(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Mask (N,) of the held-out instants among ``t`` (N,), for a recording from ``start`` of ``duration``, in s."""
+        """Mask (N,) of the held-out instants among ``t`` (N,), s.
+
+        The recording begins at ``start`` (s) and lasts ``duration`` (s).
+        """
         return ~self._first(t - start, duration) & ~self.between(t, start, duration)
 
     def between(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Mask (N,) of the instants among ``t`` (N,) that lie in a guard band."""
+        """Mask (N,) of the instants among ``t`` (N,), s, that lie in a guard band.
+
+        The recording begins at ``start`` (s) and lasts ``duration`` (s).
+        """
         since = np.asarray(t) - start
         if self.kind == "none" or self.guard == 0.0:
             return np.zeros(len(since), bool)
