@@ -6,7 +6,6 @@ import csv
 import json
 
 import numpy as np
-import pytest
 from click.testing import CliRunner
 from scipy.io import savemat
 
@@ -91,12 +90,6 @@ SEVEN = (
 
 WITHIN = 3.0
 """Standard deviations; seeds are fixed, so that the outcome is."""
-
-
-@pytest.fixture
-def no_figures(monkeypatch):
-    """Figures take a third of the time; those of the prismatic drive are drawn, and those of tests/identify."""
-    monkeypatch.setattr("rrrgen.runs.figures.save_figure", lambda figure, stem: [])
 
 
 def run(*arguments):

@@ -185,9 +185,9 @@ def _some(port: Port) -> Array:
 
 
 def _plausible(n: int) -> list[Array]:
-    """Standard parameters (10,) of ``n`` made-up links of decreasing mass, all non-zero, with M > 0.
+    """Standard parameters of ``n`` made-up links, (10,) each, none of them zero, for which M is positive definite.
 
-    The centre of mass of each link lies off all axes.
+    The mass decreases from link to link; the centre of mass of each link lies off all axes of its frame.
     """
     rows = []
     for i in range(n):

@@ -43,7 +43,7 @@ class PseudoInertia:
         return tuple(getattr(self, name) for name in ENTRIES)
 
     def matrix(self) -> Matrix:
-        """The symmetric 4x4 matrix J."""
+        """The pseudo-inertia as the symmetric 4x4 matrix J: second moments (3, 3), bordered by h (3,) and the mass."""
         J: Matrix = [[0] * 4 for _ in range(4)]
         for (r, c), value in zip(PLACES, self.entries(), strict=True):
             J[r][c] = J[c][r] = value
