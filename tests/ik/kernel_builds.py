@@ -23,7 +23,7 @@ ELIMINATION = {"general6r.c", "candidates6r.c", "aspect.c", "trig_roots.c"}
 
 
 COUPLED = {"coupling.c", "coupled.c"}
-OF_MECHANISMS = {*COUPLED, "order.c", "refine.c", "finish.c", "batch.c", "closest.c", "texts.c"}
+OF_MECHANISMS = {*COUPLED, "order.c", "refine.c", "finish.c", "descend.c", "solve.c", "batch.c", "closest.c", "texts.c"}
 
 
 def settings_header(spec, real: str = "double") -> str:

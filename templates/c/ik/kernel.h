@@ -191,7 +191,7 @@ int ik_sound(const ik_solutions *found, int rows);
 void ik_keep(const REAL *T, unsigned options, const ik_solutions *found, int i, ik_solutions *out);
 void ik_add(const REAL *T, unsigned options, const ik_solutions *found, int rows, ik_solutions *out);
 int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, ik_solutions *out);
-/* solve.c, or coupled.c; batch.c, closest.c, texts.c */
+/* solve.c; batch.c, closest.c, texts.c */
 ik_status robot_inverse_kinematics(
     const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
     ik_solutions *RESTRICT out);

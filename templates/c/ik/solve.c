@@ -1,6 +1,6 @@
 /* All solutions for one target. Needs all other kernels. */
 #include "kernel.h"
-#if NOMINAL_FIRST
+#if NOMINAL_FIRST && !COUPLED
 /* The answer with solutions that are known to be all. */
 LOCAL ik_status ik_answer(TARGET_PARAMETER const REAL *q_ref, unsigned options, ik_solutions *out)
 {
@@ -18,15 +18,20 @@ SHARED ik_status robot_inverse_kinematics(
 {
     static const REAL zero[JOINTS] = {(REAL)0};
     const REAL *const ref = q_ref ? q_ref : zero;
+#if COUPLED
+    chain_solutions found;
+    REAL T[TARGET], y[CHAIN_JOINTS];
+#else
     REAL T[TARGET];
 #if SINGLE
     ik_solutions *const found = out;
 #else
     ik_solutions candidates, *const found = &candidates;
 #endif
+#endif
     const ik_status status = ik_check(target, q_ref REDUNDANCY, T);
     int rows, i, outside;
-#if BANDED
+#if BANDED && !COUPLED
     unsigned near = 0u;
 #endif
     out->count = 0;
@@ -40,6 +45,14 @@ SHARED ik_status robot_inverse_kinematics(
         out->distance = (REAL)-1;
         return IK_UNREACHABLE;
     }
+#if COUPLED
+    ik_follow(ref, y);
+    (void)chain_solve(target, y REDUNDANCY, options & (unsigned)IK_RESIDUAL, &found);
+    rows = found.count;
+    for (i = 0; i < rows; ++i) {
+        ik_couple(T, options, &found, i, out);
+    }
+#else
 #if NOMINAL_FIRST
     rows = ik_nominal_first(T, ref REDUNDANCY, found, out);
     if (rows > 0) {
@@ -90,13 +103,18 @@ SHARED ik_status robot_inverse_kinematics(
         }
     }
 #endif
+#endif
     outside = !ik_finish(TARGET_FIRST q_ref, options, out);
     if (out->count == 0 && !outside) {
+#if COUPLED
+        out->stage = rows > 0 ? UNFIT_STAGE : found.stage;
+#else
         if (rows > 0) { /* candidates may stem from slightly negative discriminants: find the stage that failed */
             out->stage = 0;
             rows = ik_branches(T, ref REDUNDANCY, (REAL)0, IK_TOL_FREE NO_BAND, found, &out->stage);
             out->stage = rows > 0 ? CHECK_STAGE : out->stage;
         }
+#endif
         out->count = rows = ik_descend(T, ref REDUNDANCY, out);
         (void)ik_finish(TARGET_FIRST ref, options, out);
         outside = rows > 0;

@@ -13,7 +13,7 @@ from rrrgen.ik.coupling import Coupling
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.plan import SolverPlan
 
-KERNELS = ("coupling", "order", "refine", "finish", "coupled", "batch", "closest", "texts")
+KERNELS = ("coupling", "order", "refine", "finish", "coupled", "descend", "solve", "batch", "closest", "texts")
 """The kernels that a mechanism has in addition to those of its chain, in the order in which they are emitted."""
 
 
