@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.calibrate.geometry import Entry, Geometry
-from rrrgen.calibrate.measurements import Measurements, observed
+from rrrgen.calibrate.geometry import RIGID, ROW, Entry, Geometry, rotation_vectors
+from rrrgen.calibrate.measurements import Measurements
 from rrrgen.calibrate.minimal_set import MinimalSet, minimal_set
 from rrrgen.errors import DerivationError
 
@@ -55,8 +55,8 @@ def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False) -
     gives outliers no weight. Raises :class:`DerivationError` if there are fewer measured numbers than parameters, or if
     the poses do not determine the parameters.
     """
-    chosen = minimal_set(nominal, measured.kind)
-    start = _aligned(nominal, measured)
+    start = measured.with_fixtures(_aligned(nominal, measured))
+    chosen = minimal_set(start, measured)
     count = measured.residuals(start).size
     if count <= len(chosen.kept):
         raise DerivationError(
@@ -75,7 +75,7 @@ def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False) -
             geometry = following
             if moved < 1e-9:
                 break
-    return _judged(nominal, geometry, measured, chosen, weights)
+    return _judged(measured.with_fixtures(nominal), geometry, measured, chosen, weights)
 
 
 _MEDIAN = {1: 1.0, 3: 1.538 * 1.4826, 6: 2.313 * 1.4826}
@@ -120,7 +120,7 @@ def _system(
 
     The weights are those of the measured components times the root of ``weights`` (N,), those of the measurements.
     """
-    J = observed(measured.kind, geometry, measured.q, geometry.jacobian(measured.q, entries))
+    J = measured.jacobian(geometry, entries)
     scale = measured.weights[None, :] * np.sqrt(weights)[:, None]
     return (J * scale[..., None]).reshape(-1, len(entries)), (measured.residuals(geometry) * scale).ravel()
 
@@ -171,7 +171,7 @@ def _judged(
         change=_changes(nominal, geometry, chosen.kept),
         deviation=np.sqrt(np.diag(covariance)),
         residuals=residuals,
-        before=measured.residuals(_aligned(nominal, measured)),
+        before=measured.residuals(measured.with_fixtures(_aligned(nominal, measured))),
         weights=weights,
         chi2_per_dof=squares / max(dof, 1),
         condition=condition,
@@ -181,14 +181,24 @@ def _judged(
 
 def _changes(nominal: Geometry, geometry: Geometry, entries: tuple[Entry, ...]) -> Array:
     """Estimated minus nominal values of the parameters (p,); for base and tool relative to the nominal pose."""
-    from rrrgen.calibrate.geometry import RIGID, ROW, rotation_vectors
+    moved = {"base": _step(nominal.base, geometry.base), "tool": _step(nominal.tool, geometry.tool)}
+    touched = [after.change_from(start) for start, after in zip(nominal.fixtures, geometry.fixtures, strict=True)]
+    rows, gains = geometry.rows - nominal.rows, None
+    if geometry.gains is not None and nominal.gains is not None:
+        gains = geometry.gains - nominal.gains
 
-    def step(before: Array, after: Array) -> Array:
-        T = np.linalg.solve(before, after)
-        return np.concatenate([T[:3, 3], rotation_vectors(T[None, :3, :3])[0]])
+    def change(entry: Entry) -> float:
+        if entry.place == "row":
+            return float(rows[entry.row, ROW.index(entry.key)])
+        if entry.place == "gain" and gains is not None:
+            return float(gains[entry.row])
+        if entry.place == "fixture":
+            return touched[entry.row][entry.key]
+        return float(moved[entry.place][RIGID.index(entry.key)])
 
-    moved = {"base": step(nominal.base, geometry.base), "tool": step(nominal.tool, geometry.tool)}
-    rows = geometry.rows - nominal.rows
-    return np.array(
-        [rows[e.row, ROW.index(e.key)] if e.place == "row" else moved[e.place][RIGID.index(e.key)] for e in entries]
-    )
+    return np.array([change(entry) for entry in entries])
+
+
+def _step(before: Array, after: Array) -> Array:
+    T = np.linalg.solve(before, after)
+    return np.concatenate([T[:3, 3], rotation_vectors(T[None, :3, :3])[0]])

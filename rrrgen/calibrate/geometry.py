@@ -3,7 +3,8 @@
 ``T(q) = base  prod_i Rz(theta_i + q_i) Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i)  tool``, with d_i + q_i for a prismatic
 joint. The twist after the last joint is part of the tool. ``beta_i`` is zero in a Denavit-Hartenberg table; it is a
 parameter where the axes i and i+1 are parallel. When such axes tilt a little, their common perpendicular, and with it
-d, jumps by metres, while beta is as small as the tilt (Hayati 1983).
+d, jumps by metres, while beta is as small as the tilt (Hayati 1983). With gains, ``g_j q_j`` stands for q_j: errors of
+gear ratios and scales. Fixtures, such as a plane that the tip touches, are part of the geometry too.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.calibrate.fixtures import KEYS, Fixture
 from rrrgen.errors import DerivationError
 from rrrgen.model.dh_rows import dh_rows
 from rrrgen.robotfile.robot_spec import FixedTransform, RobotSpec
@@ -25,24 +27,35 @@ RIGID = ("x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True)
 class Entry:
-    """One geometric parameter: its ``place`` (base, row, tool), the number of the ``row`` (from 0), and its ``key``.
+    """One geometric parameter: its ``place`` (base, row, tool, gain, fixture), its ``key``, and a number (from 0).
 
-    ``key`` is an entry of ``ROW`` or ``RIGID``. Lengths are in m, angles in rad.
+    ``key`` is an entry of ``ROW``, ``RIGID`` or ``fixtures.KEYS``, or "gain"; ``row`` counts the rows of the table, the
+    joints of gains, or the fixtures, of which one is called ``fixture``.
     """
 
     place: str
     key: str
     row: int = -1
+    fixture: str = ""
 
     @property
     def name(self) -> str:
-        """The name of the parameter, such as ``base_rz``, ``alpha2``, ``tool_x``; rows are counted from 1."""
-        return f"{self.key}{self.row + 1}" if self.place == "row" else f"{self.place}_{self.key}"
+        """The name, such as ``base_rz``, ``alpha2``, ``gain3``, ``table_tilt1``; rows and joints are counted from 1."""
+        if self.place in ("row", "gain"):
+            return f"{self.key}{self.row + 1}"
+        return f"{self.fixture or self.place}_{self.key}"
+
+    @property
+    def unit(self) -> str:
+        """The unit of the parameter: m, rad, or 1 for gains."""
+        if self.is_angle:
+            return "rad"
+        return "1" if self.place == "gain" else "m"
 
     @property
     def is_angle(self) -> bool:
         """Whether the unit is rad."""
-        return self.key in ("theta", "alpha", "beta", "rx", "ry", "rz")
+        return self.key in ("theta", "alpha", "beta", "rx", "ry", "rz", "tilt1", "tilt2")
 
 
 @dataclass(frozen=True)
@@ -51,6 +64,7 @@ class Geometry:
 
     ``rows`` (n, 5) are theta, d, a, alpha, beta in rad and m, ``revolute`` tells which rows turn and which slide. Each
     row moves by its joint position q or, in a mechanism, by ``coupling q`` with the matrix ``coupling`` (n, joints).
+    With ``gains`` (joints,), which are then parameters, q is multiplied by them. ``fixtures`` are what is touched.
     """
 
     base: Array
@@ -58,6 +72,8 @@ class Geometry:
     tool: Array
     revolute: tuple[bool, ...]
     coupling: Array | None = None
+    gains: Array | None = None
+    fixtures: tuple[Fixture, ...] = ()
 
     @property
     def n(self) -> int:
@@ -69,14 +85,21 @@ class Geometry:
         """Number of measured joint positions q; in a mechanism there are fewer of them than rows."""
         return self.n if self.coupling is None else int(self.coupling.shape[1])
 
+    def with_gains(self) -> Geometry:
+        """A copy whose gains are parameters, 1 to begin with."""
+        return replace(self, gains=np.ones(self.joints))
+
     def entries(self) -> list[Entry]:
         """List every parameter that measurements may determine.
 
-        Where several have the same effect on the tip, only the first of them in this order is estimated.
+        Where several have the same effect on the measurements, only the first of them in this order is estimated.
+        Fixtures stand before the base, which stays where it is if they are all unknown.
         """
         between = range(self.n - 1)
         parallel = [i for i in between if self.is_parallel(i)]
-        found = [Entry("base", key) for key in RIGID] + [Entry("tool", key) for key in RIGID]
+        found = [Entry("fixture", key, k, each.name) for k, each in enumerate(self.fixtures) for key in KEYS[each.kind]]
+        found += [Entry("base", key) for key in RIGID] + [Entry("tool", key) for key in RIGID]
+        found += [Entry("gain", "gain", j) for j in range(self.joints if self.gains is not None else 0)]
         found += [Entry("row", "beta", i) for i in parallel]
         found += [Entry("row", key, i) for key in ("a", "alpha", "theta", "d") for i in between]
         return found + [Entry("row", key, self.n - 1) for key in ("theta", "d")]
@@ -95,6 +118,7 @@ class Geometry:
         For each row these are the frames before the joint's screw along z, before the twist along x, and before beta
         about y.
         """
+        q = q if self.gains is None else q * self.gains
         q = q if self.coupling is None else q @ self.coupling.T
         T = np.broadcast_to(self.base, (len(q), 4, 4))
         frames = []
@@ -112,36 +136,60 @@ class Geometry:
     def jacobian(self, q: Array, entries: Sequence[Entry]) -> Array:
         """Derivative (N, 6, p) of the tip's position (m) and orientation (rotation vector) in the world frame."""
         frames = self._frames(q)
-        tip = frames[-1]
         J = np.zeros((len(q), 6, len(entries)))
         for k, entry in enumerate(entries):
-            frame = _frame_of(entry, frames)
-            axis = _AXES[entry.key]
-            direction = frame[:, :3, axis]
-            if entry.is_angle:
-                J[:, 3:, k] = direction
-                J[:, :3, k] = np.cross(direction, tip[:, :3, 3] - frame[:, :3, 3])
-            else:
-                J[:, :3, k] = direction
+            if entry.place == "gain":
+                J[:, :, k] = self._by_drive(frames, entry.row) * q[:, entry.row, None]
+            elif entry.place != "fixture":
+                J[:, :, k] = _twist_of(entry, frames)
         return J
+
+    def by_joints(self, q: Array) -> Array:
+        """Derivative (N, 6, joints) of the tip's position and orientation by the joint positions ``q`` (N, joints)."""
+        frames = self._frames(q)
+        gains = np.ones(self.joints) if self.gains is None else self.gains
+        return np.stack([self._by_drive(frames, j) * gains[j] for j in range(self.joints)], axis=2)
+
+    def _by_drive(self, frames: list[Array], j: int) -> Array:
+        """Derivative (N, 6) of the tip by the position of drive ``j``, as its gain has scaled it."""
+        factors = np.eye(self.n)[:, j] if self.coupling is None else self.coupling[:, j]
+        keys = ["theta" if turns else "d" for turns in self.revolute]
+        moving = [(factor, Entry("row", keys[i], i)) for i, factor in enumerate(factors) if factor != 0]
+        return np.asarray(sum(factor * _twist_of(entry, frames) for factor, entry in moving))
 
     def moved(self, entries: Sequence[Entry], step: Array) -> Geometry:
         """A copy with ``step`` (p,) added to the parameters ``entries``, in m and rad.
 
         Base and tool move along and about the axes of their own frames.
         """
-        rows = self.rows.copy()
+        rows, gains = self.rows.copy(), None if self.gains is None else self.gains.copy()
         change = {"base": np.zeros(6), "tool": np.zeros(6)}
+        touched: list[dict[str, float]] = [{} for _ in self.fixtures]
         for entry, value in zip(entries, step, strict=True):
             if entry.place == "row":
                 rows[entry.row, ROW.index(entry.key)] += value
+            elif entry.place == "fixture":
+                touched[entry.row][entry.key] = float(value)
+            elif gains is not None and entry.place == "gain":
+                gains[entry.row] += value
             else:
                 change[entry.place][RIGID.index(entry.key)] += value
-        return replace(self, rows=rows, base=self.base @ rigid(change["base"]), tool=self.tool @ rigid(change["tool"]))
+        base, tool = self.base @ rigid(change["base"]), self.tool @ rigid(change["tool"])
+        fixtures = tuple(each.moved(by) for each, by in zip(self.fixtures, touched, strict=True))
+        return replace(self, rows=rows, base=base, tool=tool, gains=gains, fixtures=fixtures)
 
 
 _AXES = {"theta": 2, "d": 2, "a": 0, "alpha": 0, "beta": 1} | {key: "xyz".index(key[-1]) for key in RIGID}
 _PLACES = {"theta": 0, "d": 0, "a": 1, "alpha": 1, "beta": 2}
+
+
+def _twist_of(entry: Entry, frames: list[Array]) -> Array:
+    """Derivative (N, 6) of the tip by a parameter of base, row or tool: a turn about, or a shift along, an axis."""
+    frame, tip = _frame_of(entry, frames), frames[-1]
+    axis = frame[:, :3, _AXES[entry.key]]
+    if entry.is_angle:
+        return np.concatenate([np.cross(axis, tip[:, :3, 3] - frame[:, :3, 3]), axis], axis=1)
+    return np.concatenate([axis, np.zeros_like(axis)], axis=1)
 
 
 def _frame_of(entry: Entry, frames: list[Array]) -> Array:

@@ -1,21 +1,23 @@
-"""Reader of CSV files of measurements: a column per joint, and columns of a pose, a point, a distance or a height.
+"""Reader of CSV files of measurements: a column per joint, and columns of what was measured.
 
 The header names the joints (or q1, q2, ...) and the measured quantities: ``x y z`` alone, with ``qw qx qy qz`` or with
-``roll pitch yaw``; ``distance``; or ``height``. A unit may follow in brackets, as in ``x [mm]``, ``q1 [deg]``; the
-default is m and rad.
+``roll pitch yaw``; ``distance``; ``height``, along z or ``nx ny nz``; or a fixture by its name: ``plane``, touched or
+with the ``height`` over it, ``contact``, a touched point, or ``wire`` with ``distance``. A unit may follow, as in
+``x [mm]``, ``q1 [deg]``; the default is m and rad.
 """
 
 from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.calibrate.measurements import Kind, Measurements
+from rrrgen.calibrate.measurements import FIXTURES, Kind, Measurements
 from rrrgen.errors import Fault, InputError
 from rrrgen.yamltext.document import MAX_BYTES, decode
 from rrrgen.yamltext.suggest import did_you_mean
@@ -23,13 +25,20 @@ from rrrgen.yamltext.suggest import did_you_mean
 UNITS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3}
 POSITION = ("x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
+NORMAL = ("nx", "ny", "nz")
 ANGLES = ("roll", "pitch", "yaw")
-UNIT_NORM = 1e-3  # largest error of a quaternion's length; others were cut short or are no quaternions
+UNIT_NORM = 1e-3  # largest error of the length of a quaternion or normal; others were cut short or are none
+NAME = re.compile(r"[\w-]{1,40}")
 FORMS: tuple[tuple[Kind, tuple[str, ...]], ...] = (
     ("pose", (*POSITION, *QUATERNION)),
     ("pose", (*POSITION, *ANGLES)),
     ("point", POSITION),
+    ("plane", ("plane", "height")),
+    ("plane", ("plane",)),
+    ("contact", ("contact",)),
+    ("wire", ("wire", "distance")),
     ("distance", ("distance",)),
+    ("height", (*NORMAL, "height")),
     ("height", ("height",)),
 )
 
@@ -50,14 +59,24 @@ def read_measurements(path: Path, joints: Sequence[str], sigma: float, sigma_ang
         for name in names
         if name not in known
     ]
-    values = _numbers(lines[1:], places[1:], len(names), path, faults)
+    words = names.index(kind) if kind in FIXTURES else None
+    values = _numbers(lines[1:], places[1:], len(names), path, faults, words)
     if faults:
         raise InputError(faults)
     table: Array = values * factors
     q, data = table[:, columns], table[:, [names.index(name) for name in wanted]]
     if kind == "pose":
         return Measurements(kind, q, _poses(data, places[1:], path), sigma, sigma_angle)
-    return Measurements(kind, q, data if kind == "point" else data[:, 0], sigma, sigma_angle)
+    if kind == "point":
+        return Measurements(kind, q, data, sigma, sigma_angle)
+    if words is None:
+        normals = _units(data[:, :3], places[1:], path) if wanted[0] == "nx" else None
+        return Measurements(kind, q, data[:, -1], sigma, sigma_angle, normals)
+    labels = [line[words] for line in lines[1:]]
+    fixtures = tuple(dict.fromkeys(labels))
+    numbers = np.array([fixtures.index(label) for label in labels])
+    lengths = data[:, 1] if len(wanted) > 1 else np.zeros(len(q))
+    return Measurements(kind, q, lengths, sigma, sigma_angle, fixture=numbers, names=fixtures)
 
 
 def _lines(path: Path) -> tuple[list[list[str]], list[int]]:
@@ -118,13 +137,22 @@ def _allowed(joints: Sequence[str]) -> str:
     return f"columns are {' '.join(joints)} and one of: {forms}".replace("are  and", "are those of the joints and")
 
 
-def _numbers(rows: list[list[str]], places: list[int], count: int, path: Path, faults: list[Fault]) -> Array:
+def _numbers(
+    rows: list[list[str]], places: list[int], count: int, path: Path, faults: list[Fault], words: int | None
+) -> Array:
+    """Read the numbers (N, count) of all rows; 0 in the column ``words``, which holds names."""
     values = np.zeros((len(rows), count))
     for k, (row, line) in enumerate(zip(rows, places, strict=True)):
         if len(row) != count:
             faults.append(Fault(str(path), line, 1, f"{len(row)} values instead of {count}", hint="as in the header"))
             continue
         for j, word in enumerate(row):
+            if j == words:
+                if not NAME.fullmatch(word):
+                    column = sum(len(each) + 1 for each in row[:j]) + 1
+                    message = f"'{word[:30]}' is no name of what was touched"
+                    faults.append(Fault(str(path), line, column, message, hint="letters, digits, _ and -"))
+                continue
             try:
                 values[k, j] = float(word)
             except ValueError:
@@ -133,6 +161,16 @@ def _numbers(rows: list[list[str]], places: list[int], count: int, path: Path, f
                 column = sum(len(each) + 1 for each in row[:j]) + 1
                 faults.append(Fault(str(path), line, column, f"'{word[:30]}' is not a number"))
     return values
+
+
+def _units(data: Array, places: list[int], path: Path) -> Array:
+    """Check unit vectors (N, 3) and bring them to the length one."""
+    sizes = np.linalg.norm(data, axis=1)
+    for size, line in zip(sizes, places, strict=True):
+        if abs(size - 1) > UNIT_NORM:
+            message = f"the direction nx ny nz has the length {size:.6g}"
+            raise InputError([Fault(str(path), line, 1, message, hint="a unit vector, along which heights count")])
+    return np.asarray(data / sizes[:, None])
 
 
 def _poses(data: Array, places: list[int], path: Path) -> Array:

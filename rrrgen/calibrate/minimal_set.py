@@ -2,8 +2,10 @@
 
 The derivative of the measurement by every parameter is stacked over random joint positions. A parameter whose column is
 a linear combination of those before it has the same effect as these together, and is left out. Since the positions are
-generic, no choice of poses can determine more parameters. The set is refused unless dependent and independent columns
-are clearly apart: their remainders must be below ``DEPENDENT`` or above ``INDEPENDENT``.
+generic, no choice of poses can determine more parameters. The positions are moved until the computed measurements are
+those of the file, wherever there are enough joints: an arm that touches one point, or one unknown plane, in all its
+poses does not see its own size, though at other positions it would. The set is refused unless dependent and independent
+columns are clearly apart: their remainders must be below ``DEPENDENT`` or above ``INDEPENDENT``.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.calibrate.geometry import Entry, Geometry
-from rrrgen.calibrate.measurements import Kind, observed
+from rrrgen.calibrate.measurements import COUNT, Kind, Measurements, Numbers
 from rrrgen.errors import DerivationError
 
 POSES = 120
@@ -22,6 +24,9 @@ SEED = 1
 DEPENDENT = 1e-9  # largest remainder of a dependent column, as a share of its length: rounding errors are smaller
 INDEPENDENT = 1e-5  # least remainder of an independent column, as a share of its length; angles in rad, lengths in m
 SHOWN = 1e-6
+ON_VALUE = 1e-13  # of the reach: how near moved positions come to the measured values
+STEPS = 60
+LONGEST = 0.3  # rad or m, of one joint in a Newton step
 
 
 @dataclass(frozen=True)
@@ -35,15 +40,15 @@ class MinimalSet:
     left_out: dict[str, str]
 
 
-def minimal_set(geometry: Geometry, kind: Kind) -> MinimalSet:
-    """Find the parameters of ``geometry`` that measurements of ``kind`` determine.
+def minimal_set(geometry: Geometry, measured: Measurements | Kind) -> MinimalSet:
+    """Find the parameters of ``geometry`` that the measurements, or any of that kind, determine.
 
-    Raises :class:`DerivationError` where that cannot be decided, because some axes are nearly but not quite parallel.
+    Raises :class:`DerivationError` where that cannot be decided, because some axes are nearly but not quite parallel,
+    and where the robot reaches hardly any of the measured values.
     """
     entries = geometry.entries()
-    random = np.random.default_rng(SEED)
-    q = random.uniform(-np.pi, np.pi, (POSES, geometry.joints))
-    J = observed(kind, geometry, q, geometry.jacobian(q, entries)).reshape(-1, len(entries))
+    sample = _sample(geometry, measured)
+    J = sample.jacobian(geometry, entries).reshape(-1, len(entries))
     kept: list[int] = []
     left_out: dict[str, str] = {}
     basis = np.zeros((len(J), 0))
@@ -63,6 +68,44 @@ def minimal_set(geometry: Geometry, kind: Kind) -> MinimalSet:
             message = f"{entry.name} is told apart from other parameters only to {share:.0e}"
             raise DerivationError(f"{message}: axes nearly parallel, and not quite; calibrate from the nominal table")
     return MinimalSet(tuple(entries[k] for k in kept), left_out)
+
+
+def _sample(geometry: Geometry, measured: Measurements | Kind) -> Measurements:
+    """Measurements at random joint positions, where these give the values of the file."""
+    random = np.random.default_rng(SEED)
+    if isinstance(measured, str):
+        q = random.uniform(-np.pi, np.pi, (POSES, geometry.joints))
+        return Measurements(measured, q, np.zeros(POSES), 1.0, 1.0)
+    q = random.uniform(-np.pi, np.pi, (3 * POSES, geometry.joints))
+    drawn = measured.of(random.integers(len(measured.q), size=len(q)), q)
+    if measured.kind == "pose" or (measured.kind == "point" and geometry.joints <= COUNT["point"]):
+        return drawn
+    return _moved_onto(geometry, drawn)
+
+
+def _moved_onto(geometry: Geometry, drawn: Measurements) -> Measurements:
+    """Move joint positions by Newton steps of least length until the residuals vanish; drop those that do not."""
+    q, every = drawn.q, np.arange(len(drawn.q))
+    reach = np.abs(geometry.forward(q)[:, :3, 3]).max()
+    found: list[tuple[Array, Numbers]] = []
+    for _ in range(STEPS):
+        at = drawn.of(every, q)
+        residuals = at.residuals(geometry)
+        arrived = np.abs(residuals).max(axis=1) < ON_VALUE * reach
+        found.append((q[arrived], every[arrived]))
+        if sum(len(numbers) for _, numbers in found) >= POSES:
+            break
+        by = at.observed(geometry, geometry.by_joints(q))[~arrived]
+        step = np.einsum("njc,nc->nj", np.linalg.pinv(by, rcond=1e-6), residuals[~arrived])
+        q = q[~arrived] + step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / LONGEST)
+        every = every[~arrived]
+    q, every = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    if len(q) < POSES / 2:
+        raise DerivationError(
+            "the robot does not reach most of the measured values from where its base stands: compare their units, and "
+            "the base of the robot file, with the measuring device"
+        )
+    return drawn.of(every[:POSES], q[:POSES])
 
 
 def _reason(column: Array, kept: Array, entries: list[Entry]) -> str:

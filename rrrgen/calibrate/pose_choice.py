@@ -6,7 +6,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.calibrate.geometry import Geometry
-from rrrgen.calibrate.measurements import Kind, Measurements, observed
+from rrrgen.calibrate.measurements import Kind, Measurements
 from rrrgen.calibrate.minimal_set import minimal_set
 from rrrgen.errors import InputError
 from rrrgen.model.mechanism import follower_limits
@@ -32,8 +32,8 @@ def choose_poses(spec: RobotSpec, geometry: Geometry, kind: Kind, count: int, se
         value = q @ np.array(each.factors)
         least, most = (end if end is not None else side * np.inf for end, side in ((each.lower, -1), (each.upper, 1)))
         q = q[(least <= value) & (value <= most)]
-    weights = Measurements(kind, q, q, *TYPICAL).weights
-    J = observed(kind, geometry, q, geometry.jacobian(q, entries)) * weights[:, None]
+    candidates = Measurements(kind, q, q, *TYPICAL)
+    J = candidates.jacobian(geometry, entries) * candidates.weights[:, None]
     needed = int(np.ceil(len(entries) / J.shape[1])) + 1
     if not needed <= count < len(q):
         raise InputError(f"{count} poses for {len(entries)} parameters; choose {needed} to {len(q) - 1}")

@@ -26,7 +26,7 @@ def to_data(found: Calibration, measured: Measurements) -> dict[str, Any]:
             entry.name: {
                 "change": float(change),
                 "deviation": float(deviation),
-                "unit": "rad" if entry.is_angle else "m",
+                "unit": entry.unit,
             }
             for entry, change, deviation in kept
         },
@@ -70,7 +70,7 @@ def to_text(found: Calibration, measured: Measurements) -> str:
         lines.append(f"set aside as outliers: measurements {', '.join(str(k + 1) for k in found.outliers)}")
     lines += ["", f"{'parameter':<12}{'change':>12}{'deviation':>12}"]
     for entry, change, deviation in zip(found.chosen.kept, found.change, found.deviation, strict=True):
-        unit = "mrad" if entry.is_angle else "mm"
+        unit = "1e-3" if entry.unit == "1" else f"m{entry.unit}"
         lines.append(f"{entry.name:<12}{change * 1e3:>12.4f}{deviation * 1e3:>12.4f} {unit}")
     lines += ["", "not told apart by these measurements, and left as they are:"]
     lines += [f"  {name}: {reason}" for name, reason in found.chosen.left_out.items()]

@@ -3,7 +3,7 @@
 Without nearly parallel axes the rows and the link frames keep their form. A row with an angle beta is no
 Denavit-Hartenberg row; then all rows are computed again from the joint axes in space. Where two of these are nearly
 parallel, their common perpendicular lies far away and d is long, as in calibrations of Universal Robots arms. The
-inertia of each link is converted to its new link frame.
+inertia of each link is converted to its new link frame. Gains become the coupling of a mechanism, ``follows``.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rrrgen.robotfile.importers.trees.exact_numbers import (
 from rrrgen.robotfile.importers.trees.serial_chain import ChainJoint, SerialChain
 from rrrgen.robotfile.importers.trees.tree import Inertia, TreeJoint
 from rrrgen.robotfile.importers.trees.tree_import import fixed_transform, link_in_frame
-from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, LinkSpec, RobotSpec
+from rrrgen.robotfile.robot_spec import FixedTransform, JointSpec, Limits, LinkSpec, MechanismSpec, RobotSpec
 from rrrgen.yamltext.document import Place
 
 DIGITS = 12  # decimals of calibrated values (m, rad)
@@ -41,7 +41,19 @@ def calibrated_spec(spec: RobotSpec, geometry: Geometry, source: str) -> RobotSp
     """Replace the geometry of ``spec`` by ``geometry``; ``source`` is a text on where the numbers come from."""
     has_beta = bool(np.any(geometry.rows[:, 4]))
     found = _new_rows(spec, geometry) if has_beta else _same_rows(spec, geometry)
+    found = found if geometry.gains is None else _with_gains(found, geometry.gains)
     return replace(found, parameters={}, parameter_units={}, basis=None, provenance=(), source=source)
+
+
+def _with_gains(spec: RobotSpec, gains: Array) -> RobotSpec:
+    """Multiply the joint positions that the rows follow by ``gains`` (joints,)."""
+    exact = [_rounded(gain) for gain in gains]
+    if spec.mechanism is not None:
+        matrix = tuple(tuple(f * g for f, g in zip(row, exact, strict=True)) for row in spec.mechanism.matrix)
+        return replace(spec, mechanism=replace(spec.mechanism, matrix=matrix))
+    bare = tuple(replace(joint, limits=Limits(), friction=None, drive=None) for joint in spec.joints)
+    matrix = tuple(tuple(g if i == j else sp.S.Zero for j, g in enumerate(exact)) for i in range(spec.n))
+    return replace(spec, mechanism=MechanismSpec(bare, tuple(range(-1, spec.n - 1)), spec.n - 1, matrix))
 
 
 def _rounded(value: float) -> sp.Rational:

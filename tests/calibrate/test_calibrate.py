@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from calibrate.virtual import NOISE, measure, off_the_table, positions
+from calibrate.virtual import NOISE, measure, off_the_table, positions, touching
 from rrrgen.calibrate.estimation import calibrate
+from rrrgen.calibrate.fixtures import Fixture
 from rrrgen.calibrate.geometry import Geometry, geometry_of, rigid, rotation_vectors
 from rrrgen.calibrate.measurement_file import read_measurements
+from rrrgen.calibrate.measurements import Measurements
 from rrrgen.calibrate.minimal_set import minimal_set
 from rrrgen.calibrate.pose_choice import choose_poses
 from rrrgen.calibrate.robot_file import calibrated_spec
@@ -23,25 +26,71 @@ from rrrgen.verify.references.chain import chain_of, nominal_parameters
 from rrrgen.verify.references.newton_euler import NewtonEuler
 
 # rank over a finite field at random rational angles, computed apart from this code, with a tool off the axes and the
-# world frame off the base: pose 4R + 2P + 6, point 3 less, distance and height over a tilted plane
+# world frame off the base: pose 4R + 2P + 6, point 3 less, distance and height over a tilted plane; then wires of
+# unknown length, which count with their four parameters, a tilted plane that is touched, and a point
 COUNTS = {
-    "rrr": (18, 15, 12, 12),
-    "puma560": (30, 27, 24, 24),
-    "ur10e": (30, 27, 24, 24),
-    "scara": (20, 17, 14, 14),
-    "panda": (34, 31, 28, 28),
-    "stanford": (28, 25, 22, 22),
+    "rrr": (18, 15, 12, 12, 13),
+    "puma560": (30, 27, 24, 24, 25, 23, 23),
+    "ur10e": (30, 27, 24, 24, 25, 23, 23),
+    "scara": (20, 17, 14, 14, 15),
+    "panda": (34, 31, 28, 28, 29),
+    "stanford": (28, 25, 22, 22, 23),
 }
+WITHOUT_BETA = {"rrr": 17, "puma560": 29, "ur10e": 28, "scara": 17, "panda": 34, "stanford": 27}
+FIXTURES = (
+    Fixture("wire", "w", np.array([0.1, 0.2, -0.3]), 0.05),
+    Fixture("plane", "p", np.array([0.6, 0.0, 0.8]), 0.35),
+    Fixture("contact", "c", np.array([0.2, 0.3, 0.4])),
+)
+
+
+def sets(geometry, count):
+    """The minimal sets of all kinds of measurements, ``count`` of them, those with fixtures at 60 positions."""
+    found = [minimal_set(geometry, kind) for kind in ("pose", "point", "distance", "height")]
+    q = np.random.default_rng(0).uniform(-2, 2, (60, geometry.joints))
+    p = geometry.forward(q)[:, :3, 3]
+    for each in FIXTURES[: count - len(found)]:
+        values = each.computed(p)[:, 0] if each.kind == "wire" else np.zeros(60)
+        seen = Measurements(each.kind, q, values, 1.0, 1.0, fixture=np.zeros(60, int), names=(each.name,))
+        found.append(minimal_set(replace(geometry, fixtures=(each,)), seen))
+    return found
+
+
+def turned(name):
+    """A robot with its base off the world frame and its tool off the axes."""
+    found = geometry_of(load_spec(name))
+    base = rigid([0.3, -0.2, 0.5, 0.2, 0.3, 0.1]) @ found.base
+    return replace(found, base=base, tool=found.tool @ rigid([0.1, 0.05, 0.15, 0.3, 0, 0]))
 
 
 @pytest.mark.parametrize("name", COUNTS)
 def test_minimal_sets(name):
-    found = geometry_of(load_spec(name))
-    base = rigid([0.3, -0.2, 0.5, 0.2, 0.3, 0.1]) @ found.base
-    turned = Geometry(base, found.rows, found.tool @ rigid([0.1, 0.05, 0.15, 0.3, 0, 0]), found.revolute)
-    assert (
-        tuple(len(minimal_set(turned, kind).kept) for kind in ("pose", "point", "distance", "height")) == COUNTS[name]
-    )
+    found = sets(turned(name), len(COUNTS[name]))
+    assert tuple(len(each.kept) for each in found) == COUNTS[name]
+    entries = [each for each in turned(name).entries() if each.key != "beta"]
+    q = np.random.default_rng(1).uniform(-2, 2, (100, turned(name).joints))
+    J = turned(name).jacobian(q, entries).reshape(-1, len(entries))
+    assert np.linalg.matrix_rank(J, tol=1e-9 * np.linalg.norm(J)) == WITHOUT_BETA[name]
+
+
+@pytest.mark.parametrize("name", ["puma560", "ur10e", "panda"])
+def test_gains_add_one_parameter_a_joint(name):
+    geometry = turned(name).with_gains()
+    found = sets(geometry, len(COUNTS[name]))
+    assert tuple(len(each.kept) - geometry.joints for each in found) == COUNTS[name]
+    assert all(f"gain{j + 1}" in [entry.name for entry in each.kept] for each in found for j in range(geometry.joints))
+
+
+def test_a_plane_across_the_first_axis_sees_less_and_known_lengths_see_the_size():
+    geometry, plane = geometry_of(load_spec("puma560")), Fixture("plane", "floor", np.array([0.0, 0.0, 1.0]), -0.3)
+    q = np.random.default_rng(0).uniform(-2, 2, (60, 6))
+    seen = Measurements("plane", q, np.zeros(60), 1.0, 1.0, fixture=np.zeros(60, int), names=("floor",))
+    geometry = replace(geometry, tool=rigid([0.1, 0.05, 0.15, 0.3, 0, 0]), fixtures=(plane,))
+    touched = minimal_set(geometry, seen)
+    assert len(touched.kept) < 23
+    assert touched.left_out["base_z"].startswith("acts like")
+    blocks = replace(seen, values=np.resize([0.0, 0.05], 60))
+    assert len(minimal_set(geometry, blocks).kept) == len(touched.kept) + 1
 
 
 def test_what_cannot_be_told_apart_is_named():
@@ -107,6 +156,44 @@ def test_other_measurements(kind):
     again = measure(kind, true, positions(spec, 500, random), _Silent())
     assert np.abs(again.residuals(found.geometry)).max() < 5 * NOISE
     assert 0.6 < found.chi2_per_dof < 1.4
+
+
+PLANES = (([0.6, 0.0, 0.8], 0.35), ([0.0, 0.8, 0.6], 0.3), ([0.8, -0.6, 0.0], 0.25))
+TOUCHED = {
+    "plane": (PLANES, (0.0, 0.05, 0.1)),
+    "contact": (([0.4, 0.3, 0.3], [-0.3, 0.4, 0.5]), (0.0,)),
+    "wire": ((([0.5, 0.4, -0.3], 0.05), ([-0.6, 0.2, 0.3], -0.02)), (0.0,)),
+}
+
+
+@pytest.mark.parametrize("kind", TOUCHED)
+def test_fixtures_of_unknown_place(kind):
+    spec, random = load_spec("puma560"), np.random.default_rng(3)
+    nominal, true = off_the_table(spec, random)
+    fixtures, lifts = TOUCHED[kind]
+    measured = touching(kind, true, positions(spec, 160, random), fixtures, random, lifts)
+    found = calibrate(nominal, measured)
+    assert 0.8 < found.chi2_per_dof < 1.2
+    assert measured.kind == kind
+    again = touching(kind, true, positions(spec, 80, random), fixtures, random, lifts)
+    errors = again.residuals(found.geometry)
+    assert np.sqrt(np.mean(errors**2)) < 1.5 * NOISE  # noise itself, and the errors of the parameters
+    assert np.sqrt(np.mean(again.residuals(again.with_fixtures(nominal)) ** 2)) > 10 * NOISE
+
+
+def test_gains_are_estimated_and_written(tmp_path):
+    spec, random = load_spec("puma560"), np.random.default_rng(4)
+    nominal, true = off_the_table(spec, random, gains=True)
+    q = positions(spec, 60, random)
+    found = calibrate(nominal, measure("pose", true, q, random))
+    assert held_out(found, true, spec, random).mean() < 0.05e-3
+    gains = [k for k, entry in enumerate(found.chosen.kept) if entry.place == "gain"]
+    assert len(gains) == spec.n
+    assert np.all(np.abs(found.change[gains] - (true.gains - 1)) < 4 * found.deviation[gains])
+    again = loads_spec(dumps(calibrated_spec(spec, found.geometry, "test")))
+    assert again.joints == calibrated_spec(spec, found.geometry, "test").joints
+    reference = NewtonEuler(chain_of(again), np.zeros((spec.n, 10)))
+    np.testing.assert_allclose(reference.forward_kinematics(q), found.geometry.forward(q), atol=2e-11)
 
 
 def test_outliers_are_set_aside():
@@ -192,6 +279,12 @@ def test_files_in_other_units(tmp_path):
     half = np.sqrt(0.5)
     file.write_text(f"a,b,c,x,y,z,qw,qx,qy,qz\n0,0,0,1,2,3,{half},0,0,{half}\n")
     quaternion = read_measurements(file, ["a", "b", "c"], 1e-4, 1e-3).values
+    file.write_text("a,b,c,plane,height [mm]\n0,0,0,table,20\n0,0,1,wall,0\n1,0,0,table,0\n")
+    planes = read_measurements(file, ["a", "b", "c"], 1e-4, 1e-3)
+    assert (planes.kind, planes.names, planes.fixture.tolist()) == ("plane", ("table", "wall"), [0, 1, 0])
+    np.testing.assert_allclose(planes.values, [0.02, 0, 0])
+    file.write_text("a,b,c,nx,ny,nz,height\n0,0,0,0,0.6,0.8,0.3\n")
+    np.testing.assert_allclose(read_measurements(file, ["a", "b", "c"], 1e-4, 1e-3).normals, [[0, 0.6, 0.8]])
     file.write_text("a,b,c,x,y,z,roll [deg],pitch,yaw [deg]\n0,0,0,1,2,3,0,0,90\n")
     np.testing.assert_allclose(read_measurements(file, ["a", "b", "c"], 1e-4, 1e-3).values, quaternion, atol=1e-12)
 
@@ -205,6 +298,8 @@ FAULTS = {
     "more": (HEADER.replace("\n", ",torque\n") + "1,1,1,1,1,1,1\n", ":1:1: error: the column 'torque' is not used"),
     "twice": (HEADER.replace("q2", "q1") + "1,1,1,1,1,1\n", ":1:1: error: two columns are called 'q1'"),
     "empty": (HEADER, "error: the file has no measurements"),
+    "name": ("q1,q2,q3,plane\n1,1,1,the table\n", ":2:7: error: 'the table' is no name of what was touched"),
+    "normal": ("q1,q2,q3,nx,ny,nz,height\n1,1,1,0,0,2,1\n", ":2:1: error: the direction nx ny nz has the length 2"),
     "quaternion": (
         "q1,q2,q3,x,y,z,qw,qx,qy,qz\n1,1,1,1,1,1,1,1,0,0\n",
         ":2:1: error: the quaternion has the length",

@@ -11,6 +11,7 @@ from rrrgen.cli.arguments import print_json, read_with_warnings, robot_argument
 from rrrgen.errors import Fault, InputError
 
 if TYPE_CHECKING:
+    from rrrgen.calibrate.geometry import Geometry
     from rrrgen.calibrate.measurements import Kind
     from rrrgen.robotfile.robot_spec import RobotSpec
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
               help="Standard deviation of a measured length.")  # fmt: skip
 @click.option("--sigma-angle", type=click.FloatRange(0, min_open=True), default=1e-4, show_default=True, metavar="RAD",
               help="Standard deviation of a measured angle.")  # fmt: skip
+@click.option("--gains", is_flag=True, help="Estimate a gain of each joint too: errors of gear ratios and scales.")
 @click.option("--robust", is_flag=True, help="Set outliers aside: Huber's weights, then Tukey's.")
 @click.option(
     "--figure", type=click.Path(path_type=Path), metavar="STEM", help="Write the errors as STEM.svg and .png."
@@ -39,6 +41,7 @@ def calibrate(
     output: Path | None,
     sigma: float,
     sigma_angle: float,
+    gains: bool,
     robust: bool,
     figure: Path | None,
     choose: int | None,
@@ -47,13 +50,14 @@ def calibrate(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Calibrate the geometry of a robot from measured poses, points, distances or heights.
+    """Calibrate the geometry of a robot from measured poses, points, distances, heights or contacts.
 
     The CSV file has a column per joint (its name, or q1, q2, ...) and x y z with qw qx qy qz, with roll pitch yaw or
-    alone, or distance (to the origin of the world frame), or height (over its plane z = 0), in m and rad unless the
-    header says otherwise, as in x [mm]. Of all geometric parameters a minimal set is estimated; which ones the
-    measurements cannot tell apart is printed. The world frame is that of the measuring device; base and tool are
-    estimated too.
+    alone, or distance (to the origin of the world frame), or height (over its plane z = 0, or along nx ny nz), in m and
+    rad unless the header says otherwise, as in x [mm]; or the name of an unknown plane that the tip touched (plane), of
+    a point (contact), of a draw wire (wire, distance). Of all geometric parameters a minimal set is estimated; which
+    ones the measurements cannot tell apart is printed. The world frame is that of the measuring device; base and tool
+    are estimated too.
 
     \b
     Examples:
@@ -76,12 +80,15 @@ def calibrate(
     if figure is not None:
         require("the figure of errors", "matplotlib")
     spec = read_with_warnings(robot)
+    nominal = geometry_of(spec)
+    if gains:
+        nominal = nominal.with_gains()
     if choose is not None:
-        _choose(spec, kind, choose, seed, output)
+        _choose(spec, nominal, kind, choose, seed, output)
         return
     assert poses is not None
     measured = read_measurements(poses, [joint.name for joint in spec.joints], sigma, sigma_angle)
-    found = estimate(geometry_of(spec), measured, robust)
+    found = estimate(nominal, measured, robust)
     if as_json:
         print_json(to_data(found, measured))
     else:
@@ -94,12 +101,11 @@ def calibrate(
         click.echo(f"{output} written", err=as_json)
 
 
-def _choose(spec: RobotSpec, kind: Kind, count: int, seed: int, output: Path | None) -> None:
-    from rrrgen.calibrate.geometry import geometry_of
+def _choose(spec: RobotSpec, nominal: Geometry, kind: Kind, count: int, seed: int, output: Path | None) -> None:
     from rrrgen.calibrate.pose_choice import choose_poses
     from rrrgen.output.writer import write_file
 
-    q, gain = choose_poses(spec, geometry_of(spec), kind, count, seed)
+    q, gain = choose_poses(spec, nominal, kind, count, seed)
     lines = [",".join(joint.name for joint in spec.joints)]
     lines += [",".join(f"{value:.6f}" for value in row) for row in q]
     text = "\n".join(lines) + "\n"
