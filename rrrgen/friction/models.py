@@ -123,13 +123,13 @@ class FrictionModel:
             return np.zeros(np.broadcast_shapes(np.shape(z), np.shape(dq)))
         return np.asarray(self.law.rate(NUMPY, np.asarray(z), np.asarray(dq), self._columns))
 
-    def state_torque(self, z: ArrayLike, dq: ArrayLike, load: ArrayLike = 0.0) -> Array:
+    def state_torque(self, z: ArrayLike, dq: ArrayLike, load: ArrayLike = 0.0, width: ArrayLike = 0.0) -> Array:
         """Friction torques (..., n) for the states ``z`` (..., n) at speeds ``dq`` (..., n). Source: (14.13).
 
-        Laws without a state ignore ``z``.
+        Laws without a state ignore ``z``; they are smoothed by ``width`` as in :meth:`torque`.
         """
         if self.law.state_torque is None:
-            return self.torque(dq, load=load)
+            return self.torque(dq, width, load)
         return np.asarray(self.law.state_torque(NUMPY, np.asarray(z), np.asarray(dq), self._under(load)))
 
     def step(self, z: ArrayLike, dq: ArrayLike, period: float, load: ArrayLike = 0.0) -> tuple[Array, Array]:

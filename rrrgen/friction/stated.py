@@ -27,8 +27,8 @@ class MixedFriction:
 
     def torque(self, dq: ArrayLike, width: ArrayLike = 0.0, load: ArrayLike = 0.0) -> Array:
         """Friction torque; in steady sliding if a law has a state. ``width`` > 0 replaces sgn(x) by tanh(x/width)."""
-        widths = np.broadcast_to(np.asarray(width, dtype=float), np.shape(dq))
-        return np.asarray(self._each("torque", (dq, widths, self._spread(load, dq))) + self.offset)
+        each = (dq, self._spread(width, dq), self._spread(load, dq))
+        return np.asarray(self._each("torque", each) + self.offset)
 
     def directed(self, dq: ArrayLike, direction: ArrayLike, load: ArrayLike = 0.0) -> Array:
         """Friction torques (..., n) with sgn(dq) replaced by ``direction`` (..., n), each -1, 0 or +1."""
@@ -38,13 +38,17 @@ class MixedFriction:
         """Rates dz/dt (..., n) of the states ``z`` at speeds ``dq``; zero for laws without a state."""
         return self._each("rate", (z, dq))
 
-    def state_torque(self, z: ArrayLike, dq: ArrayLike, load: ArrayLike = 0.0) -> Array:
-        """Friction torques (..., n) in the states ``z`` at speeds ``dq``, N m or N."""
-        return np.asarray(self._each("state_torque", (z, dq, self._spread(load, dq))) + self.offset)
+    def state_torque(self, z: ArrayLike, dq: ArrayLike, load: ArrayLike = 0.0, width: ArrayLike = 0.0) -> Array:
+        """Friction torques (..., n) in the states ``z`` at speeds ``dq``, N m or N.
+
+        ``width`` > 0 replaces sgn(x) by tanh(x/width) in laws without a state.
+        """
+        each = (z, dq, self._spread(load, dq), self._spread(width, dq))
+        return np.asarray(self._each("state_torque", each) + self.offset)
 
     @staticmethod
-    def _spread(load: ArrayLike, dq: ArrayLike) -> Array:
-        return np.broadcast_to(np.asarray(load, dtype=float), np.shape(dq))
+    def _spread(value: ArrayLike, dq: ArrayLike) -> Array:
+        return np.broadcast_to(np.asarray(value, dtype=float), np.shape(dq))
 
     def _each(self, name: str, values: tuple[Any, ...]) -> Array:
         arrays = [np.asarray(value, dtype=float) for value in values]

@@ -171,8 +171,8 @@ def _friction(
 ) -> tuple[list[Any], list[Any] | None]:
     """Record the friction torques (n,) and, where a law has a state, the rates of the bristles.
 
-    A law with a state is not smoothed. The load of a law that depends on it is the drive torque ``tau`` (n,) less
-    friction.
+    Laws without a state are smoothed, those with one are not. The load of a law that depends on it is the drive torque
+    ``tau`` (n,) less friction.
     """
     if isinstance(model, FrictionModel):
         laws = [(model.law, row) for row in model.parameters]
@@ -180,19 +180,19 @@ def _friction(
     else:
         laws = [(each.law, each.parameters[0]) for each in model.models]
         offsets = [float(value) for value in model.offset]
-    ops: Any = smooth if z is None else _Exact(smooth)
     torques: list[Any] = []
     rates: list[Any] = []
     for i, ((law, values), v) in enumerate(zip(laws, speeds, strict=True)):
         row = [Fraction(float(value)) for value in values]
-        moved = z is not None and law.rate is not None
-        torque = _torque_of(law, ops, v, row, z[i] if z is not None and moved else None) + Fraction(offsets[i])
+        bent = None if z is None or law.rate is None else z[i]
+        ops: Any = smooth if bent is None else _Exact(smooth)
+        torque = _torque_of(law, ops, v, row, bent) + Fraction(offsets[i])
         if law.has_load:
-            raised = _torque_of(law, ops, v, law.under_load(row, 1), z[i] if z is not None and moved else None)
+            raised = _torque_of(law, ops, v, law.under_load(row, 1), bent)
             share, net = raised + Fraction(offsets[i]) - torque, tau[i] - torque
             torque = tau[i] - net / (1 + share * Builder.sign(smooth, net))
         torques.append(torque)
-        rates.append(law.rate(ops, z[i], v, row) if z is not None and law.rate is not None else 0)
+        rates.append(0 if bent is None or law.rate is None else law.rate(ops, bent, v, row))
     return torques, None if z is None else rates
 
 

@@ -50,8 +50,11 @@ class FrictionLike(Protocol):
         """Time derivative ``dz/dt`` (n,) of the state ``z`` (n,) at the speeds ``dq`` (n,)."""
         ...
 
-    def state_torque(self, z: Array, dq: Array, load: Any = 0.0) -> Array:
-        """Friction torque (n,) in the state ``z`` (n,) at the speeds ``dq`` (n,)."""
+    def state_torque(self, z: Array, dq: Array, load: Any = 0.0, width: Any = 0.0) -> Array:
+        """Friction torque (n,) in the state ``z`` (n,) at the speeds ``dq`` (n,).
+
+        ``width`` > 0 replaces sgn(x) by tanh(x/width) at joints whose law has no state.
+        """
         ...
 
 
@@ -77,8 +80,11 @@ class Friction:
         return self._under(tau, lambda load: self.model.directed(dq, direction, load))
 
     def state_torque(self, z: Array, dq: Array, tau: Array) -> Array:
-        """Friction torque (n,) in the state ``z`` (n,) at the speeds ``dq`` (n,)."""
-        return self._under(tau, lambda load: self.model.state_torque(z, dq, load))
+        """Friction torque (n,) in the state ``z`` (n,) at the speeds ``dq`` (n,).
+
+        At joints whose law has no state sgn(x) is smoothed to tanh(x/width): the solver fails where friction jumps.
+        """
+        return self._under(tau, lambda load: self.model.state_torque(z, dq, load, self.width))
 
     def _under(self, tau: Array, friction: Callable[[Any], Array]) -> Array:
         """Friction torques (n,) that depend on the transmitted load: solves ``load + friction(load) = tau`` for load.
@@ -134,9 +140,9 @@ class MotorFriction:
         """Friction torque (n,) with the joints' sgn(dq) replaced by ``direction`` (n,); motor signs are smoothed."""
         return np.asarray(self.joints.directed(dq, direction, load) + self._motors(dq, self.width, load))
 
-    def state_torque(self, z: Array, dq: Array, load: Any = 0.0) -> Array:
+    def state_torque(self, z: Array, dq: Array, load: Any = 0.0, width: Any = 0.0) -> Array:
         """Friction torque (n,) with the joint model in the state ``z`` (n,); the motors' signs are smoothed."""
-        return np.asarray(self.joints.state_torque(z, dq, load) + self._motors(dq, self.width, load))
+        return np.asarray(self.joints.state_torque(z, dq, load, width) + self._motors(dq, self.width, load))
 
     def _motors(self, dq: Array, width: float, load: Any) -> Array:
         widths = width * np.linalg.norm(self.W, axis=1)
@@ -167,5 +173,5 @@ class _Frictionless:
     def rate(self, z: Array, dq: Array) -> Array:
         return self.zero
 
-    def state_torque(self, z: Array, dq: Array, load: Any = 0.0) -> Array:
+    def state_torque(self, z: Array, dq: Array, load: Any = 0.0, width: Any = 0.0) -> Array:
         return self.zero

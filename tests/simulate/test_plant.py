@@ -11,6 +11,7 @@ from oracles.random_robots import random_link
 from rrrgen.errors import InputError
 from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel, coulomb_viscous
+from rrrgen.friction.stated import MixedFriction
 from rrrgen.simulate.friction import Friction, MotorFriction
 from rrrgen.simulate.integration import RigidIntegrator, StiffIntegrator, make_integrator
 from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant
@@ -212,6 +213,22 @@ def test_lugre_presliding_is_a_spring_and_sliding_the_stribeck_curve() -> None:
     sliding = advance(integrator, plant.initial_state([0.0], [2.0]), [2.2], 0.6)
     speed = plant.speeds(sliding)[0]
     assert float(LUGRE.torque(np.array([speed]))[0]) == pytest.approx(2.2, rel=2e-3)
+
+
+def test_bristles_beside_a_law_that_jumps() -> None:
+    """One joint's bristles have a state, the other joint's friction jumps at rest: it holds, then slides."""
+    dahl = FrictionModel(LAWS["dahl"], np.array([[1.0, 0.3, 1e-3]]))
+    load = FrictionModel(LAWS["load_dependent"], np.array([[0.4, 0.3, 0.1]]))
+    plant = make_plant(Masses([0.05, 0.01], [0.0, 0.3]), friction=Friction(MixedFriction([dahl, load], [0.0, 0.0])))
+    integrator, state = make_integrator(plant), plant.initial_state([0.0, 0.0], [0.0, 0.0])
+    for tau in ([0.5, 0.5], [0.5, 0.1], [0.5, 0.5]):
+        state = advance(integrator, state, tau, 0.02)
+    assert abs(plant.speeds(state)[1]) < 1e-3  # up to the speed over which the sign is smoothed
+    alone = make_plant(Masses([0.05]), friction=Friction(dahl))
+    other = advance(make_integrator(alone), alone.initial_state([0.0], [0.0]), [0.5], 0.06)
+    assert plant.encoders(state)[0] == pytest.approx(alone.encoders(other)[0], rel=1e-5)
+    state = advance(integrator, state, [0.5, 1.33], 0.5)
+    assert plant.speeds(state)[1] == pytest.approx((1.33 - 0.3 - 0.4 - 0.1 * 0.3) / 0.3, rel=1e-4)
 
 
 # -- flexibility ---------------------------------------------------------------------------------------------------
