@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
+from rrrgen.friction.law import FrictionLaw
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.model.estimated_terms import Column
 from rrrgen.program import Builder, Port, Program, Role
@@ -83,16 +84,11 @@ class LoopEquations:
         return np.array([[*direction] for direction in kept]).reshape(len(kept), self.n)
 
     @cached_property
-    def reaches(self) -> tuple[int, ...]:
-        """Index in theta (from 0) of the presliding distance of each of the m surfaces; -1 for friction without state.
-
-        It is the distance over which friction builds up after a reversal.
-        """
-        found, place = [-1] * len(self.directions), len(self.columns)
+    def bent(self) -> tuple[bool, ...]:
+        """Whether the friction of each of the m surfaces has a state, so that it builds up gradually."""
+        found = [False] * len(self.directions)
         for surface in self.regressor.surfaces:
-            place += len(surface.definition.shapes)
-            if surface.has_state:
-                found[self._surface(surface.direction)] = place - 1
+            found[self._surface(surface.direction)] |= surface.has_state
         return tuple(found)
 
     @cached_property
@@ -111,7 +107,8 @@ class LoopEquations:
         """Programs of the equations of motion.
 
         ``terms(q, dq, theta)`` gives the mass matrix M (n, n) and load torques (n,);
-        ``friction(u, d, s, size, theta)`` the friction torques (m,) of the surfaces, see :func:`friction_inputs`.
+        ``friction(u, d, s, size, theta)`` the friction torques (m,) of the surfaces, see :func:`friction_inputs`, and
+        with a state also :func:`bristle_ports`.
         """
         return (self._terms(), self._friction()) if len(self.directions) else (self._terms(),)
 
@@ -143,6 +140,8 @@ class LoopEquations:
         u, d, s, size = friction_inputs(builder, m)
         theta = builder.input(self._port())
         torques: list[Any] = [0] * m
+        reach: list[Any] = [1] * m
+        damping: list[Any] = [0] * m
         for k, column in enumerate(self.columns):
             if column.kind in SLIDING:
                 j = self._surface(column.direction)
@@ -153,15 +152,15 @@ class LoopEquations:
         for surface in self.regressor.surfaces:
             law, j = surface.definition, self._surface(surface.direction)
             linear, bent = len(law.linear), len(law.shapes)
-            values = law.joined(theta[k : k + linear], theta[shape : shape + bent])
-            weights, shapes = law.split(law.under_load(values, size[j]))
-            assert law.factors is not None
-            factors = law.factors(Directed(builder, d[j]), u[j], s[j] if surface.has_state else d[j], shapes)
-            for weight, factor in zip(weights, factors, strict=not law.has_load):
-                torques[j] = torques[j] + weight * factor
+            values = law.under_load(law.joined(theta[k : k + linear], theta[shape : shape + bent]), size[j])
+            torques[j] = torques[j] + directed_torque(builder, law, values, u[j], d[j], s[j])
+            if law.bristles is not None:
+                reach[j], damping[j] = law.bristles(Directed(builder, d[j]), u[j], values)
             k, shape = k + linear, shape + bent
-        port = Port("f", (m,), "N m | N", "", "friction of the surfaces")
-        return builder.program("friction", [(port, torques)], summary="Friction in given directions.")
+        outputs = [(Port("f", (m,), "N m | N", "", "friction of the surfaces"), torques)]
+        if any(self.bent):
+            outputs += list(zip(bristle_ports(m), (reach, damping), strict=True))
+        return builder.program("friction", outputs, summary="Friction in given directions.")
 
     def _port(self) -> Port:
         return Port("theta", (self.size,), "mixed", "", "parameters of all columns, then shapes")
@@ -181,6 +180,28 @@ def friction_inputs(builder: Builder, m: int) -> tuple[Any, Any, Any, Any]:
     states = builder.input(Port("s", (m,), "", "", "directions of friction with a state"))
     sizes = builder.input(Port("size", (m,), "N m | N", "", "sizes of their loads"))
     return speeds, directions, states, sizes
+
+
+def bristle_ports(m: int) -> tuple[Port, Port]:
+    """Outputs of a friction program for m surfaces: deflection in steady sliding and damping of their bristles."""
+    reach = Port("reach", (m,), "rad | m", "", "deflections in steady sliding forwards")
+    return reach, Port("damping", (m,), "N m s/rad | N s/m", "", "torques per rate of the deflections")
+
+
+def directed_torque(builder: Builder, law: FrictionLaw, values: Sequence[Any], u: Any, d: Any, s: Any) -> Any:
+    """Friction torque of ``law`` with the parameters ``values`` at the speed ``u``, sliding in the direction ``d``.
+
+    Where the law has a state, ``s`` is the deflection of its bristles relative to that in steady sliding; their damping
+    is left out.
+    """
+    at = d if law.rate is None else s
+    if law.factors is None:
+        return law.torque(Directed(builder, at), u, values)
+    weights, shapes = law.split(values)
+    torque: Any = 0
+    for weight, factor in zip(weights, law.factors(Directed(builder, d), u, at, shapes), strict=not law.has_load):
+        torque = torque + weight * factor
+    return torque
 
 
 def _replayed(program: Program, builder: Builder, known: dict[Role, list[Any]]) -> list[Any]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.closed_loop.controller import LoopController
-from rrrgen.closed_loop.equations import Directed, friction_inputs
+from rrrgen.closed_loop.equations import Directed, bristle_ports, directed_torque, friction_inputs
 from rrrgen.closed_loop.loop import CompiledLoop
 from rrrgen.closed_loop.loop_recording import LoopRecording, loop_recordings
 from rrrgen.closed_loop.output_error import OutputError
@@ -32,8 +32,6 @@ from rrrgen.signals.processing import Processing
 
 STEP = 1e-3  # step of finite differences, relative to the parameter, or absolute for a logarithm
 SMALLEST = 0.05  # smallest parameter magnitude to which the step is relative
-SIMULATED = ("coulomb_viscous", "asymmetric", "stribeck", "neural")
-"""Friction laws that can be simulated here: those without an internal state."""
 
 Tell = Callable[[int, int, str], None]
 
@@ -48,8 +46,12 @@ class JointEquations:
     candidate: Candidate
 
     n = 1
-    reaches = (-1,)
     carried = None
+
+    @property
+    def bent(self) -> tuple[bool]:
+        """Whether the friction law has a state."""
+        return (self.candidate.law.rate is not None,)
 
     @property
     def size(self) -> int:
@@ -64,7 +66,8 @@ class JointEquations:
     def programs(self) -> tuple[Program, ...]:
         """Programs of the equation of motion: ``terms`` gives inertia and gravity torque, ``friction`` the friction.
 
-        ``friction`` takes the sliding speed and, separately, the direction of sliding (+1 or -1).
+        ``friction`` takes the sliding speed and, separately, the direction of sliding (+1 or -1); for a law with a
+        state it also gives :func:`bristle_ports`.
         """
         builder = Builder()
         q = builder.input(Port("q", (1,), "rad | m", "joint", "position", Role.POSITION))
@@ -77,12 +80,16 @@ class JointEquations:
         outputs += [(Port("load", (1,), "N m | N", "joint", "gravity torque"), [load])]
         terms = builder.program("terms", outputs, summary="Inertia and load of the joint.")
         builder = Builder()
-        u, d, _, _ = friction_inputs(builder, 1)
+        u, d, s, _ = friction_inputs(builder, 1)
         theta = builder.input(Port("theta", (self.size,), "mixed", "", "parameters"))
         values = self.candidate.law_values([*theta, 0])
-        torque: Any = self.candidate.law.torque(Directed(builder, d[0]), u[0], values)
+        law = self.candidate.law
         port = Port("f", (1,), "N m | N", "", "friction")
-        friction = builder.program("friction", [(port, [torque])], summary="Friction in a given direction.")
+        outputs = [(port, [directed_torque(builder, law, values, u[0], d[0], s[0])])]
+        if law.bristles is not None:
+            bristles = law.bristles(Directed(builder, d[0]), u[0], values)
+            outputs += [(each, [value]) for each, value in zip(bristle_ports(1), bristles, strict=True)]
+        friction = builder.program("friction", outputs, summary="Friction in a given direction.")
         return terms, friction
 
 
@@ -142,13 +149,9 @@ def refine(
 
     ``found`` is the estimate, whose chosen law is refined, from the recording ``log``. ``controller`` may describe
     several joints; only the controller of this joint is used. ``progress`` is called with messages. Raises InputError
-    if ``controller`` lacks the joint or the law has a state, DerivationError if the simulated loop diverges.
+    if ``controller`` lacks the joint, DerivationError if the simulated loop diverges.
     """
     name, law = found.data.name, found.chosen
-    if law.name not in SIMULATED:
-        raise InputError(
-            f"the law {law.name} was chosen, whose state is not simulated in closed loop: leave --controller away"
-        )
     own = [joint for joint in controller.joints if joint.name == name]
     if not own:
         raise InputError(f"the controller has no joint '{name}'; it has {', '.join(controller.names)}")

@@ -49,8 +49,10 @@ class Equations(Protocol):
 
     ``directions`` (m, n) maps joint speeds to sliding speeds of the surfaces. ``programs()`` returns ``terms(q, dq,
     theta) -> M, load`` and, if m > 0, ``friction(u, d, s, size, theta) -> f``: the friction torques (m,) at sliding
-    speeds u in directions d (+1 or -1). Where friction has a state s, which gradually follows the direction d after a
-    reversal, ``reaches`` (m,) is the index in theta of the distance that this takes, otherwise -1; f is linear in s.
+    speeds u in directions d (+1 or -1). ``bent`` (m,) marks surfaces whose friction has a state, the deflection z of
+    its bristles; if any has, friction also returns ``reach`` (m,), the deflection in steady sliding forwards, and
+    ``damping`` (m,). Such friction is linear in s = z / reach, which follows d gradually after a reversal, and
+    ``damping dz/dt`` is added.
     ``carried`` (m, n) maps the joint torques without friction to the loads of the surfaces, whose sizes friction may
     depend on; None if it does not.
     """
@@ -62,7 +64,7 @@ class Equations(Protocol):
     @property
     def directions(self) -> Array: ...  # noqa: D102
     @property
-    def reaches(self) -> tuple[int, ...]: ...  # noqa: D102
+    def bent(self) -> tuple[bool, ...]: ...  # noqa: D102
     @property
     def carried(self) -> Array | None: ...  # noqa: D102
     def programs(self) -> tuple[Program, ...]: ...  # noqa: D102
@@ -80,7 +82,7 @@ class CompiledLoop:
         carried = np.zeros(0) if equations.carried is None else equations.carried
         values = {
             **{"n": equations.n, "m": len(equations.directions), "W": _literals(equations.directions)},
-            **{"states": any(at >= 0 for at in equations.reaches), "place": ", ".join(map(str, equations.reaches))},
+            **{"states": any(equations.bent), "bent": ", ".join(str(int(each)) for each in equations.bent)},
             **{"loads": equations.carried is not None, "carried": _literals(carried)},
         }
         programs = equations.programs()

@@ -18,7 +18,7 @@ from rrrgen.closed_loop.scores import LoopScore, Replay, as_json, loop_score, re
 from rrrgen.errors import InputError
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.identify.estimation.observations import Recording
-from rrrgen.identify.friction_laws.surfaces import stated_laws, stated_surfaces
+from rrrgen.identify.friction_laws.surfaces import stated_laws
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.drive_terms import drive_terms
 from rrrgen.model.estimated_terms import DriveTerms
@@ -56,10 +56,11 @@ class ClosedLoopValidation:
 def stated_equations(model: Any) -> tuple[LoopEquations, Array]:
     """Equations of motion of a compiled robot ``model`` and their parameters theta (p,) from its robot file, SI units.
 
-    The file must state link inertias. Raises InputError for friction laws that are not separable.
+    The file must state link inertias.
     """
     spec = model.spec
-    equations = LoopEquations(FullRegressor(model, DriveTerms.of_spec(spec), stated_surfaces(spec)))
+    surfaces = tuple(surface for surface, _ in stated_laws(spec))
+    equations = LoopEquations(FullRegressor(model, DriveTerms.of_spec(spec), surfaces))
     known = dict(zip(model.base_parameter_names, np.asarray(model.beta, float).tolist(), strict=True))
     known |= {term.name: term.value for term in drive_terms(spec)}
     for surface, stated in stated_laws(spec):

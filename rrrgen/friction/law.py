@@ -39,8 +39,9 @@ class FrictionLaw:
     ``torque(ops, dq, p)`` is the torque, in steady sliding if the law has a state. ``columns(ops, dq)`` are the partial
     derivatives of the torque by the parameters if the law is linear in all of them. A law with a ``rate`` has a state z
     (a deflection): ``dz/dt = rate(ops, z, dq, p)``, torque ``state_torque(ops, z, dq, p)``;
-    ``step(ops, z, dq, p, period)`` returns z and the torque after a period. ``passivity(p)`` is a margin: where it is
-    not negative, the law is passive.
+    ``step(ops, z, dq, p, period)`` returns z and the torque after a period; ``bristles(ops, dq, p)`` returns the
+    deflection in steady sliding forwards and the damping, the torque per dz/dt. ``passivity(p)`` is a margin: where it
+    is not negative, the law is passive.
 
     A *separable* law is linear in all parameters except those named in ``shapes``. ``factors(ops, dq, s, shapes)`` are
     the derivatives by the linear ones, in their order, for given values of the shapes, with s = sgn(dq), or
@@ -60,6 +61,7 @@ class FrictionLaw:
     rate: Callable[[Any, Any, Any, Sequence[Any]], Any] | None = None
     state_torque: Callable[[Any, Any, Any, Sequence[Any]], Any] | None = None
     step: Callable[[Any, Any, Any, Sequence[Any], Any], tuple[Any, Any]] | None = None
+    bristles: Callable[[Any, Any, Sequence[Any]], tuple[Any, Any]] | None = None
     passivity: Callable[[Sequence[Any]], Any] | None = None
     shapes: tuple[str, ...] = ()
     factors: Factors | None = None
@@ -146,8 +148,13 @@ def separable(
         following = z + (s0 * ops.sign(dq) - z) * forgotten(ops, dq * ops.sign(dq) / s0, period)
         return following, state_torque(ops, following, dq, p)
 
+    def bristles(ops: Any, dq: Any, p: Sequence[Any]) -> tuple[Any, Any]:
+        return distance(p), 0
+
     law = FrictionLaw(name, equation, formula, tuple(parameters), torque, shapes=shapes, factors=factors)
-    return replace(law, rate=rate, state_torque=state_torque, step=step) if presliding else law
+    if not presliding:
+        return law
+    return replace(law, rate=rate, state_torque=state_torque, step=step, bristles=bristles)
 
 
 def forgotten(ops: Any, relaxation: Any, period: Any) -> Any:

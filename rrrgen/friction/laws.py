@@ -105,6 +105,11 @@ def _lugre_step(ops: Any, z: Any, dq: Any, p: Sequence[Any], period: Any) -> tup
     return following, sigma0 * following + sigma1 * ((following - z) / period) + viscous * dq
 
 
+def _lugre_bristles(ops: Any, dq: Any, p: Sequence[Any]) -> tuple[Any, Any]:
+    sigma0, sigma1, excess, coulomb, _, speed = p
+    return stribeck_level(ops, dq, excess, coulomb, speed) / sigma0, sigma1
+
+
 def _lugre_passivity(p: Sequence[Any]) -> Any:
     """Passivity margin of the LuGre law, ``alpha2 - sigma1 alpha0/alpha1``: passive if >= 0. Source: after (14.13)."""
     _, sigma1, excess, coulomb, viscous, _ = p
@@ -249,6 +254,7 @@ LUGRE = FrictionLaw(
     rate=_lugre_rate,
     state_torque=_lugre_torque,
     step=_lugre_step,
+    bristles=_lugre_bristles,
     passivity=_lugre_passivity,
 )
 LOGISTIC = FrictionLaw(

@@ -10,6 +10,14 @@ import pytest
 from click.testing import CliRunner
 
 from rrrgen.cli.main import cli
+from rrrgen.closed_loop.controller_file import loads_controller
+from rrrgen.closed_loop.joint_friction import refine
+from rrrgen.friction.laws import LAWS
+from rrrgen.friction_estimation.candidates import Candidate
+from rrrgen.friction_estimation.estimation import FrictionEstimate, LawEstimate, reported
+from rrrgen.friction_estimation.joint_data import joint_data
+from rrrgen.friction_estimation.selection import Score
+from rrrgen.recordings.logs import Log
 from rrrgen.robotfile import load_spec
 from samples.stick_slip_joint import Joint, record
 
@@ -86,3 +94,25 @@ def test_the_loop_explains_the_torque_better_than_before(refined):
     assert record["after"]["relative_error"] <= record["before"]["relative_error"]
     assert record["after"]["relative_error"] < 0.02
     assert set(record["multiple_shooting"]) >= set(LIMITS)
+
+
+def test_bristles_are_simulated_and_found():
+    """LuGre's law, from parameters that are off: the joint vibrates at 280 Hz on its bristles."""
+    sigma0, sigma1 = 2e5, 90.0
+    truth = Joint("lugre", sigma0=sigma0, sigma1=sigma1)
+    found = record(truth, duration=15.0, delay=1)
+    t, q, tau, reference, speed = (found[name] for name in ("t", "q", "tau", "qr", "dqr"))
+    log = Log(("q",), t, q[:, None], tau[:, None], reference=reference[:, None], reference_velocity=speed[:, None])
+    candidate = Candidate(LAWS["lugre"], 2)
+    actual = np.array([truth.inertia, truth.gravity, 0.0, sigma0, sigma1, *(TRUTH.excess, TRUTH.coulomb)])
+    actual = np.append(actual, [TRUTH.viscous, TRUTH.speed, 1.0])
+    start = actual * np.array([1.02, 0.99, 1.0, 0.7, 1.4, 0.9, 1.03, 0.95, 1.1, 1.0])
+    values = reported(candidate, start, 1e-3)
+    score = Score("lugre", len(start), 1.0, 0.0, np.ones(1))
+    law = LawEstimate(candidate, start, values, dict.fromkeys(values, 0.0), score, values, 0.0)
+    fit = refine(FrictionEstimate(joint_data(log, "q"), (law,), law, 1.0, 1), log, loads_controller(CONTROLLER))
+    again = fit.estimate.chosen.values
+    for name, value in zip(candidate.names, actual, strict=True):
+        if name in again and name != "delay":
+            assert again[name] == pytest.approx(value, rel=0.05 if name.startswith("sigma") else 0.005), name
+    assert fit.after.relative_error < 0.01 < fit.before.relative_error

@@ -27,7 +27,7 @@ LAWS = (
     "{law: dahl_load_dependent, coulomb: 1.5, excess: 0.4, decay_speed: 0.1, viscous: 2, load_ratio: 0.1, "
     "presliding: 1e-3}",
     "{law: dahl_load_dependent, coulomb: 1, viscous: 1, load_ratio: 0.12, presliding: 2e-3, decay_speed: 1}",
-    "{law: dahl, coulomb: 0.6, viscous: 0.3, presliding: 2e-3}",
+    "{law: lugre, sigma0: 400, sigma1: 1, stiction_excess: 0.2, coulomb: 0.6, viscous: 0.3, stribeck_speed: 0.3}",
 )
 EXPERIMENT = """
 schema: rrrgen-experiment/1
