@@ -116,7 +116,7 @@ def selftest_files(name: str, real: Real, folder: Path) -> list[str]:
     from rrrgen.control.beside import checks_beside, files_beside
 
     spec, groups = pipeline.read(name), ("control", "trajectory")
-    further, checks = files_beside(spec.name, spec.n, real, groups), checks_beside(spec.name, groups)
+    further, checks = files_beside(spec, real, groups), checks_beside(spec, groups)
     files = pipeline.emit(pipeline.derive(spec), real, further=further, checks=checks)
     found = {file: text for file, text in files.items() if file.endswith((".c", ".h")) and "/" not in file}
     for file, text in found.items():

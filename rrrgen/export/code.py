@@ -87,7 +87,7 @@ def emitted_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] 
     model, identity = _derived(spec, groups)
     dialect, c = Dialect(spec.name, real), CBackend()
     files = c.sources(model, identity, real) | solver_sources(spec, real)
-    files |= files_beside(spec.name, spec.n, real, groups)
+    files |= files_beside(spec, real, groups)
     declared = (declaration(spec.n),) if "control" in groups else ()
     if "gravity" in further:
         files |= c.sources(*_derived(spec.in_any_gravity(), groups), real)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.recording.steps import Stage
 from rrrgen.ik.solutions.general6r import ASPECT, root_stage
+from rrrgen.ik.tolerances import LONGEST_TOOL
 
 STATUS_TEXTS = (
     "ok",
@@ -69,7 +70,8 @@ def reasons_of(plan: SolverPlan) -> tuple[str, ...]:
         texts.append(f"the {stage.label} equation of {joint} has no real root{so}")
     so = ", and there may be others" if near else ": it lies off the set that the arm can reach"
     texts.append(f"no candidate meets the whole target{so}")
-    texts.append("the target is farther than a million reaches: its coordinates drown the arm")
+    far = "the target is farther than a million reaches: its coordinates drown the arm"
+    texts.append(far if plan.last_link is None else f"{far}; or the tool is longer than {LONGEST_TOOL} reaches")
     if near:
         texts.append("every configuration that was found lies outside the joint limits, and there may be others")
     if plan.coupling is not None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from rrrgen.errors import InternalError
-from rrrgen.ik.geometry.chain import Chain, Joint
+from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
 from rrrgen.ik.geometry.loop import Loop, close, commuted, lock, straightened
 from rrrgen.ik.geometry.rigid import Crossing, Vector, minus, rigid, rotate, transposed
 from rrrgen.ik.plan import SolverPlan
@@ -59,9 +60,9 @@ def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:
     solving = chain or plan.solving
     reach = plan.solving.reach
     if plan.family == "position":
-        derive_position(b, solving, reach)
+        derive_position(b, solving, reach, plan.last_link)
     elif plan.family == "point":
-        derive_point(b, solving, reach)
+        derive_point(b, solving, reach, plan.last_link)
     elif plan.family == "elbow7":
         psi = b.given(Joint(ARM_ANGLE, True))
         if not isinstance(psi, Turn):
@@ -102,10 +103,16 @@ def _derive_loop(b: Builder, plan: SolverPlan, loop: Loop, reach: float) -> None
         raise InternalError(f"no equations for the family {plan.family}")
 
 
-def derive_position(b: Builder, chain: Chain, reach: float) -> None:
-    """Derive three joints from the position p of the tip: base J1 L1 J2 L2 J3 tip = p. ``reach`` is in m."""
+def derive_position(b: Builder, chain: Chain, reach: float, last_link: Matrix | None = None) -> None:
+    """Derive three joints from the position p of the tip: base J1 L1 J2 L2 J3 tip = p. ``reach`` is in m.
+
+    With a ``last_link``, the tip is the tool that the builder has as an input, carried by that transform.
+    """
     base, tip = rigid(chain.base), rigid(chain.tip)
     target: Vector = b.names("p", rotate(transposed(base.R), minus(b.point(), base.t)))
     first, second = (Crossing.of(link) for link in chain.links)
     joints = (chain.joints[0], chain.joints[1], chain.joints[2])
-    solve_position(b, Arm(joints, first, second, tip.t, target), reach)
+    arm = Arm(joints, first, second, tip.t, target)
+    if last_link is not None:
+        arm = replace(arm, c=b.names("c", rigid(last_link).apply(b.tool())), nominal=tip.t)
+    solve_position(b, arm, reach)

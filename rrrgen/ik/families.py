@@ -8,7 +8,7 @@ from typing import Any
 
 from rrrgen.errors import DerivationError, InternalError
 from rrrgen.ik.derive import ARM_ANGLE, record, solving_loop
-from rrrgen.ik.geometry.chain import Chain
+from rrrgen.ik.geometry.chain import Chain, multiply, translation
 from rrrgen.ik.geometry.loop import Loop, commuted, straightened
 from rrrgen.ik.geometry.rigid import Crossing, rigid
 from rrrgen.ik.plan import Singularity, SolverPlan
@@ -159,6 +159,9 @@ def works(plan: SolverPlan, trials: int) -> bool:
     chain, rng = plan.solving, np.random.default_rng(11)
     if plan.general:
         return _eliminates(chain, plan.locked)
+    tool = (0.31 * chain.reach, 0.17 * chain.reach, -0.23 * chain.reach)  # as good as any other
+    if plan.last_link is not None:
+        chain = replace(chain, tip=multiply(plan.last_link, translation(tool)))
     size = 1 + max(joint.index for joint in chain.joints)
     for _ in range(trials):
         q = rng.uniform(-1.4, 1.4, size)
@@ -174,7 +177,7 @@ def works(plan: SolverPlan, trials: int) -> bool:
         rows = every_branch(
             plan.equations.play,
             lambda script, T=T, away=elsewhere, given=given: FloatBuilder(  # type: ignore[misc]
-                T, away, script, redundancy=given
+                T, away, script, redundancy=given, tool=tool
             ),
         )
         if not any(_same(chain, row, q) for row in rows):

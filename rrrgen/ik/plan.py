@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.ik.coupling import Coupling
-    from rrrgen.ik.geometry.chain import Chain
+    from rrrgen.ik.geometry.chain import Chain, Matrix
     from rrrgen.ik.recording.solver import Solver
 
 Task = Literal["position", "pose"]
@@ -79,6 +79,9 @@ class SolverPlan:
     * ``coupling``: how ``chain`` follows the joint positions q of a mechanism; None where its joints are q.
     * ``nominal_first``: set if the robot file asks that the solutions of the companion are refined before the general
       equations are solved, and the arm allows it; otherwise None.
+    * ``last_link``: set where the position of the tool is an input too: the constant transform from the last joint to
+      the frame of the last link, in which that position is given. A target is then six numbers, the position of the
+      tool in the base frame and in that frame. None where the tool is the one of ``chain``.
     * ``approach``: text that says whether this request of the robot file has an effect, and why not; empty without it.
     """
 
@@ -102,6 +105,7 @@ class SolverPlan:
     coupling: Coupling | None = None
     nominal_first: NominalFirst | None = None
     approach: str = ""
+    last_link: Matrix | None = None
 
     @property
     def n(self) -> int:

@@ -46,6 +46,10 @@ NEARLY_DEPENDENT = 1e-3
 """Ratio of the smallest to the largest singular value of the Jacobian below which six joints are nearly dependent, and
 another joint is prescribed where possible; usual ratios are 3e-3 to 3e-2."""
 
+LONGEST_TOOL = 10
+"""Largest coordinate, in reaches, of a tool that is an input: its rounding errors count relative to the reach, and from
+about a hundred reaches on solutions would seem to miss their target."""
+
 # -- whether its equations work ---------------------------------------------------------------------------------------
 
 FOUND = 1e-5

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from rrrgen.backends.c.solver.files import emit
+from rrrgen.backends.c.solver.files import Emitted, emit
+from rrrgen.backends.c.solver.parts.tool import emit_tool_solver
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.ik.answers import STATUS_TEXTS, labels, most_rows, reasons_of
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.run_time_tool import plan_with_tool
 from rrrgen.runtime.evaluation.coupled import CoupledEvaluation
 from rrrgen.runtime.evaluation.engine import Answer, Engine, batch_of, empty_batch
 from rrrgen.runtime.evaluation.solve import Evaluation, Wish
@@ -277,6 +279,13 @@ class InverseKinematics:
 
     def _targets(self, goals: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.plan.task == "position":
+            if self.plan.last_link is not None:
+                if goals.shape[1:] != (6,):
+                    raise InputError(
+                        f"{self._name}: give the position of the tool in the base frame, then in the last link frame, "
+                        f"(6,), not {goals.shape[1:]}"
+                    )
+                return np.ascontiguousarray(goals)
             if goals.shape[1:] == (4, 4):
                 goals = goals[:, :3, 3]
             if goals.shape[1:] != (3,):
@@ -328,11 +337,28 @@ def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineN
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
     if backend == "numpy":
         return InverseKinematics(plan, _Evaluated(plan, most_rows(plan)), spec.name)
+    return _built(emit(spec, plan), spec.name, spec.name)
+
+
+def load_tool_solver(spec: RobotSpec, backend: EngineName = "c") -> InverseKinematics:
+    """The inverse kinematics of a position task with the tool as an input, as :func:`load_solver` makes it.
+
+    A target is six numbers: the position of the tool in the base frame, then in the frame of the last link. Raises
+    DerivationError with the reason for an arm that has no such solver.
+    """
+    if backend == "numpy":
+        plan = plan_with_tool(spec)
+        return InverseKinematics(plan, _Evaluated(plan, most_rows(plan)), spec.name)
+    return _built(emit_tool_solver(spec), f"{spec.name}_tool", spec.name)
+
+
+def _built(emitted: Emitted, prefix: str, name: str) -> InverseKinematics:
+    """Compile and load an emitted solver, whose functions begin with ``prefix``."""
     from rrrgen.runtime.build import build_extension
 
-    files = emit(spec, plan).files
-    ffi, lib = build_extension(files, _declarations(files[f"{spec.name}_ik.h"]), f"{spec.name}_ik")
-    return InverseKinematics(plan, _Compiled(plan, most_rows(plan), ffi, lib, spec.name), spec.name)
+    plan = emitted.plan
+    ffi, lib = build_extension(emitted.files, _declarations(emitted.files[f"{prefix}_ik.h"]), f"{prefix}_ik")
+    return InverseKinematics(plan, _Compiled(plan, most_rows(plan), ffi, lib, prefix), name)
 
 
 def _declarations(header: str) -> str:

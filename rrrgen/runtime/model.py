@@ -7,6 +7,7 @@ Control, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -162,7 +163,7 @@ class Model(
             redundancy: the prescribed joint or arm angle of a redundant arm, rad or m, one number or one for each
                 target, (...); by default its value in ``q_ref``.
             tool: pose of a tool in the last link frame, (4, 4) or (..., 4, 4), in place of that of the robot file: the
-                target is then the pose of this tool. Not for positions.
+                target is then the pose or the position of this tool.
 
         Returns:
             For one target an :class:`IKResult` with ``q`` (k, n), ``flags`` (k,), ``branch`` (k,), and without a
@@ -172,22 +173,25 @@ class Model(
             DerivationError: the arm has no solver, or ``redundancy`` is given to an arm that is not redundant.
             ValueError: a wrong shape, an unknown ``sort``, or a redundant arm without ``redundancy`` and ``q_ref``.
         """
-        if tool is not None:
-            target = self._target_of(target, tool)
+        solver = self.ik
+        if tool is not None and solver.plan.task == "position":
+            solver, target = self._tool_solver, _with_position(target, tool)
+        elif tool is not None:
+            if np.shape(target)[-2:] != (4, 4):
+                raise ValueError("tool: needs poses (..., 4, 4) as targets, since this arm is solved for poses")
+            target = self.tool_target(target, tool)
         goals = np.asarray(target)
-        single = (goals.shape[-2:] == (4, 4) and goals.ndim == 2) or goals.shape == (3,)
-        if single or goals.shape[-1:] not in ((3,), (4,)):
-            return self.ik.solve(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)  # type: ignore[arg-type]
-        return self.ik.solve_batch(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
+        single = (goals.shape[-2:] == (4, 4) and goals.ndim == 2) or goals.shape in ((3,), (6,))
+        if single or goals.shape[-1:] not in ((3,), (4,), (6,)):
+            return solver.solve(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)  # type: ignore[arg-type]
+        return solver.solve_batch(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
 
-    def _target_of(self, target: ArrayLike, tool: ArrayLike) -> Array:
-        """The target (..., 4, 4) of the tip for which the ``tool`` has the pose ``target``."""
-        if np.shape(target)[-2:] != (4, 4) or self.n <= 3:
-            raise ValueError(
-                "tool: needs poses (..., 4, 4) as targets. An arm of up to three joints is solved for positions, and "
-                "its solution contains the tool: state it in `tools` of the robot file and compile 'robot.yaml@name'"
-            )
-        return self.tool_target(target, tool)
+    @cached_property
+    def _tool_solver(self) -> InverseKinematics:
+        """The inverse kinematics of positions with the tool as an input."""
+        from rrrgen.runtime.inverse_kinematics import load_tool_solver
+
+        return load_tool_solver(self.spec, backend=self.engine.name)
 
     # -- more ----------------------------------------------------------------------------------------------------
 
@@ -215,7 +219,8 @@ class Model(
             name: a function of the model such as "inverse_dynamics", its specialization "inverse_dynamics_nominal", or
                 "inverse_kinematics", which takes ``target``, ``branch_signs``, the sign of every choice between two
                 branches (+1 or -1), and, for a redundant arm, ``redundancy``, and gives the one configuration ``q`` of
-                that branch.
+                that branch; "tool_inverse_kinematics" for positions of a tool, with six numbers as target: its
+                position in the base frame, then in the last link frame.
             smooth_sign: eps > 0, in rad/s or m/s, replaces sgn(x) by tanh(x / eps); by default sgn is exact, with
                 derivative 0.
 
@@ -229,12 +234,12 @@ class Model(
             DerivationError: the inverse kinematics of this arm has no formula for each branch.
             ValueError: there is no function of this name, or eps is not positive.
         """
-        if name == "inverse_kinematics":
+        if name in ("inverse_kinematics", "tool_inverse_kinematics"):
             from rrrgen.backends.casadi.branches import branch_function
             from rrrgen.backends.casadi.function import import_casadi
 
             import_casadi()
-            return branch_function(self.spec)
+            return branch_function(self.spec, tool=name.startswith("tool"))
         program = self._with(name).derived.programs[name]
         from rrrgen.backends.casadi import function
 
@@ -261,3 +266,15 @@ class Model(
         chosen, parameters = model._chosen(name, beta, Ia)
         known = {"gravity": self.nominal_gravity, **{key: np.asarray(value) for key, value in parameters.items()}}
         return BoundFunction(model.derived.programs[chosen], model.engine, known)
+
+
+def _with_position(target: ArrayLike, tool: ArrayLike) -> Array:
+    """Targets (..., 6) of a solver with the tool as an input: positions, or those of poses, and those of tools."""
+    goal, frame = np.asarray(target, dtype=float), np.asarray(tool, dtype=float)
+    if frame.shape[-2:] != (4, 4):
+        raise ValueError(f"tool must be a pose (..., 4, 4), not of shape {frame.shape}")
+    place = goal[..., :3, 3] if goal.shape[-2:] == (4, 4) else goal
+    if place.shape[-1:] != (3,):
+        raise ValueError(f"target must hold positions (..., 3) or poses (..., 4, 4), not shape {goal.shape}")
+    batch = np.broadcast_shapes(place.shape[:-1], frame.shape[:-2])
+    return np.concatenate([np.broadcast_to(x, (*batch, 3)) for x in (place, frame[..., :3, 3])], axis=-1)

@@ -47,8 +47,8 @@ def test_nothing_more_is_written_unless_it_is_asked_for(tmp_path):
 
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_gravity_and_control(tmp_path, real):
-    output = generate(tmp_path, PENDULUM, "--with", "gravity,control,trajectory", "--real", real)
-    beside = ["swing_ik.c", "swing_differential_ik.c", "swing_fourier.c"]
+    output = generate(tmp_path, PENDULUM, "--with", "gravity,control,points,trajectory", "--real", real)
+    beside = ["swing_ik.c", "swing_tool_ik.c", "swing_differential_ik.c", "swing_fourier.c"]
     for prefix, others in (("swing", beside), ("swing_any_gravity", [])):
         sources = [f"{prefix}{part}.c" for part in ("", "_nominal", "_derivatives", "_selftest")]
         command = ["gcc", *STRICT, *sources, *others, "-o", prefix, "-lm"]
@@ -57,8 +57,10 @@ def test_gravity_and_control(tmp_path, real):
         assert "p = M dq" in report
         assert ("differential IK: no better speeds" in report) == (prefix == "swing")
         assert ("Fourier series: at quarters" in report) == (prefix == "swing")
+        assert ("inverse kinematics with a tool: the row of" in report) == (prefix == "swing")
     readme = (output / "README.md").read_text()
     assert "`swing_fourier.h`" in readme
+    assert "`swing_tool_ik.h`" in readme
     (output / "loop.c").write_text(readme.partition("## A control loop")[2].partition("```c\n")[2].partition("```")[0])
     command = ["gcc", *STRICT, "loop.c", "swing.c", "swing_nominal.c", "-o", "loop", "-lm"]
     subprocess.run(command, cwd=output, check=True)

@@ -42,6 +42,24 @@ def test_a_tool_at_run_time_reaches_its_target(model):
         np.testing.assert_allclose(model.tool_kinematics(found, TOOL).T, T, atol=1e-9)
 
 
+def test_a_tool_of_an_arm_that_is_solved_for_positions():
+    model, q = rrrgen.compile("rrr", backend="numpy"), np.array([0.4, -0.3, 0.7])
+    T = model.tool_kinematics(q, TOOL).T
+    solutions = model.inverse_kinematics(T[:3, 3], tool=TOOL, limits=False).q
+    assert len(solutions) == 4
+    assert min(np.abs(solutions - q).max(axis=1)) < 1e-12
+    for found in solutions:
+        np.testing.assert_allclose(model.tool_kinematics(found, TOOL).T[:3, 3], T[:3, 3], atol=1e-12)
+    tools = np.array([TOOL, np.eye(4)])
+    batch = model.inverse_kinematics(T[:3, 3], tool=tools, limits=False)
+    np.testing.assert_array_equal(batch.q[0], solutions)
+    assert batch.counts.tolist() == [4, 0]  # out of reach without the tool
+    with pytest.raises(ValueError, match="tool must be a pose"):
+        model.inverse_kinematics(T[:3, 3], tool=TOOL[:3, 3])
+    with pytest.raises(ValueError, match="target must hold positions"):
+        model.inverse_kinematics(T[:3, 3].tolist() * 2, tool=TOOL)
+
+
 def test_loss_of_rank_is_an_error_unless_the_status_is_asked_for(model):
     stretched = np.zeros(model.n)
     with pytest.raises(np.linalg.LinAlgError, match="singular"):

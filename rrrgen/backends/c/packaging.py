@@ -40,6 +40,7 @@ BESIDE = {
     "differential_ik": "joint speeds for a velocity of the tip, within all limits",
     "fourier": "a Fourier series whose coefficients the caller owns",
     "timing": "time-optimal timing of a path",
+    "tool_ik": "inverse kinematics with the tool as an input",
 }
 """Stem of files beside the model -> what is in them."""
 

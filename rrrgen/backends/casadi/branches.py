@@ -9,6 +9,7 @@ from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
+from rrrgen.ik.run_time_tool import plan_with_tool
 
 if TYPE_CHECKING:
     from rrrgen.ik.coupling import Coupling
@@ -49,6 +50,10 @@ class CasadiBuilder:
         if not self._position:
             return self.pose().t
         return (self.target[0], self.target[1], self.target[2])
+
+    def tool(self) -> Vector:
+        """The position of the tool, which follows that of the target."""
+        return (self.target[3], self.target[4], self.target[5])
 
     def name(self, hint: str, x: S) -> S:
         """Return ``x`` unchanged: in CasADi intermediate values need no names."""
@@ -147,7 +152,7 @@ class CasadiBuilder:
         """Ignore the check of a candidate: the number of results is fixed, and NaN marks an unreachable target."""
 
 
-def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
+def branch_function(spec: RobotSpec, redundancy: int | None = None, *, tool: bool = False) -> Any:
     """The inverse kinematics of ``spec`` as ``casadi.Function(target, branch_signs[, redundancy]) -> q``.
 
     ``target`` is the position (3) or the pose (4x4), m; ``branch_signs`` one entry +1 or -1 per choice, in the order of
@@ -155,11 +160,13 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
     limits are ignored. For a mechanism ``q`` are its joint positions, NaN also where the branch does not satisfy the
     coupling ``y = S q`` of the rows to the tip. If several q give the same configuration of the rows, as with gears, a
     further input ``turns`` (n) chooses among them: whole numbers of full turns, added to the displacements of the rows
-    ``Coupling.pivots``. Raises DerivationError for chains without a solver, and for those that solve a quartic.
+    ``Coupling.pivots``. With ``tool``, for positions only, the target has three numbers more: the position of the
+    tool in the frame of the last link. Raises DerivationError for chains without a solver, and
+    for those that solve a quartic.
     """
     import casadi
 
-    plan = _plan(spec, redundancy)
+    plan = _plan(spec, redundancy, tool)
     target, parameter = _target(plan), casadi.SX.sym("redundancy")
     labels = _interpreted(plan, target, casadi.SX.ones(MOST_CHOICES), parameter).labels
     branch = casadi.SX.sym("branch_signs", len(labels))
@@ -173,7 +180,8 @@ def branch_function(spec: RobotSpec, redundancy: int | None = None) -> Any:
         geared = plan.coupling.count > 1
         q = _coupled(plan, plan.coupling, q, turns if geared else casadi.SX.zeros(plan.n))
         inputs, names = ([*inputs, turns], [*names, "turns"]) if geared else (inputs, names)
-    return casadi.Function(f"{spec.name}_inverse_kinematics", inputs, [q], names, ["q"])
+    name = "tool_inverse_kinematics" if tool else "inverse_kinematics"
+    return casadi.Function(f"{spec.name}_{name}", inputs, [q], names, ["q"])
 
 
 def _coupled(plan: SolverPlan, coupling: Coupling, y: Any, turns: Any) -> Any:
@@ -211,8 +219,8 @@ def branch_signs(labels: tuple[tuple[str, int, int], ...], branch: int) -> list[
     return [1 if (int(branch) >> bit) & 1 == 0 else -1 for _, bit, _ in labels]
 
 
-def _plan(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
-    plan = make_plan(spec, redundancy)
+def _plan(spec: RobotSpec, redundancy: int | None, tool: bool = False) -> SolverPlan:
+    plan = plan_with_tool(spec) if tool else make_plan(spec, redundancy)
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: {plan.reason}")
     if plan.general:
@@ -225,7 +233,8 @@ def _plan(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
 def _target(plan: SolverPlan) -> Any:
     import casadi
 
-    return casadi.SX.sym("p", 3) if plan.task == "position" else casadi.SX.sym("T", 4, 4)
+    size = 3 if plan.last_link is None else 6
+    return casadi.SX.sym("p", size) if plan.task == "position" else casadi.SX.sym("T", 4, 4)
 
 
 def _interpreted(plan: SolverPlan, target: Any, branch: Any, parameter: Any) -> CasadiBuilder:

@@ -178,6 +178,10 @@ class TextBuilder:
         """The symbols of the target position: x, y, z, or p_x, p_y, p_z if the target is a pose."""
         return (_target("x"), _target("y"), _target("z")) if self._position else self._point("p")
 
+    def tool(self) -> Vector:
+        """The symbols of the position of the tool, where it is an input."""
+        return self._point("t")
+
     def _point(self, letter: str) -> Vector:
         return (_target(f"{letter}_x"), _target(f"{letter}_y"), _target(f"{letter}_z"))
 

@@ -128,10 +128,10 @@ def generate(
         tell(0, 0, "deriving")
         model = pipeline.derive(spec, jobs, groups, tell)
         code = controller_files(model, real, experiment)
-        code |= files_beside(spec.name, spec.n, real, groups, trig)
+        code |= files_beside(spec, real, groups, trig)
         any_gravity = pipeline.derive(spec.in_any_gravity(), jobs, groups, tell) if "gravity" in wanted else None
         casadi = with_casadi and not only_check
-        checks = checks_beside(spec.name, groups)
+        checks = checks_beside(spec, groups)
         files = pipeline.emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks)
     if verbose:
         _report_passes(model)

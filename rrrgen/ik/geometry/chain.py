@@ -193,6 +193,11 @@ def _slid(matrix: Matrix, before: float, behind: float) -> Matrix:
     return tuple(rows)
 
 
+def translation(t: tuple[Number, Number, Number]) -> Matrix:
+    """The 3x4 transform that moves by ``t`` (m)."""
+    return tuple((*row[:3], x) for row, x in zip(IDENTITY, t, strict=True))
+
+
 def multiply(A: Matrix, B: Matrix) -> Matrix:
     """The product of two 3x4 transforms whose entries are plain numbers."""
     rows = []

@@ -78,6 +78,9 @@ class Builder(Protocol):
     def point(self) -> Vector:
         """The target position of the tip in the base frame."""
 
+    def tool(self) -> Vector:
+        """The position of the tool in the frame of the last link, where it is an input."""
+
     def name(self, hint: str, x: S) -> S:
         """Store ``x`` under the readable name ``hint`` and return it."""
 

@@ -21,10 +21,20 @@ class FloatBuilder:
 
     ``T`` is the target pose (4 x 4), ``reference`` the joint values where the target leaves a joint free, ``script``
     the index of the root taken at each choice, ``redundancy`` the prescribed joint value. After a run, ``values`` holds
-    the user's joint values by joint index, ``counts`` the number of roots at each choice.
+    the user's joint values by joint index, ``counts`` the number of roots at each choice. ``tool`` is the position of
+    the tool in the frame of the last link, for solvers that have it as an input.
     """
 
-    def __init__(self, T: Any, reference: Sequence[float], script: list[int], *, redundancy: float = 0.0) -> None:
+    def __init__(
+        self,
+        T: Any,
+        reference: Sequence[float],
+        script: list[int],
+        *,
+        redundancy: float = 0.0,
+        tool: Vector = (0.0, 0.0, 0.0),
+    ) -> None:
+        self._tool = tool
         self.T, self.reference, self.script, self.redundancy = T, reference, script, redundancy
         self.counts: list[int] = []
         self.values: dict[int, float] = {}
@@ -37,6 +47,10 @@ class FloatBuilder:
     def point(self) -> Vector:
         """The target position."""
         return (float(self.T[0][3]), float(self.T[1][3]), float(self.T[2][3]))
+
+    def tool(self) -> Vector:
+        """The position of the tool in the frame of the last link."""
+        return self._tool
 
     def name(self, hint: str, x: S) -> S:
         """Return ``x``; floats need no name."""

@@ -46,6 +46,12 @@ class Recorder:
         self._steps.append(steps.Target(results))
         return (results[0], results[1], results[2])
 
+    def tool(self) -> Vector:
+        """The position of the tool, as three variables."""
+        results = self._variables(["tx", "ty", "tz"], 0)
+        self._steps.append(steps.Tool(results))
+        return (results[0], results[1], results[2])
+
     # -- values -------------------------------------------------------------------------------------------------------
 
     def name(self, hint: str, x: S) -> Scalar:

@@ -87,6 +87,17 @@ class Target(Step):
 
 
 @dataclass(frozen=True, eq=False)
+class Tool(Step):
+    """The step that reads the position of the tool in the frame of the last link: 3 results."""
+
+    kind: ClassVar[str] = "tool"
+
+    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+        """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
+        return b.tool()
+
+
+@dataclass(frozen=True, eq=False)
 class Named(Step):
     """The step that stores ``value`` under the readable name ``hint``."""
 

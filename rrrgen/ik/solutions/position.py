@@ -42,7 +42,8 @@ class Arm:
     """A position problem: find the three joint variables with ``J1 L1 J2 L2 J3 c = p``.
 
     ``first`` and ``second`` are the links L1 and L2, c and p points (3,) in m. A link that is constant is a
-    :class:`Crossing`; one that depends on the target or on a prescribed joint is a :class:`Rigid`.
+    :class:`Crossing`; one that depends on the target or on a prescribed joint is a :class:`Rigid`. ``nominal`` are the
+    numbers of c where c is an input: they decide which root is labelled plus.
     """
 
     joints: tuple[Joint, Joint, Joint]
@@ -50,6 +51,7 @@ class Arm:
     second: Crossing | Rigid
     c: Vector
     p: Vector
+    nominal: Vector | None = None
 
     @property
     def types(self) -> str:
@@ -144,7 +146,7 @@ def _solve(b: Builder, arm: Arm, length: float) -> dict[int, Turn | S]:
         case "PPP":
             return _linear(b, joints, first.core(), M2, arm.c, p, length)
         case "RRR" if _cost(arm) == 0:
-            return core.offset_elbow(arm)
+            return core.offset_elbow(arm, v if arm.nominal is None else Moving.of(joints[2], M2, arm.nominal))
         case "RRR" | "RRP":
             return core.turn_turn()
         case "RPR" | "RPP":
@@ -186,11 +188,12 @@ class _Core:
     length: float
     front: int
 
-    def offset_elbow(self, arm: Arm) -> dict[int, Turn | S]:
+    def offset_elbow(self, arm: Arm, stated: Moving) -> dict[int, Turn | S]:
         """Derive R R R where axes 1 and 2 meet and axes 2 and 3 are parallel: two values of x1, two of x3, one of x2.
 
         The offset of the arm's plane from axis 1 gives x1, the distance |p| gives x3, and x2 follows. The solution is
         (14.45) in chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005), with all four of its branches.
+        ``stated`` is v with the numbers of the robot file, which decide the label of the elbow's roots.
         """
         b, joints = self.b, self.joints
         u = Moving.of(backwards(joints[0]), Rigid(*_inverse_core(self.a, self.ca, self.sa)), self.p)
@@ -199,7 +202,8 @@ class _Core:
         x1 = b.pair(joints[0], kc, -ks, -k0, label=Label("shoulder", self.front), unit=self.length)
         r = b.name("r", square(self.p))
         k0, kc, ks = self.v.length2.plus(-r).k
-        sign = -1 if is_zero(ks) and _negative(kc) else 1
+        _, cosine, sine = stated.length2.k
+        sign = -1 if is_zero(sine) and _negative(cosine) else 1
         x3 = b.pair(joints[2], kc, ks, -k0, label=Label("elbow", sign), unit=self.length**2)
         at = b.names("u", u.at(Turn(x1.c, -x1.s)))
         v = b.names("v", self.v.at(x3))

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from rrrgen.errors import InternalError
-from rrrgen.ik.geometry.chain import Chain, Joint
+from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
 from rrrgen.ik.geometry.loop import AnyLink, Closing, Loop, Motion, apply, move, straightened, turned
 from rrrgen.ik.geometry.rigid import (
     Crossing,
@@ -28,7 +28,6 @@ from rrrgen.ik.geometry.rigid import (
     transposed,
 )
 from rrrgen.ik.recording.builder import Builder, Label, Turn
-from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.ik.solutions.forms import Form, Moving
 from rrrgen.ik.solutions.parallel import Frame, finish_plane
 from rrrgen.ik.solutions.planar import triple_of
@@ -170,15 +169,17 @@ def _shifted(motion: Motion, offset: S) -> Motion:
     return Turn(total(product(c, motion.c), product(s, motion.s)), total(product(c, motion.s), -product(s, motion.c)))
 
 
-def derive_point(b: Builder, chain: Chain, length: float) -> None:
+def derive_point(b: Builder, chain: Chain, length: float, last_link: Matrix | None = None) -> None:
     """Derive one or two joints from the position of the tip.
 
-    The conditions that the target lies on the curve or surface traced by the tip become residuals.
+    The conditions that the target lies on the curve or surface traced by the tip become residuals. With a
+    ``last_link``, the tip is the tool that the builder has as an input, carried by that transform.
     """
-    base, tip = rigid(chain.base), rigid(chain.tip)
+    base, stated = rigid(chain.base), rigid(chain.tip).t
+    c = stated if last_link is None else b.names("c", rigid(last_link).apply(b.tool()))
     p = b.names("p", rotate(transposed(base.R), minus(b.point(), base.t)))
     if chain.n == 1:
-        joint, c = chain.joints[0], tip.t
+        joint = chain.joints[0]
         if joint.revolute:
             b.onto(joint, c, p, unit=length)
         else:
@@ -186,36 +187,31 @@ def derive_point(b: Builder, chain: Chain, length: float) -> None:
             b.residual((total(c[0], -p[0]), total(c[1], -p[1]), 0))
         return
     one, two = chain.joints
-    w = Moving.of(two, Crossing.of(chain.links[0]).rigid(), tip.t)
+    link = Crossing.of(chain.links[0]).rigid()
+    w, like = Moving.of(two, link, c), Moving.of(two, link, stated)
     if one.revolute:
-        x2 = _best(b, two, [(w.z.plus(-p[2]), length), (w.length2.plus(-square(p)), length**2)])
+        x2 = _best(b, two, [(w.z.plus(-p[2]), like.z, length), (w.length2.plus(-square(p)), like.length2, length**2)])
         at = b.names("w", w.at(x2))
         b.onto(one, at, p, unit=length)
     else:
-        x2 = _best(b, two, [(w.x.plus(-p[0]), length), (w.y.plus(-p[1]), length)])
+        x2 = _best(b, two, [(w.x.plus(-p[0]), like.x, length), (w.y.plus(-p[1]), like.y, length)])
         at = b.names("w", w.at(x2))
         b.slide(one, total(p[2], -at[2]))
         b.residual((total(at[0], -p[0]), total(at[1], -p[1]), 0))
 
 
-def _best(b: Builder, joint: Joint, equations: list[tuple[Form, float]]) -> Motion:
+def _best(b: Builder, joint: Joint, equations: list[tuple[Form, Form, float]]) -> Motion:
     """Solve for ``joint`` the one of several equations that depends most strongly on it.
 
-    ``equations`` holds (form, unit): the function of the joint that must vanish, and the natural size of its terms.
+    ``equations`` holds (form, like, unit): the function of the joint that must vanish, a function with the same
+    dependence on the joint in the numbers of the robot file, and the natural size of the terms.
     """
 
-    def slope(entry: tuple[Form, float]) -> float:
-        form, unit = entry
-        first = sum(abs(_constant(k)) for k in form.k[1 : 2 if not form.turning else 3])
-        return first / unit if form.turning else (first * length_of(entry)) / unit
+    def slope(entry: tuple[Form, Form, float]) -> float:
+        _, form, unit = entry
+        first = sum(abs(float(k)) for k in form.k[1 : 2 if not form.turning else 3])
+        length = unit if len(form.k) == 2 else unit**0.5
+        return first / unit if form.turning else first * length / unit
 
-    def length_of(entry: tuple[Form, float]) -> float:
-        return entry[1] if len(entry[0].k) == 2 else entry[1] ** 0.5
-
-    form, unit = max(equations, key=slope)
+    form, _, unit = max(equations, key=slope)
     return form.root(b, joint, Label("elbow"), unit)
-
-
-def _constant(x: S) -> float:
-    """The value of a constant coefficient; 0 for a recorded scalar that depends on the target."""
-    return float(x.value if isinstance(x, Scalar) else x)

@@ -54,7 +54,8 @@ class Row:
 class Query:
     """Input of the solver: checked target ``T``, reference configuration, and the redundancy parameter ``given``.
 
-    ``T`` is a pose (16 numbers, row-major) or a position (3 numbers, m).
+    ``T`` is a pose (16 numbers, row-major), a position (3 numbers, m), or a position and that of the tool (6
+    numbers, m).
     """
 
     T: Sequence[float]
@@ -126,7 +127,11 @@ class _Path:
     def point(self) -> Vector:
         """The target position of the tip in the base frame."""
         T = self._query.T
-        return (T[0], T[1], T[2]) if len(T) == 3 else (T[3], T[7], T[11])
+        return (T[3], T[7], T[11]) if len(T) == 16 else (T[0], T[1], T[2])
+
+    def tool(self) -> Vector:
+        """The position of the tool in the frame of the last link."""
+        return (self._query.T[3], self._query.T[4], self._query.T[5])
 
     def name(self, hint: str, x: S) -> S:
         """Return ``x`` unchanged; only when a solver is recorded does an expression get the name ``hint``."""

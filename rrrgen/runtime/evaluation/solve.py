@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.derive import ARM_ANGLE
+from rrrgen.ik.tolerances import LONGEST_TOOL
 from rrrgen.runtime.evaluation.branches import Query, Row, candidates
 from rrrgen.runtime.evaluation.free_joints import FIXED, GONE, FreeJoints
 from rrrgen.runtime.evaluation.kernels import INEXACT, MULTIPLE, NEAR, OUTSIDE, SEARCH, TOLERANCE, Settings
@@ -72,7 +73,8 @@ class Evaluation:
         self._far_stage = reasons - 1 - bool(plan.incomplete)
 
     def solve(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
-        """Find every solution for a ``target``: a position (3 numbers, m) or a pose (16 numbers, row-major).
+        """Find every solution for a ``target``: a position (3 numbers, m), that of the tool behind it if it is
+        an input, or a pose (16 numbers, row-major).
 
         ``q_ref`` is the reference configuration or None, ``given`` the redundancy parameter, ``wish`` the options.
         """
@@ -88,11 +90,12 @@ class Evaluation:
         """Check the target; returns a call that can be solved, or the answer that says what is wrong with it."""
         if not all(map(isfinite, [*target, *(q_ref or ()), given])):
             return Answer(NOT_FINITE)
-        T = list(target) if len(target) == 3 else repaired(target)
+        T = repaired(target) if len(target) == 16 else list(target)
         if T is None:
             return Answer(NOT_A_ROTATION)
-        place = T if len(T) == 3 else (T[3], T[7], T[11])
-        if any(abs(x) >= 1e6 * self._chain.scale for x in place):
+        place, tool = ((T[3], T[7], T[11]), ()) if len(T) == 16 else (T[:3], T[3:])
+        longest = LONGEST_TOOL * self._chain.reach
+        if any(abs(x) >= 1e6 * self._chain.scale for x in place) or any(abs(x) >= longest for x in tool):
             return Answer(UNREACHABLE, (), self._far_stage, -1.0)
         query = Query(T, [0.0] * self._chain.n if q_ref is None else q_ref, given)
         return Call(self, query, q_ref, accuracy_of(target, self._chain), wish)

@@ -30,7 +30,7 @@ def repaired(target: Sequence[float]) -> list[float] | None:
 def accuracy_of(target: Sequence[float], chain: Chain) -> float:
     """Assumed accuracy of a ``target``: the error by which its rotation is not orthonormal, but at least round-off."""
     rounding = 64.0 * chain.scale / chain.reach * TOLERANCE["eps"]
-    return rounding if len(target) == 3 else max(rounding, _defect(target))
+    return max(rounding, _defect(target)) if len(target) == 16 else rounding
 
 
 def _defect(T: Sequence[float]) -> float:

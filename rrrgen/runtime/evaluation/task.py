@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rrrgen.ik.derive import ARM_ANGLE
+from rrrgen.ik.geometry.chain import multiply, translation
 from rrrgen.ik.recording.float_builder import wrapped
 from rrrgen.runtime.evaluation.kernels import SEARCH, TOLERANCE
 
@@ -27,10 +29,13 @@ class Task:
 
     def __init__(self, plan: SolverPlan, T: Sequence[float]) -> None:
         self.chain = plan.chain
+        if plan.last_link is not None:
+            self.chain = replace(plan.chain, tip=multiply(plan.last_link, translation((T[3], T[4], T[5]))))
         self._position = plan.task == "position"
-        self._target = np.array(T).reshape(-1) if self._position else np.array(T).reshape(4, 4)
+        self._target = np.array(T[:3]) if self._position else np.array(T).reshape(4, 4)
         self._revolute = np.array([joint.revolute for joint in self.chain.joints])
-        self._units = np.where(self._revolute, 1.0, self.chain.reach)
+        self._reach = plan.chain.reach
+        self._units = np.where(self._revolute, 1.0, self._reach)
         self._locked = None if plan.locked in (None, ARM_ANGLE) else plan.locked
 
     def error(self, q: Any, held: int = 0) -> tuple[Any, Any]:
@@ -39,13 +44,13 @@ class Task:
         The Jacobian's columns are zero for the joints in ``held`` (bit mask), which do not move.
         """
         F, J = self.chain.forward(q), self.chain.jacobian(q)
-        J[:3] *= np.where(self._revolute, 1.0 / self.chain.reach, 1.0)
+        J[:3] *= np.where(self._revolute, 1.0 / self._reach, 1.0)
         for k in range(self.chain.n):
             if (held >> k) & 1 or k == self._locked:
                 J[:, k] = 0.0
         if self._position:
-            return (self._target - F[:3, 3]) / self.chain.reach, J[:3]
-        missing = (self._target[:3, 3] - F[:3, 3]) / self.chain.reach
+            return (self._target - F[:3, 3]) / self._reach, J[:3]
+        missing = (self._target[:3, 3] - F[:3, 3]) / self._reach
         return np.concatenate([missing, _axis(self._target[:3, :3] @ F[:3, :3].T)]), J
 
     def refine(self, q: list[float], steps: int, damping: float, held: int = 0) -> tuple[list[float], float]:
@@ -83,7 +88,7 @@ class Task:
         """Largest difference of two configurations: angles in rad, modulo full turns, displacements over the reach."""
         return max(
             (
-                abs(wrapped(x - y)) if turning else abs(x - y) / self.chain.reach
+                abs(wrapped(x - y)) if turning else abs(x - y) / self._reach
                 for x, y, turning in zip(a, b, self._revolute, strict=True)
             ),
             default=0.0,

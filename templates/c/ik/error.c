@@ -65,6 +65,11 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
 #endif
         ik_advance(x, ik_fixed[k + 1]);
     }
+#if TOOL
+    for (i = 0; i < 3; ++i) { /* from the frame of the last link to the tool */
+        x[4 * i + 3] += x[4 * i] * T[3] + x[4 * i + 1] * T[4] + x[4 * i + 2] * T[5];
+    }
+#endif
     for (i = 0; i < 3; ++i) {
 #if POSITION
         e[i] = (T[i] - x[4 * i + 3]) / IK_TOL_REACH;

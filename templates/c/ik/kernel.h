@@ -13,6 +13,7 @@
  *                        last joint; LOCKED_SLIDES: it is prismatic
  *   OPENED               some targets leave a joint undetermined (free). BRANCHES_OPEN, NEARBY_OPEN: this may happen in the
  *                        candidates of ik_branches, of ik_nearby; MERGES: several branches then have the same solution
+ *   TOOL                 the position of the tool in the frame of the last link follows that of the target in T
  *   BANDED               the solved equations are those of a simpler arm close to this one. Where they have a double root
  *                        the true arm may have two roots; the argument `band` moves the double root apart
  *   COMPANION            the equations of the true arm are solved, and those of a simpler arm close to it as well
@@ -51,6 +52,7 @@
  *                        for robots that do not need them
  *   VALUE_...            tolerances, explained in rrrgen/ik/tolerances.py
  *   VALUE_REACH          length (m) that tolerances are relative to; FAR_AWAY: largest coordinate (m) of a target;
+ *                        TOOL_AWAY: largest coordinate (m) of a tool;
  *                        ROUNDING_UNITS: accuracy of an exact target, in units of eps
  *   CHAIN_JOINTS, CHAIN_ROWS, CHAIN_SLIDING, CHAIN_HELD_PARAMETER, CHAIN_NONE_HELD   the same for the chain of a mechanism
  *   MATRIX, RATES, INVERSE, PIVOTS, TURNS, COMBINATIONS, PERIODS, FOLLOWERS, FOLLOWER_..., LOCKED_FACTOR, UNFIT_STAGE

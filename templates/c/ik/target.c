@@ -73,9 +73,19 @@ LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, R
     return IK_OK;
 }
 
+#if TOOL
+/* Whether the target is so far away, or the tool so long, that the size of the arm is lost in rounding errors. */
+#else
 /* Whether the target is so far away that, in its coordinates, the size of the arm is lost in rounding errors. */
+#endif
 LOCAL int ik_far(const REAL *T)
 {
     const REAL bound = (REAL)FAR_AWAY;
+#if TOOL
+    const REAL longest = (REAL)TOOL_AWAY;
+    if (!(FABS(T[3]) < longest && FABS(T[4]) < longest && FABS(T[5]) < longest)) {
+        return 1;
+    }
+#endif
     return !(FABS(T[AT_X]) < bound && FABS(T[AT_Y]) < bound && FABS(T[AT_Z]) < bound);
 }

@@ -17,7 +17,7 @@ from rrrgen.backends.c.solver.kernels import KernelDialect, Settings, kernel, sp
 from rrrgen.backends.c.solver.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
 from rrrgen.backends.c.solver.parts.newton import newton_text
 from rrrgen.backends.c.solver.passes import PASSES, Pass
-from rrrgen.backends.c.solver.settings import reopening, settings
+from rrrgen.backends.c.solver.settings import reopening, settings, target_size
 from rrrgen.backends.c.solver.statements import CBody
 from rrrgen.backends.c.solver.wording import branch_text, explanation, opening
 from rrrgen.backends.c.trigonometry import LibmSinCos
@@ -245,7 +245,7 @@ def _header_values(
         "macro": dialect.macro,
         "real": dialect.real,
         "n": plan.n,
-        "size": 3 if position else 16,
+        "size": target_size(plan),
         "position": position,
         "redundant": plan.locked is not None,
         "rows": most_rows(plan),

@@ -72,6 +72,10 @@ class Scaffold:
             return self.pose().t
         return (self.pool.var("T[0]"), self.pool.var("T[1]"), self.pool.var("T[2]"))
 
+    def tool(self) -> Vector:
+        """The position of the tool, which follows that of the target in the C argument ``T``."""
+        return (self.pool.var("T[3]"), self.pool.var("T[4]"), self.pool.var("T[5]"))
+
     def reference(self, joint: Joint) -> Scalar:
         """The caller's reference value of a joint, as raw variable ``sign q + offset``; q = 0 for a virtual joint."""
         if joint.index not in self._joints:

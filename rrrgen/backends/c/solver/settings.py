@@ -7,6 +7,7 @@ functions; ``templates/c/ik/kernel.h`` lists them.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.solver.kernels import Settings
@@ -14,7 +15,7 @@ from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, Matrix
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.solutions.general6r import General6RTables, passes, shifts, tables_of
-from rrrgen.ik.tolerances import kernel_values, nominal_margins
+from rrrgen.ik.tolerances import LONGEST_TOOL, kernel_values, nominal_margins
 
 NEEDS = (
     "arcs",
@@ -56,6 +57,7 @@ def settings(
     options = {
         "COUPLED": False,
         "POSITION": position,
+        "TOOL": plan.last_link is not None,
         "SLIDES": "P" in plan.chain.types,
         "LIMITED": any(joint.lower is not None or joint.upper is not None for joint in plan.chain.joints),
         "OFFSETS": any(joint.offset for joint in plan.chain.joints),
@@ -83,11 +85,11 @@ def settings(
         **_dialect(dialect),
         **values,
         **_optional(options, dialect),
-        **_chain(plan.chain, dialect),
+        **_chain(plan.chain, plan.last_link, dialect),
         "ERRORS": "3" if position else "6",
         "STACKED": str(n + (3 if position else 6)),
-        "TARGET": "3" if position else "16",
-        "TARGET_READ": "3" if position else "12",
+        "TARGET": str(target_size(plan)),
+        "TARGET_READ": str(target_size(plan)) if position else "12",
         "AT_X": "0" if position else "3",
         "AT_Y": "1" if position else "7",
         "AT_Z": "2" if position else "11",
@@ -114,6 +116,11 @@ def settings(
         options, words = options | more, words | tables
     prefixes = {"ik_": f"{stem}_", "IK_": f"{macro}_", "robot_": f"{dialect.prefix}_"}
     return Settings(options, words, prefixes)
+
+
+def target_size(plan: SolverPlan) -> int:
+    """How many numbers a target has: a pose, or a position, and that of the tool where it is an input."""
+    return 16 if plan.task == "pose" else 3 if plan.last_link is None else 6
 
 
 def reopening(base: Settings, stem: str, name: str, opens: Iterable[tuple[int, int]]) -> Settings:
@@ -171,8 +178,12 @@ def _optional(options: dict[str, bool], dialect: Dialect) -> dict[str, str]:
     }
 
 
-def _chain(chain: Chain, dialect: Dialect) -> dict[str, str]:
-    """Replacement texts for the chain's data: sizes, joint limits, offsets, constant transforms, magnitudes."""
+def _chain(chain: Chain, last_link: Matrix | None, dialect: Dialect) -> dict[str, str]:
+    """Replacement texts for the chain's data: sizes, joint limits, offsets, constant transforms, magnitudes.
+
+    Where there is a ``last_link``, the tool is an input, and the last constant transform ends at the last link frame.
+    """
+    fixed = (chain if last_link is None else replace(chain, tip=last_link)).transforms
 
     def bound(x: float | None, side: int) -> float:
         return side * 1e30 if x is None else float(x)
@@ -183,13 +194,14 @@ def _chain(chain: Chain, dialect: Dialect) -> dict[str, str]:
         "LAST_JOINT": str(chain.n - 1),
         "SLIDING": f"0x{sliding:x}u",
         "TRANSFORMS": str(chain.n + 1),
-        "FIXED": table([_signed((x for row in matrix for x in row), dialect) for matrix in chain.transforms]),
+        "FIXED": table([_signed((x for row in matrix for x in row), dialect) for matrix in fixed]),
         "OFFSET_VALUES": _signed((joint.offset for joint in chain.joints), dialect),
         "LOWER": _signed((bound(joint.lower, -1) for joint in chain.joints), dialect),
         "UPPER": _signed((bound(joint.upper, 1) for joint in chain.joints), dialect),
         "VALUE_REACH": repr(chain.reach),
         "ROUNDING_UNITS": repr(64.0 * chain.scale / chain.reach),
         "FAR_AWAY": repr(1e6 * chain.scale),
+        "TOOL_AWAY": repr(LONGEST_TOOL * chain.reach),
     }
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rrrgen.backends import Real
 from rrrgen.backends.c.solver.call_stack import STACK_RULE
 from rrrgen.backends.c.solver.counting import SolverOperations
+from rrrgen.backends.c.solver.settings import target_size
 from rrrgen.ik.answers import most_rows
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.model.mechanism import mechanism_equations
@@ -15,6 +16,15 @@ from rrrgen.version import VERSION
 
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
+
+
+TARGETS = {
+    3: "the position (m) of the tip in the base frame.",
+    6: "the position (m) of a tool in the base frame, x, y, z, followed by its position in the frame of the last link, "
+    "of which no coordinate may exceed ten times the reach.",
+    16: "the row-major 4x4 pose (m) of the tip in the base frame.",
+}
+"""What a target is, by the number of its entries."""
 
 
 def branch_text(labels: tuple[tuple[str, int, int], ...]) -> str:
@@ -33,8 +43,8 @@ def explanation(plan: SolverPlan) -> list[str]:
     most = most_rows(plan) if plan.coupling else plan.max_solutions
     text = (
         f"Family: {plan.title}; at most {most} solutions. `target` is "
-        + ("the position (m)" if plan.task == "position" else "the row-major 4x4 pose (m)")
-        + " of the tip in the base frame. `q_ref` gives the values of joints that a singular target leaves free; to "
+        + TARGETS[target_size(plan)]
+        + " `q_ref` gives the values of joints that a singular target leaves free; to "
         "the other angles the multiple of 2 pi is added that brings them nearest to it. It may be null: zeros, and no "
         "multiples added. Every solution satisfies forward kinematics. Where there is none, "
     )
@@ -56,7 +66,7 @@ def opening(spec: RobotSpec, plan: SolverPlan, real: Real, counted: SolverOperat
     """
     types = " ".join("R" if joint.is_revolute else "P" for joint in spec.joints)
     lines = [f"{spec.name}_ik.h: inverse kinematics of {spec.name}, joints {types}", ""]
-    lines += textwrap.wrap(f"Family: {plan.title}.", 116)
+    lines += textwrap.wrap(f"Family: {plan.title}{', with the tool as an input' if plan.last_link else ''}.", 116)
     if plan.incomplete:
         lines += textwrap.wrap(f"Incomplete: {plan.incomplete}.", 116)
     if plan.coupling is not None:

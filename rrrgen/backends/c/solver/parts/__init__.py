@@ -1,1 +1,1 @@
-"""Functions of a solver that are printed from programs, beside the kernels of ``templates/c/ik``."""
+"""Parts of emitted solvers: functions printed from programs, and a second solver with the tool as an input."""
