@@ -23,6 +23,8 @@ WORDS = (
     *("\ud800", "\x00", "\u2028", "\x85", "\ufeff", '"', "'", "\t", *"[]{}(),;#?|>%@"),
 )
 
+WORD_ENDS = b' \n,:;[]{}"<>='
+
 
 def damaged(data: bytes, rng: random.Random, text: bool = False) -> bytes:
     """``data`` with one to six faults; most of them few, so that they get past the first checks."""
@@ -87,14 +89,14 @@ def _swap(out: bytearray, rng: random.Random) -> None:
 
 
 def _word(out: bytearray, rng: random.Random) -> None:
-    """Put a word in the place of one, or between two."""
+    """Put a word in the place of one, or between two; quotes and angle brackets end those of XML."""
     word = rng.choice(WORDS).encode("utf-8", "surrogatepass")
     at = _place(out, rng)
     end = at
     if rng.random() < 0.7:
-        while end < len(out) and out[end] not in b" \n,:;[]{}":
+        while end < len(out) and out[end] not in WORD_ENDS:
             end += 1
-        while at > 0 and out[at - 1] not in b" \n,:;[]{}":
+        while at > 0 and out[at - 1] not in WORD_ENDS:
             at -= 1
     out[at:end] = word
 
@@ -111,5 +113,14 @@ def _line(out: bytearray, rng: random.Random) -> None:
     out[:] = b"\n".join(lines)
 
 
+def _encoding(out: bytearray, rng: random.Random) -> None:
+    """Another encoding than UTF-8, of the whole file or of one character."""
+    if rng.random() < 0.3:
+        out[:] = out.decode("utf-8", "replace").encode(rng.choice(("utf-16", "utf-32", "utf-8-sig")))
+    else:
+        at = _place(out, rng)
+        out[at:at] = "é".encode("latin-1")
+
+
 _OF_BYTES = (_flip, _flip, _byte, _number, _number, _cut, _drop, _repeat, _zero, _swap)
-_OF_TEXT = (_word, _word, _word, _word, _line, _line, _byte, _flip, _cut, _drop, _repeat, _swap)
+_OF_TEXT = (_word, _word, _word, _word, _line, _line, _byte, _flip, _cut, _drop, _repeat, _swap, _encoding)

@@ -88,7 +88,10 @@ def table() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Reader:
-    """A reader: the file that it reads, how a sound one is made, and how it is read."""
+    """A reader: the file that it reads, how a sound one is made, and how it is read.
+
+    ``located`` says that errors name a line and a column of the file, but for those of ``WHOLE_FILE``.
+    """
 
     name: str
     file: str
@@ -96,6 +99,11 @@ class Reader:
     read: Callable[[Path], None]
     text: bool = False
     native: bool = False
+    located: bool = False
+
+
+WHOLE_FILE = ("the file is not UTF-8", "the file is empty", "there is no list '", "the file has no measurements")
+"""Messages about a file as a whole."""
 
 
 def outcome(reader: Reader, folder: Path) -> tuple[int, str]:
@@ -241,6 +249,42 @@ def read_calibration(folder: Path) -> None:
     import_robot(folder / "ur.yaml", "ur-calibration")
 
 
+def make_mechanism(folder: Path) -> None:
+    (folder / "robot.yaml").write_bytes((ROOT / "examples/palletiser/robot.yaml").read_bytes())
+
+
+def make_urdf(folder: Path) -> None:
+    from tests.robotfile.importers.test_import_urdf import ARM
+
+    (folder / "arm.urdf").write_text(ARM, encoding="utf-8")
+
+
+def make_mjcf(folder: Path) -> None:
+    from tests.robotfile.importers.test_import_mjcf import ARM
+
+    (folder / "arm.xml").write_text(ARM, encoding="utf-8")
+
+
+def read_tree(folder: Path, form: str, file: str) -> None:
+    """A URDF or an MJCF, to the text of a robot file."""
+    from rrrgen.robotfile.importers.importing import import_robot
+
+    import_robot(folder / file, form)
+
+
+def make_measurements(folder: Path) -> None:
+    rows = np.random.default_rng(0).uniform(-1, 1, (12, 9)).round(4)
+    lines = ["q1 [deg],q2,q3,x [mm],y [mm],z [mm],roll,pitch,yaw", *(",".join(map(str, row)) for row in rows), ""]
+    (folder / "poses.csv").write_text("\n".join(lines), encoding="utf-8")
+
+
+def read_poses(folder: Path) -> None:
+    """Measurements for a calibration."""
+    from rrrgen.calibrate.measurement_file import read_measurements
+
+    read_measurements(folder / "poses.csv", ("q1", "q2", "q3"), 1e-4, 1e-4)
+
+
 def make_mapping(folder: Path) -> None:
     write_csv(folder / "log.csv")
     (folder / "log.yaml").write_text(FULL_MAPPING, encoding="utf-8")
@@ -286,9 +330,13 @@ def read_experiment(folder: Path) -> None:
 OF_STRUCT = ("log.t", "log.q(1)", "log.q(2)", "log.tau(1)", "log.tau(2)")
 OF_MESSAGE = ("t", "position.a", "position.b", "effort.a", "effort.b")
 READERS = (
-    Reader("robot YAML", "robot.yaml", make_robot, read_robot, text=True),
-    Reader("OpenSYMORO", "arm.par", make_par, read_par, text=True),
-    Reader("UR calibration", "ur.yaml", make_calibration, read_calibration, text=True),
+    Reader("robot YAML", "robot.yaml", make_robot, read_robot, text=True, located=True),
+    Reader("mechanism YAML", "robot.yaml", make_mechanism, read_robot, text=True, located=True),
+    Reader("URDF", "arm.urdf", make_urdf, lambda f: read_tree(f, "urdf", "arm.urdf"), text=True, located=True),
+    Reader("MJCF", "arm.xml", make_mjcf, lambda f: read_tree(f, "mjcf", "arm.xml"), text=True, located=True),
+    Reader("OpenSYMORO", "arm.par", make_par, read_par, text=True, located=True),
+    Reader("UR calibration", "ur.yaml", make_calibration, read_calibration, text=True, located=True),
+    Reader("measurements", "poses.csv", make_measurements, read_poses, text=True, located=True),
     Reader("mapping YAML", "log.yaml", make_mapping, read_mapping, text=True),
     Reader("experiment YAML", "experiment.yaml", make_experiment, read_experiment, text=True),
     recording("CSV", "log.csv", write_csv, text=True),

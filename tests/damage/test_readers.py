@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import time
 import traceback
 
 import pytest
 
 from .mutations import damaged
-from .readers import READERS, Reader, outcome
+from .readers import READERS, WHOLE_FILE, Reader, outcome
 
 COUNT = int(os.environ.get("RRRGEN_FUZZ", "0"))
 FIRST = int(os.environ.get("RRRGEN_FUZZ_FROM", "0"))
-FEW, FEW_NATIVE = 40, 16
+FEW, FEW_NATIVE = 30, 16
 ALLOWED = (0, 3, 4)
 SLOWEST = 30.0  # s, for files of some kilobytes
 
@@ -50,6 +51,8 @@ def test_a_damaged_file_is_read_or_refused(prepared):
         codes.add(code)
         if code == 3 and reader.name != "experiment YAML" and str(folder) not in message:
             failures.append((k, "the message does not name the file", message))
+        if code == 3 and reader.located and not is_located(message):
+            failures.append((k, "the message names no place in the file", message))
         if code not in ALLOWED or time.monotonic() - start > SLOWEST:
             failures.append((k, f"exit code {code} after {time.monotonic() - start:.1f} s", message))
         if failures and failures[-1][0] == k:
@@ -59,6 +62,14 @@ def test_a_damaged_file_is_read_or_refused(prepared):
         f"{k}: {what}: {message}" for k, what, message in failures[:20]
     )
     assert 3 in codes, "no damage was noticed"
+
+
+def is_located(message: str) -> bool:
+    """Whether every error names a line and a column, or is about the file as a whole."""
+    errors = [line for line in message.splitlines() if ": error: " in line]
+    return bool(errors) and all(
+        re.search(r":[1-9]\d*:[1-9]\d*: error: ", line) or any(whole in line for whole in WHOLE_FILE) for line in errors
+    )
 
 
 @pytest.mark.parametrize("reader", [r for r in READERS if not r.text], ids=lambda reader: reader.name)
