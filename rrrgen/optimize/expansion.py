@@ -97,14 +97,17 @@ class Expansion:
         return all(self.literals[literal] in self._roots for literal in self.cuts)
 
     def results(self) -> list[Polynomial]:
-        """One polynomial per element of the outputs. Raises TooLargeError if one exceeds ``max_terms`` terms."""
+        """One polynomial per element of the outputs, the status first.
+
+        Raises TooLargeError if one exceeds ``max_terms`` terms.
+        """
         for k, node in enumerate(self.program.nodes):
             self._values[k] = self._value(k, node)
             if len(self._values[k]) > self.max_terms:
                 raise TooLargeError
         for k in sorted(self._roots):
             self.cuts[self._literal(k)] = self._values[k]
-        return [self._values[index] for row in self.program.results for index in row]
+        return [self._values[index] for output in self.program.status_first for index in self.program.results[output]]
 
     def _value(self, k: int, node: Node) -> Polynomial:
         if node.op is Op.CONST:

@@ -93,10 +93,14 @@ class _Recorder:
         self._originals: dict[int, Value] = {}
 
     def program(self) -> Program:
-        """The rewritten program."""
+        """The rewritten program. The status is recorded before the other outputs, all of which need its pivots.
+
+        Recorded last, it changes the instructions of the derivatives of forward dynamics by -2 to +2 %.
+        """
         program = self._expansion.program
         values = iter([self._polynomial(p) for p in self._results])
-        return self._builder.rewritten(program, [[next(values) for _ in range(port.size)] for port in program.outputs])
+        rows = {output: [next(values) for _ in range(program.outputs[output].size)] for output in program.status_first}
+        return self._builder.rewritten(program, [rows[output] for output in range(len(rows))])
 
     def _polynomial(self, p: Polynomial) -> Value:
         total: Value = 0

@@ -47,6 +47,11 @@ class Program:
         """The outputs other than the status, in order."""
         return tuple(port for k, port in enumerate(self.outputs) if not self.is_status(k))
 
+    @property
+    def status_first(self) -> tuple[int, ...]:
+        """The numbers of the outputs, that of the status before the others."""
+        return tuple(sorted(range(len(self.outputs)), key=lambda k: not self.is_status(k)))
+
     def is_status(self, output: int) -> bool:
         """Whether output number ``output`` is the status."""
         return self.status is not None and self.status.output == output
