@@ -71,7 +71,9 @@ static int rrr_ik_root(rrr_real w2, rrr_real size, rrr_real slack, rrr_real *w, 
 {
     if (w2 > (rrr_real)0) {
         *w = sqrt(w2);
-        *flags |= w2 <= RRR_IK_TOL_MERGE * size ? (unsigned)RRR_IK_NEAR : 0u;
+        if (w2 <= RRR_IK_TOL_MERGE * size) { /* a conditional value would be computed for every root */
+            *flags |= (unsigned)RRR_IK_NEAR;
+        }
         return 2;
     }
     *w = (rrr_real)0;
@@ -236,14 +238,14 @@ static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping,
  * configuration found; returns its squared error. */
 static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_real damping, unsigned held)
 {
-    rrr_real x[3], e[3], J[3][3], d[3] = {(rrr_real)0}, best, cost;
+    rrr_real x[3], e[3], J[3][3], best, cost;
     int i, step, worse = 0;
     for (i = 0; i < 3; ++i) {
         x[i] = q[i];
     }
     best = cost = rrr_ik_error(T, x, e, J, held);
     for (step = 0; step < steps && best > RRR_IK_TOL_DONE && damping < (rrr_real)1e6; ++step) {
-        rrr_real most = (rrr_real)1;
+        rrr_real d[3], most = (rrr_real)1;
         rrr_ik_step(J, e, damping * sqrt(cost) + RRR_IK_TOL_EPS, d);
         for (i = 0; i < 3; ++i) {
             most = fabs(d[i]) > most ? fabs(d[i]) : most;
@@ -320,10 +322,14 @@ static int rrr_ik_branches(
             const rrr_real from2 = sqrt(t4 + vy*vy);
             const rrr_real size2 = from2*onto2;
             rrr_real a2 = t6 + pz*vy, b2 = t5 - ux*vy;
-            const unsigned f2 = size2 > (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312) ? 0u : size2 > (least * (rrr_real)1.3536469121517312) * (least * (rrr_real)1.3536469121517312) ? 512u : (unsigned)RRR_IK_FREE | 131584u;
-            if ((f2 & (unsigned)RRR_IK_FREE) != 0u) {
-                const rrr_real x2 = ref[1];
-                a2 = cos(x2); b2 = sin(x2);
+            unsigned f2 = 0u;
+            if (size2 <= (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312)) {
+                f2 = 512u;
+                if (size2 <= (least * (rrr_real)1.3536469121517312) * (least * (rrr_real)1.3536469121517312)) {
+                    const rrr_real x2 = ref[1];
+                    f2 = (unsigned)RRR_IK_FREE | 131584u;
+                    a2 = cos(x2); b2 = sin(x2);
+                }
             }
             cosine[4 + 2 * i1 + i3] = a2;
             sine[4 + 2 * i1 + i3] = b2;
@@ -637,6 +643,21 @@ static void rrr_ik_keep(const rrr_real *T, unsigned options, const rrr_ik_soluti
     out->count += rrr_ik_settle(T, options, out, to);
 }
 
+/* Appends the candidates that meet the target, with values chosen for the joints that it leaves free. */
+#if defined(__GNUC__)
+__attribute__((noinline)) /* rarely called; inlined, it would take registers from the usual way */
+#endif
+static void rrr_ik_keep_all(
+    const rrr_real *T, const rrr_real *target, const rrr_real *ref, unsigned options, rrr_ik_solutions *found, int rows,
+    rrr_ik_solutions *out)
+{
+    int i;
+    rrr_ik_reopen_branches(T, ref, options, rrr_ik_accuracy(target), found, rows);
+    for (i = 0; i < rows; ++i) {
+        rrr_ik_keep(T, options, found, i, out);
+    }
+}
+
 /* Final form of the solutions: multiples of 2 pi chosen, limits checked, residuals as square roots, branch numbers. Returns 0
  * if a solution lies outside the limits. */
 static inline int rrr_ik_finish(const rrr_real *ref, unsigned options, rrr_ik_solutions *out)
@@ -661,7 +682,7 @@ rrr_ik_status rrr_inverse_kinematics(
     rrr_real T[3];
     rrr_ik_solutions *const found = out;
     const rrr_ik_status status = rrr_ik_check(target, q_ref, T);
-    int rows, i, outside;
+    int rows, outside;
     out->count = 0;
     out->stage = 0;
     out->distance = (rrr_real)0;
@@ -677,10 +698,7 @@ rrr_ik_status rrr_inverse_kinematics(
     if (rrr_ik_sound(found, rows)) {
         out->count = rows;
     } else {
-        rrr_ik_reopen_branches(T, ref, options, rrr_ik_accuracy(target), found, rows);
-        for (i = 0; i < rows; ++i) {
-            rrr_ik_keep(T, options, found, i, out);
-        }
+        rrr_ik_keep_all(T, target, ref, options, found, rows, out);
     }
     outside = !rrr_ik_finish(q_ref, options, out);
     if (out->count == 0 && !outside) {

@@ -191,6 +191,9 @@ void ik_reopen_nearby(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opt
 /* settle.c, finish.c */
 int ik_sound(const ik_solutions *found, int rows);
 void ik_keep(const REAL *T, unsigned options, const ik_solutions *found, int i, ik_solutions *out);
+void ik_keep_all(
+    const REAL *T, const REAL *target, const REAL *ref LOCK_PARAMETER, unsigned options, ik_solutions *found, int rows,
+    ik_solutions *out);
 void ik_add(const REAL *T, unsigned options, const ik_solutions *found, int rows, ik_solutions *out);
 int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, ik_solutions *out);
 /* solve.c; batch.c, closest.c, texts.c */

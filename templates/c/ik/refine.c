@@ -60,14 +60,14 @@ LOCAL void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, R
 #endif
 LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAMETER)
 {
-    REAL x[JOINTS], e[ERRORS], J[ERRORS][JOINTS], d[JOINTS] = {(REAL)0}, best, cost;
+    REAL x[JOINTS], e[ERRORS], J[ERRORS][JOINTS], best, cost;
     int i, step, worse = 0;
     for (i = 0; i < JOINTS; ++i) {
         x[i] = q[i];
     }
     best = cost = ik_error(T, x, e, J HELD);
     for (step = 0; step < steps && best > IK_TOL_DONE && damping < (REAL)VALUE_MOST_DAMPING; ++step) {
-        REAL most = (REAL)1;
+        REAL d[JOINTS], most = (REAL)1;
         ik_step(J, e, damping * SQRT(cost) + IK_TOL_EPS, d);
         for (i = 0; i < JOINTS; ++i) {
             most = FABS(d[i]) > most ? FABS(d[i]) : most;

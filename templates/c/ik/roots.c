@@ -27,7 +27,9 @@ LOCAL int ik_root(REAL w2, REAL size, REAL slack BAND_PARAMETER, REAL *w, unsign
 #endif
     if (w2 > (REAL)0) {
         *w = SQRT(w2);
-        *flags |= w2 <= IK_TOL_MERGE * size ? (unsigned)IK_NEAR : 0u;
+        if (w2 <= IK_TOL_MERGE * size) { /* a conditional value would be computed for every root */
+            *flags |= (unsigned)IK_NEAR;
+        }
         return 2;
     }
     *w = (REAL)0;

@@ -58,6 +58,31 @@ LOCAL void ik_keep(const REAL *T, unsigned options, const ik_solutions *found, i
     out->count += ik_settle(T, options, out, to);
 }
 
+#if SOUND
+/* Appends the candidates that meet the target, with values chosen for the joints that it leaves free. */
+#if defined(__GNUC__)
+__attribute__((noinline)) /* rarely called; inlined, it would take registers from the usual way */
+#endif
+LOCAL void ik_keep_all(
+    const REAL *T, const REAL *target, const REAL *ref LOCK_PARAMETER, unsigned options, ik_solutions *found, int rows,
+    ik_solutions *out)
+{
+    int i;
+#if BRANCHES_OPEN
+    ik_reopen_branches(T, ref LOCK, options, ik_accuracy(target), found, rows);
+#else
+    (void)target;
+    (void)ref;
+#if REDUNDANT
+    (void)lock;
+#endif
+#endif
+    for (i = 0; i < rows; ++i) {
+        ik_keep(T, options, found, i, out);
+    }
+}
+
+#endif
 #if BANDED
 /* Appends those candidates of a further search that are new. A solution that is found again keeps its flags: it is not a multiple
  * root for being found twice. */

@@ -30,7 +30,10 @@ SHARED ik_status robot_inverse_kinematics(
 #endif
 #endif
     const ik_status status = ik_check(target, q_ref REDUNDANCY, T);
-    int rows, i, outside;
+    int rows, outside;
+#if COUPLED || !SOUND
+    int i;
+#endif
 #if BANDED && !COUPLED
     unsigned near = 0u;
 #endif
@@ -65,12 +68,7 @@ SHARED ik_status robot_inverse_kinematics(
     if (ik_sound(found, rows)) {
         out->count = rows;
     } else {
-#if BRANCHES_OPEN
-        ik_reopen_branches(T, ref REDUNDANCY, options, ik_accuracy(target), found, rows);
-#endif
-        for (i = 0; i < rows; ++i) {
-            ik_keep(T, options, found, i, out);
-        }
+        ik_keep_all(T, target, ref REDUNDANCY, options, found, rows, out);
     }
 #else
 #if BRANCHES_OPEN

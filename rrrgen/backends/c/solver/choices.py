@@ -220,18 +220,21 @@ class CBuilder(Scaffold):
             self._needs.add("feasible")
         bit, scale = self._open_bit(joint), "" if unit == 1.0 else f" * {self._real(unit)}"
         doubt, free = f"(IK_TOL_DOUBT{scale})", f"(least{scale})"
-        doubtful = f"{{2}} > {doubt} * {doubt}"
+        doubtful = f"{{2}} <= {doubt} * {doubt}"
         if self._margins:  # `least` may be larger than what is doubtful otherwise
-            doubtful = f"{doubtful} && {{2}} > {free} * {free}"
+            doubtful = f"{doubtful} || {{2}} <= {free} * {free}"
         self._flags.append(f"f{tag}")
         a, b, f = self._add(
             (
                 f"REAL a{tag} = {{0}}, b{tag} = {{1}};",
-                f"const unsigned f{tag} = {doubtful} ? 0u : "
-                f"{{2}} > {free} * {free} ? {bit} : {self._free_bits(joint)};",
-                f"if ((f{tag} & (unsigned)IK_FREE) != 0u) {{",
-                f"    const REAL x{tag} = {reference};",
-                f"    a{tag} = COS(x{tag}); b{tag} = SIN(x{tag});",
+                f"unsigned f{tag} = 0u;",
+                f"if ({doubtful}) {{",
+                f"    f{tag} = {bit};",
+                f"    if ({{2}} <= {free} * {free}) {{",
+                f"        const REAL x{tag} = {reference};",
+                f"        f{tag} = {self._free_bits(joint)};",
+                f"        a{tag} = COS(x{tag}); b{tag} = SIN(x{tag});",
+                "    }",
                 "}",
             ),
             (*direction, size, self.reference(joint), *bounds),
