@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 import sys
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -19,9 +17,6 @@ if TYPE_CHECKING:
 
 SHORT = 3
 """Largest number of joints for which closed forms are shown by default."""
-
-NARROWEST = 40
-"""Least number of columns of a terminal to which tables are folded."""
 
 STDIN = "-"
 """The argument ROBOT that stands for the standard input."""
@@ -118,13 +113,6 @@ def words(choices: Iterable[str]) -> Callable[[click.Context, click.Parameter, I
         return tuple(given)
 
     return callback
-
-
-def terminal_width() -> int | None:
-    """The number of columns to which tables are folded: those of the terminal, or COLUMNS; None for files and pipes."""
-    if not sys.stdout.isatty() and not os.environ.get("COLUMNS", "").isdigit():
-        return None
-    return max(shutil.get_terminal_size().columns, NARROWEST)
 
 
 def print_json(content: Any) -> None:

@@ -13,8 +13,9 @@ from importlib.metadata import PackageNotFoundError, version
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, terminal_width
+from rrrgen.cli.arguments import json_option, print_json
 from rrrgen.cli.colour import doubtful, passed
+from rrrgen.cli.terminal import say, terminal_width
 from rrrgen.version import VERSION
 
 TOOLS = {
@@ -72,11 +73,11 @@ def _print(findings: Sequence[Finding]) -> None:
     for finding in findings:
         mark = passed("ok     ") if finding.ok else doubtful("missing")
         first, *others = textwrap.wrap(finding.found, columns - len(indent), break_long_words=False)
-        click.echo(f"{mark} {finding.name:{width}}  {first}")
+        say(f"{mark} {finding.name:{width}}  {first}")
         for line in others:
-            click.echo(indent + line)
+            say(indent + line)
         for line in textwrap.wrap(finding.use, columns - len(indent)):
-            click.echo(indent + click.style(line, dim=True))
+            say(indent + click.style(line, dim=True))
 
 
 def _system() -> Iterator[Finding]:

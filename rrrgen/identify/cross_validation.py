@@ -22,6 +22,7 @@ from rrrgen.identify.options import Options
 from rrrgen.identify.scoring.scores import Score
 from rrrgen.identify.scoring.split import Split
 from rrrgen.signals.processing import Processing
+from rrrgen.text_table import text_table
 
 
 @dataclass(frozen=True)
@@ -50,19 +51,18 @@ class CrossValidation:
         """The names of the estimates."""
         return tuple(score.estimate for score in self.parts[0])
 
-    def lines(self) -> list[str]:
-        """A table of the errors of every part and joint, as text."""
+    def lines(self, width: int | None = None) -> list[str]:
+        """A table of the errors of every part and joint, as lines of text folded to ``width`` characters."""
         names = self.estimates
-        lines = [f"cross-validation, {len(self.parts)} parts: relative torque error on the part left out"]
-        lines.append(f"{'part':<8}" + "".join(f"  {name:>12}" for name in names))
+        title = f"cross-validation, {len(self.parts)} parts: relative torque error on the part left out"
+        rows = [("part", *names)]
         for k, part in enumerate(self.parts):
             errors = ("-" if s.relative_error is None else f"{100 * s.relative_error:.3g} %" for s in part)
-            lines.append(f"{k + 1:<8}" + "".join(f"  {error:>12}" for error in errors))
+            rows.append((str(k + 1), *errors))
         found = [self.pooled(i) for i in range(len(names))]
-        lines.append(f"{'all':<8}" + "".join(f"  {f'{100 * total:.3g} %':>12}" for total, _ in found))
-        for j, joint in enumerate(self.joints):
-            lines.append(f"{joint[:8]:<8}" + "".join(f"  {f'{100 * each[j]:.3g} %':>12}" for _, each in found))
-        return lines
+        rows.append(("all", *(f"{100 * total:.3g} %" for total, _ in found)))
+        rows += [(joint, *(f"{100 * each[j]:.3g} %" for _, each in found)) for j, joint in enumerate(self.joints)]
+        return [title, *text_table(rows, width, indent="", right=range(1, len(names) + 1))]
 
     def to_json(self) -> dict[str, Any]:
         """Errors of all parts and joints as plain data."""

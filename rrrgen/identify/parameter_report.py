@@ -5,27 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from rrrgen.text_table import text_table
+
 if TYPE_CHECKING:
     from rrrgen.identify.identification import Identification
 
-LONGEST = 40
-"""Longest name (characters) printed in the row of its numbers; a longer one gets a line of its own."""
+LINE = 118
+"""Longest line of a file or pipe: a parameter that is a combination of many others has a long name."""
 
 
-def parameter_lines(found: Identification) -> Iterator[str]:
-    """Lines of the parameter table, of its legend, and of the essential parameters if they were computed."""
+def parameter_lines(found: Identification, width: int | None = None) -> Iterator[str]:
+    """Lines of the parameter table, of its legend, and of the essential parameters if they were computed.
+
+    The table is folded to lines of ``width`` characters, :data:`LINE` by default.
+    """
     delivered, estimate = found.delivered, found.estimate
-    width = max(9, min(LONGEST, max(len(name) for name in estimate.names)))
-    unit = max(4, max(len(text) for text in found.units))
     beside = delivered.x is not estimate.x
-    head = f"{'parameter':>{width}} {'unit':<{unit}} {'value':>12} {'std':>9}"
-    yield head + (f"   {'unconstrained':>13} {'std':>9}" if beside else "")
+    rows = [("parameter", "unit", "value", "std", *(("unconstrained", "std") if beside else ()))]
     for i, name in enumerate(estimate.names):
-        if len(name) > width:
-            yield f"  {name}"
-        line = f"{name if len(name) <= width else '':>{width}} {found.units[i]:<{unit}} {delivered.x[i]:12.6g} "
-        line += f"{'at bound':>9}" if delivered.at_bound[i] else f"{delivered.std[i]:9.2e}"
-        yield line + (f"   {estimate.x[i]:13.6g} {estimate.std[i]:9.2e}" if beside else "")
+        std = "at bound" if delivered.at_bound[i] else f"{delivered.std[i]:.2e}"
+        free = (f"{estimate.x[i]:.6g}", f"{estimate.std[i]:.2e}") if beside else ()
+        rows.append((name, found.units[i], f"{delivered.x[i]:.6g}", std, *free))
+    yield from text_table(rows, width or LINE, indent="", right=range(2, 6))
     yield (
         f"value: {delivered.origin} estimate"
         + (", the one in robot.yaml; unconstrained: " + estimate.method if beside else "")

@@ -6,7 +6,7 @@ was held out or was used in the fit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -29,6 +29,7 @@ from rrrgen.model.drive_columns import drive_columns
 from rrrgen.model.drive_terms import friction_terms
 from rrrgen.signals.decimation import Decimator
 from rrrgen.signals.processing import Processing
+from rrrgen.text_table import text_table
 
 TorqueModel = Callable[..., Array]
 """Motion (q, dq, ddq), (N, n) each, to joint torques (N, n); with an attribute ``sliding`` also the states of friction.
@@ -341,21 +342,29 @@ def robot_model(model: Any) -> RobotTorque:
     return RobotTorque(model, terms, tuple(surfaces), np.array(values, dtype=float), tuple(others))
 
 
-def summary(result: Validation) -> list[Mapping[str, Any]]:
-    """Rows of the printed table, one per joint: RMS torque and error (N m, N), relative errors (%), samples scored."""
-    return [
-        {
-            "joint": score.joint,
-            "rms_torque": score.rms_torque,
-            "rms_error": score.rms_error,
-            "relative_error_percent": 100.0 * score.relative_error,
-            "beyond_noise_percent": None if score.beyond_noise is None else 100.0 * score.beyond_noise,
-            "samples": score.samples,
-            "scored_percent": 100.0 * score.share,
-            "relative_error_of_all_percent": 100.0 * score.relative_error_all,
-        }
-        for score in result.joints
-    ]
+def joint_scores(result: Validation, units: Sequence[str], width: int | None = None) -> list[str]:
+    """Lines of a table with one row per joint: RMS torque and error in ``units`` (n,), relative errors, samples scored.
+
+    It is folded to lines of ``width`` characters; None: lines of any length.
+    """
+    noisy = any(score.beyond_noise is not None for score in result.joints)
+    beyond = ("beyond noise",) if noisy else ()
+    rows = [("joint", "RMS torque", "RMS error", "relative error", *beyond, "error, all rows", "samples", "share")]
+    for score, unit in zip(result.joints, units, strict=True):
+        excess = "-" if score.beyond_noise is None else f"{100 * score.beyond_noise:.4g} %"
+        rows.append(
+            (
+                score.joint,
+                f"{score.rms_torque:.4g} {unit}",
+                f"{score.rms_error:.4g} {unit}",
+                f"{100 * score.relative_error:.4g} %",
+                *((excess,) if noisy else ()),
+                f"{100 * score.relative_error_all:.4g} %",
+                str(score.samples),
+                f"{100 * score.share:.3g} %",
+            )
+        )
+    return text_table(rows, width, indent="", right=range(1, len(rows[0])))
 
 
 def plot_torques(result: Validation, units: Sequence[str] | None = None) -> Any:

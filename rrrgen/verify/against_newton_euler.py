@@ -96,7 +96,7 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
         lever = np.concatenate([lever, motor_speeds(spec, np.eye(spec.n)).T])
         loads = np.concatenate([loads, motor_loads(spec, load)], axis=1)
     given = (load,) if any(has_load(friction) for friction in stated) else ()
-    check = rows.against("(14.11)-(14.14)", NO_PARAMETERS, tolerances.exact, s.count)
+    check = rows.against("(14.11) to (14.14)", NO_PARAMETERS, tolerances.exact, s.count)
     each = zip(stated, speeds.T, loads.T, strict=True)
     torques = np.stack([sliding(friction, v, load=at) for friction, v, at in each], axis=1)
     check("friction", lambda: model.friction(s.dq, *given), torques @ lever)
@@ -134,7 +134,7 @@ def _check_run_time_friction(model: Model, s: States, load: Array, rows: Collect
         values += parameters_of(other)
         for width, total in torques.items():
             total += sliding(other, v, width, at)[:, None] * lever_arm
-    check = rows.against("(14.11)-(14.14)", NO_PARAMETERS, tolerances.exact, s.count)
+    check = rows.against("(14.11) to (14.14)", NO_PARAMETERS, tolerances.exact, s.count)
     given = np.tile(values, (s.count, 1))
     widths = np.full((s.count, len(stated) or spec.n), WIDTH)
     last = (load,) if any(has_load(friction) for friction, *_ in owners) else ()

@@ -9,7 +9,7 @@ from typing import Any
 
 from rrrgen.text_table import folded, text_table
 
-HEADINGS = ("function", "reference", "parameters", "states", "max rel. difference", "tolerance", "verdict")
+HEADINGS = ("function", "reference", "beta", "states", "max rel. difference", "tolerance", "verdict")
 
 
 @dataclass(frozen=True)

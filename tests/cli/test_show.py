@@ -143,12 +143,3 @@ def test_no_stated_fact_of_a_bundled_robot_is_left_out(name):
             assert found["limits"][joint.name][key] == expected
     masses = None if spec.links is None else [float(link.mass) for link in spec.links]
     assert masses == (None if found["links"] is None else [link["mass"]["kg"] for link in found["links"]])
-
-
-@pytest.mark.parametrize("columns", ["80", "100"])
-def test_tables_fold_to_the_width_of_the_terminal(robot, show, columns):
-    text = show(robot, "--no-closed-forms", columns=columns)
-    below = text.partition("Denavit")[2].partition("Operations")[0]
-    assert max(map(len, below.splitlines()[1:])) <= int(columns) + 30  # long expressions without a blank stay whole
-    wide = show(robot, "--no-closed-forms")
-    assert len(wide.splitlines()) < len(text.splitlines())

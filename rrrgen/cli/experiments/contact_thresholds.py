@@ -15,6 +15,7 @@ from rrrgen.cli.identification.workflow import (
     print_repairs,
     truncated_option,
 )
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 if TYPE_CHECKING:
@@ -102,10 +103,10 @@ def _tuning(path: Path | None, joints: int) -> Any:
 def _print(found: ContactThresholds, detection: Detection, joints: list[str], output: Path) -> None:
     from rrrgen.contact.extremes import EULER
 
-    click.echo("thresholds, N m or N:")
+    say("thresholds, N m or N:")
     for name, level, each in zip(joints, found.levels, found.distributions, strict=True):
         mean = each.mu + EULER * each.beta
-        click.echo(f"  {name:8} {level:10.4g}   largest of a block: {mean:.4g} on average")
-    click.echo(f"from {found.blocks} blocks of {found.block:g} s, for one false alarm in {found.seconds_per_alarm:g} s")
-    click.echo(detection.sentence())
-    click.echo(f"results in {output}")
+        say(f"  {name:8} {level:10.4g}   largest of a block: {mean:.4g} on average")
+    say(f"from {found.blocks} blocks of {found.block:g} s, for one false alarm in {found.seconds_per_alarm:g} s")
+    say(detection.sentence())
+    say(f"results in {output}")

@@ -17,6 +17,7 @@ from rrrgen.cli.identification.workflow import (
     processing_options,
     truncated_option,
 )
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 
@@ -94,7 +95,6 @@ def drive_gains(
     if as_json:
         print_json(plain(found.to_json()))
     else:
-        for line in (*found.lines(), *found.tuning.sentences()):
-            click.echo(line)
-        click.echo(f"results in {output}")
+        say(*found.lines(), *found.tuning.sentences())
+        say(f"results in {output}")
     return 0

@@ -17,6 +17,7 @@ from rrrgen.cli.identification.workflow import (
     truncated_option,
 )
 from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 if TYPE_CHECKING:
@@ -114,8 +115,7 @@ def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **o
         print_json(record)
     else:
         _print(found, output, rest)
-        for line in () if loop is None else loop.lines():
-            click.echo(line)
+        say(*(() if loop is None else loop.lines()))
     return 0
 
 
@@ -141,21 +141,21 @@ def _presliding(found: FrictionEstimate, mappings: list[LogMapping], moving: Rec
 
 def _print(found: FrictionEstimate, output: Path, rest: Presliding | None) -> None:
     """Print the table of laws, the parameters of the chosen law, and notes."""
-    click.echo(f"joint {found.data.name}: {found.windows} windows, encoder steps of {found.data.resolution:.3g}")
-    click.echo(f"  {'law':<16} {'parameters':>10} {'held-out error':>15} {'BIC':>10} {'torque error':>13}")
+    say(f"joint {found.data.name}: {found.windows} windows, encoder steps of {found.data.resolution:.3g}")
+    say(f"  {'law':<16} {'parameters':>10} {'held-out error':>15} {'BIC':>10} {'torque error':>13}")
     for law in found.laws:
         mark = "*" if law is found.chosen else " "
-        click.echo(
+        say(
             f"{mark} {law.name:<16} {len(law.theta):>10} {law.score.held_out:>15.3f} {law.score.bic:>10.0f} "
             f"{100 * law.torque_error:>11.2f} %"
         )
-    click.echo("  held-out error in standard deviations of the noise; * chosen")
+    say("  held-out error in standard deviations of the noise; * chosen")
     for name, value in found.chosen.values.items():
-        click.echo(f"  {name:<16} {value:>12.5g} +- {found.chosen.std[name]:.2g}")
+        say(f"  {name:<16} {value:>12.5g} +- {found.chosen.std[name]:.2g}")
     if rest is not None:
-        click.echo(f"presliding, resonance at {rest.resonance:.4g} Hz:")
+        say(f"presliding, resonance at {rest.resonance:.4g} Hz:")
         for name, pair in (("sigma0", rest.sigma0), ("sigma1", rest.sigma1), ("inertia", rest.inertia)):
-            click.echo(f"  {name:<16} " + ("not told" if pair is None else f"{pair[0]:>12.5g} +- {pair[1]:.2g}"))
+            say(f"  {name:<16} " + ("not told" if pair is None else f"{pair[0]:>12.5g} +- {pair[1]:.2g}"))
     for note in (*found.notes, *(() if rest is None else rest.notes)):
-        click.echo(f"note: {note}")
-    click.echo(f"results and figures in {output}")
+        say(f"note: {note}")
+    say(f"results and figures in {output}")

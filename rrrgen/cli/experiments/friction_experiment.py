@@ -9,6 +9,7 @@ import click
 
 from rrrgen.cli.arguments import print_json
 from rrrgen.cli.identification.workflow import described_files
+from rrrgen.cli.terminal import say
 
 if TYPE_CHECKING:
     from rrrgen.experiments.experiment_file import Experiment
@@ -53,9 +54,9 @@ def excite_friction(
     if as_json:
         print_json({"motion": str(place), "joint": joint, "seconds": motion.period, "rms_speeds": speeds})
     else:
-        click.echo(
+        say(
             f"{motion.period:g} s of joint {joint}: multisine of {speeds[0]:.3g} rms, then slow reversals of "
             f"{speeds[1]:.3g} rms; the other joints stand still"
         )
-        click.echo(f"motion in {place}")
+        say(f"motion in {place}")
     return 0

@@ -16,6 +16,7 @@ from rrrgen.cli.identification.workflow import (
     print_repairs,
     truncated_option,
 )
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 
@@ -77,5 +78,5 @@ def linearise(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, *
         print_json({"responses": [str(path) for path in paths], "recordings": list(names)})
     else:
         for path in paths:
-            click.echo(f"recordings in {path}: now rrrgen frf {path} -o DIR")
+            say(f"recordings in {path}: now rrrgen frf {path} -o DIR")
     return 0

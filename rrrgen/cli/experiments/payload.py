@@ -17,6 +17,7 @@ from rrrgen.cli.identification.workflow import (
     processing_options,
     truncated_option,
 )
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 
@@ -67,7 +68,6 @@ def payload(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **o
     if as_json:
         print_json(plain(found.to_json()))
     else:
-        for line in (*found.lines(), *found.tuning.sentences()):
-            click.echo(line)
-        click.echo(f"results in {output}")
+        say(*found.lines(), *found.tuning.sentences())
+        say(f"results in {output}")
     return 0

@@ -13,6 +13,7 @@ from rrrgen.cli.arguments import print_json
 from rrrgen.cli.colour import doubtful
 from rrrgen.cli.identification.workflow import described_files
 from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say
 
 if TYPE_CHECKING:
     from rrrgen.excitation.response.plan import ResponseDesign
@@ -57,11 +58,11 @@ def excite_response(
     if as_json:
         print_json({"excitation": str(results), "runs": [run.name for run in design.runs], "seconds": seconds})
     else:
-        click.echo(
+        say(
             f"{len(design.runs)} runs of {design.joint_name}, {seconds:.1f} s: {design.signal}, "
             f"rms {first.n.std():.3g}, speed {abs(first.speed):.9g}"
         )
-        click.echo(f"excitation in {results}")
+        say(f"excitation in {results}")
     return 0
 
 
@@ -115,7 +116,7 @@ def simulate_response_runs(
         )
     else:
         for path in paths:
-            click.echo(f"recordings in {path}: now rrrgen frf {path} -o DIR")
+            say(f"recordings in {path}: now rrrgen frf {path} -o DIR")
     return 0
 
 

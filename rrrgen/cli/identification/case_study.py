@@ -10,6 +10,7 @@ from rrrgen.cli.arguments import json_option, print_json
 from rrrgen.cli.colour import failed
 from rrrgen.cli.identification.workflow import jobs_options, output_option
 from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 
@@ -48,25 +49,25 @@ def case_study(output: Path, jobs: int, cluster: str | None, starts: int, seed: 
         print_json(study.to_json())
         return 1 if study.failures else 0
     estimate = study.identification.estimate
-    click.echo(f"excitation: condition number {study.design.best.check.condition:.3f} on the controller's grid")
-    click.echo(f"{'parameter':>10} {'estimate':>12} {'std':>10} {'truth':>12} {'in std':>7}")
+    say(f"excitation: condition number {study.design.best.check.condition:.3f} on the controller's grid")
+    say(f"{'parameter':>10} {'estimate':>12} {'std':>10} {'truth':>12} {'in std':>7}")
     rows = zip(estimate.names, estimate.x, estimate.std, study.truth, study.deviations, strict=True)
     for name, value, std, truth, deviation in rows:
-        click.echo(f"{name:>10} {value:12.5f} {std:10.2e} {truth:12.5f} {deviation:7.2f}")
-    click.echo(f"writing task: torque error {100 * study.validation.relative_error:.2f} % of the RMS torque")
+        say(f"{name:>10} {value:12.5f} {std:10.2e} {truth:12.5f} {deviation:7.2f}")
+    say(f"writing task: torque error {100 * study.validation.relative_error:.2f} % of the RMS torque")
     for score in study.validation.joints:
         moving, whole = 100 * score.relative_error, 100 * score.relative_error_all
-        click.echo(
+        say(
             f"  {score.joint}: {moving:.2f} % while it moves, {100 * score.share:.0f} % of the samples; "
             f"{whole:.1f} % including rest, where friction is not determined by the speed"
         )
     for row in study.flexible.resonances:
         if row["measured"] is not None:
-            click.echo(
+            say(
                 f"joint 1, {row['posture']}: resonance {row['measured']['frequency']:.2f} Hz, by M(q) and stiffness "
                 f"{row['computed']['frequency']:.2f} Hz"
             )
     for failure in study.failures:
-        click.echo(f"{failed('not reached:')} {failure}")
-    click.echo(f"results and figures in {output}")
+        say(f"{failed('not reached:')} {failure}")
+    say(f"results and figures in {output}")
     return 1 if study.failures else 0

@@ -21,6 +21,7 @@ from rrrgen.cli.identification.workflow import (
     seed_option,
 )
 from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 
@@ -109,6 +110,6 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
         print_json(design.to_json())
     else:
         check = design.best.check
-        click.echo(f"condition number {check.condition:.4g} with {problem.columns} columns, all limits met")
-        click.echo(f"results and figures in {output}")
+        say(f"condition number {check.condition:.4g} with {problem.columns} columns, all limits met")
+        say(f"results and figures in {output}")
     return 0

@@ -9,6 +9,7 @@ import click
 
 from rrrgen.cli.arguments import json_option, print_json
 from rrrgen.cli.identification.workflow import output_option
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 if TYPE_CHECKING:
@@ -70,12 +71,12 @@ def _print(response: FrequencyResponse) -> None:
     import numpy as np
 
     trusted, f = response.trusted, response.frequency
-    click.echo(
+    say(
         f"{response.name}: {len(f)} lines from {f[0]:.4g} to {f[-1]:.4g} Hz, {response.method}; 95 % band "
         f"{100 * np.median(response.band95):.2g} % (median)"
     )
     if response.findings:
         for finding in response.findings:
-            click.echo(f"  not trusted: {finding.message}")
+            say(f"  not trusted: {finding.message}")
     else:
-        click.echo(f"  trusted: {np.count_nonzero(trusted)} of {len(trusted)} lines ({100 * np.mean(trusted):.0f} %)")
+        say(f"  trusted: {np.count_nonzero(trusted)} of {len(trusted)} lines ({100 * np.mean(trusted):.0f} %)")

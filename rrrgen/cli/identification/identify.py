@@ -24,6 +24,7 @@ from rrrgen.cli.identification.workflow import (
     truncated_option,
 )
 from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say, terminal_width
 from rrrgen.extras import require
 
 if TYPE_CHECKING:
@@ -209,10 +210,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         print_json(_json_ready(as_record(found) | more))
     else:
         _report(found, recordings[0].joints, validation, output)
-        for line in () if loop is None else loop.lines(recordings[0].joints):
-            click.echo(line)
-        for line in () if bias is None else bias.lines():
-            click.echo(line)
+        say(*(() if loop is None else loop.lines(recordings[0].joints)), *(() if bias is None else bias.lines()))
     print_causes([cause for cause in found.diagnoses if cause not in before], as_json)
     return 0
 
@@ -246,29 +244,25 @@ def _report(found: Identification, joints: tuple[str, ...], validation: CrossVal
     from rrrgen.identify.parameter_report import parameter_lines
     from rrrgen.identify.scoring.scores import joint_table, score_table
 
-    for line in parameter_lines(found):
-        click.echo(line)
-    for line in () if found.friction is None else found.friction.lines():
-        click.echo(line)
-    for sentence in found.tuning.sentences():
-        click.echo(sentence)
+    width = terminal_width()
+    say(*parameter_lines(found, width))
+    if found.friction is not None:
+        say(*found.friction.lines(width))
+    say(*found.tuning.sentences())
     if found.split.kind != "none":
-        click.echo(f"data: {found.split}")
-    for line in score_table(found.scores):
-        click.echo(line)
-    for line in joint_table(found.scores, joints):
-        click.echo(line)
+        say(f"data: {found.split}")
+    say(*score_table(found.scores, width), *joint_table(found.scores, joints, width))
     for name, blocks in found.parts:
         covered = found.band.coverage(blocks)
         if covered is not None:
-            click.echo(
+            say(
                 f"95 % band of the predicted torque: covers {100 * covered[0]:.1f} % of the rows {name}; "
                 f"{100 * covered[1]:.0f} % of its width is that of the parameters"
             )
-    for line in () if validation is None else validation.lines():
-        click.echo(line)
+    if validation is not None:
+        say(*validation.lines(width))
     for name, share in found.indefinite.items():
-        click.echo(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")
+        say(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")
     for note in (*found.structural_notes, *found.motion_notes, *found.hardly_determined):
-        click.echo(f"note: {note}")
-    click.echo(f"results and figures in {output}")
+        say(f"note: {note}")
+    say(f"results and figures in {output}")

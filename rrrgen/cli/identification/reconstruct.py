@@ -17,6 +17,7 @@ from rrrgen.cli.identification.workflow import (
     truncated_option,
 )
 from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 
@@ -76,6 +77,6 @@ def reconstruct(log: Path, output: Path, as_json: bool, fresh: bool, **options: 
     if as_json:
         print_json(plain({"samples": len(rows), "processing": processing.settings()}))
     else:
-        click.echo(tuning.sentences()[0])
-        click.echo(f"{len(rows)} samples by {processing.method}; motion in {output / 'results' / 'motion.csv'}")
+        say(tuning.sentences()[0])
+        say(f"{len(rows)} samples by {processing.method}; motion in {output / 'results' / 'motion.csv'}")
     return 0

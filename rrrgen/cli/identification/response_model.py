@@ -10,7 +10,9 @@ import click
 
 from rrrgen.cli.arguments import json_option, print_json, real_option
 from rrrgen.cli.identification.workflow import output_option
+from rrrgen.cli.terminal import say, terminal_width
 from rrrgen.extras import require
+from rrrgen.text_table import text_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -147,12 +149,10 @@ def _print(found: FittedModels, record: dict[str, Any]) -> None:
     for model in found.models:
         _print_model(model)
     for name, reason in found.refused.items():
-        click.echo(f"no model of {name}: {reason}")
+        say(f"no model of {name}: {reason}")
     for mode in record.get("resonances_over_postures", ()):
         (low, high), (least, most) = mode["frequency"], mode["damping"]
-        click.echo(
-            f"over {len(mode['postures'])} postures: {low:.4g} to {high:.4g} Hz, damping {least:.3g} to {most:.3g}"
-        )
+        say(f"over {len(mode['postures'])} postures: {low:.4g} to {high:.4g} Hz, damping {least:.3g} to {most:.3g}")
     for row in record.get("elastic_model", ()):
         computed, measured = row["computed"], row["measured"]
         told = "no resonance measured"
@@ -160,7 +160,7 @@ def _print(found: FittedModels, record: dict[str, Any]) -> None:
             told = (
                 f"measured {measured['frequency']:.4g} Hz, {measured['damping']:.3g} ({100 * row['deviation']:.2g} %)"
             )
-        click.echo(
+        say(
             f"{row['posture']}: M(q) and stiffness give {computed['frequency']:.4g} Hz, damping "
             f"{computed['damping']:.3g}, a peak of {computed['peak']:.2g}; {told}"
         )
@@ -168,18 +168,23 @@ def _print(found: FittedModels, record: dict[str, Any]) -> None:
 
 def _print_model(model: ResponseModel) -> None:
     fit = model.fit
-    click.echo(f"{model.name}: {model.method}, order {len(model.a)}, delay {model.delay} samples")
-    click.echo(f"fit {fit['value']:.2f} %: {fit['protocol']}")
+    say(f"{model.name}: {model.method}, order {len(model.a)}, delay {model.delay} samples")
+    say(f"fit {fit['value']:.2f} %: {fit['protocol']}")
     if "scored_rows" in fit:
         first, last = fit["scored_rows"]
-        click.echo(f"  scored on rows {first}:{last}{'' if fit['held_out'] else ', which were fitted'}")
+        say(f"  scored on rows {first}:{last}{'' if fit['held_out'] else ', which were fitted'}")
     for mode in model.resonances:
-        click.echo(f"  resonance {_told(mode)}")
-    click.echo("candidates:")
-    for row in model.table:
-        click.echo(
-            "  " + "  ".join(f"{key} {v:.5g}" if isinstance(v, float) else f"{key} {v}" for key, v in row.items())
-        )
+        say(f"  resonance {_told(mode)}")
+    say("candidates:")
+    say(*text_table(_candidates(model.table), terminal_width()))
+
+
+def _candidates(table: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """The rows of the table of models that were compared, below their headings."""
+    keys = list(dict.fromkeys(key for row in table for key in row))
+    values = ([row.get(key, "-") for key in keys] for row in table)
+    rows = (tuple(f"{v:.5g}" if isinstance(v, float) else str(v) for v in row) for row in values)
+    return [tuple(key.replace("_", " ") for key in keys), *rows]
 
 
 def _told(mode: Resonance) -> str:

@@ -21,6 +21,7 @@ from rrrgen.cli.identification.workflow import (
     seed_option,
 )
 from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say
 
 if TYPE_CHECKING:
     from rrrgen.experiments.experiment_file import Experiment
@@ -121,7 +122,7 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     if as_json:
         print_json({"log": str(results / "log.yaml"), "samples": len(recording.t), "clipped_torques": clipped})
     else:
-        click.echo(f"{len(recording.t)} samples, {clipped} clipped torques; recording in {results / 'log.yaml'}")
+        say(f"{len(recording.t)} samples, {clipped} clipped torques; recording in {results / 'log.yaml'}")
     return 0
 
 

@@ -20,6 +20,7 @@ from rrrgen.cli.identification.workflow import (
     processing_options,
     truncated_option,
 )
+from rrrgen.cli.terminal import say, terminal_width
 from rrrgen.extras import require
 
 NO_RECORDING = Path("none")
@@ -89,9 +90,9 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     from rrrgen.identify.torque_plots import force_units
     from rrrgen.identify.validation import (
         Thresholds,
+        joint_scores,
         plot_torques,
         robot_model,
-        summary,
         validate_recordings,
     )
     from rrrgen.recordings.log_stream import LogStream
@@ -155,25 +156,17 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     if as_json:
         print_json(plain(record))
     else:
-        rows = summary(result)
-        for row in rows:
-            shown = {key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()}
-            click.echo("  ".join(f"{key}: {value}" for key, value in shown.items() if value is not None))
-        for sentence in () if result.tuning is None else result.tuning.sentences():
-            click.echo(sentence)
-        for line in score_table(result.scores):
-            click.echo(line)
-        for line in () if loop is None else loop.lines(recordings[0].joints):
-            click.echo(line)
+        width = terminal_width()
+        say(*joint_scores(result, force_units(spec), width))
+        say(*(() if result.tuning is None else result.tuning.sentences()), *score_table(result.scores, width))
+        say(*(() if loop is None else loop.lines(recordings[0].joints)))
         if by_loop:
-            click.echo(
-                "the recorded torque is not the one that moves the joints: the limit holds for the simulated loop"
-            )
+            say("the recorded torque is not the one that moves the joints: the limit holds for the simulated loop")
         own = f" ({100 * common.share:.0f} % of its windows of samples were fitted)" if common.looked and known else ""
         said = "passed" if result.passed else "FAILED: " + "; ".join(result.failures)
         if split.kind != "none":
-            click.echo(f"data: {result.split}")
-        click.echo(f"scored on {result.label}{own}; {verdict(said, result.passed)}")
+            say(f"data: {result.split}")
+        say(f"scored on {result.label}{own}; {verdict(said, result.passed)}")
         if result.label == UNKNOWN and not told:
-            click.echo("the robot file does not tell what it was fitted to: say it with --fitted-on LOG, or none")
+            say("the robot file does not tell what it was fitted to: say it with --fitted-on LOG, or none")
     return 0 if result.passed else 1

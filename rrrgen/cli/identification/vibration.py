@@ -10,6 +10,7 @@ import click
 
 from rrrgen.cli.arguments import json_option, print_json, real_option
 from rrrgen.cli.identification.workflow import output_option
+from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 if TYPE_CHECKING:
@@ -214,9 +215,9 @@ def _print(record: dict[str, Any]) -> None:
             parts.append(f"shaper {each['shaper']} leaves {100 * each['left']:.1f} %")
         if "notch" in each:
             parts.append(f"notch of width {each['notch']['width']:.3g} leaves a peak of {each['notch']['peak']:.3g}")
-        click.echo("; ".join(parts))
+        say("; ".join(parts))
     if "shaper" in record:
-        click.echo(f"the shaped reference ends {1e3 * record['shaper']['duration']:.4g} ms later")
+        say(f"the shaped reference ends {1e3 * record['shaper']['duration']:.4g} ms later")
     if "phase_lag" in record:
         lag = record["phase_lag"]
-        click.echo(f"the notches cost {lag['degrees']:.1f} degrees of phase at {lag['frequency']:g} Hz")
+        say(f"the notches cost {lag['degrees']:.1f} degrees of phase at {lag['frequency']:g} Hz")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from rrrgen.cli.colour import with_warning
+from rrrgen.cli.terminal import say
 
 if TYPE_CHECKING:
     from rrrgen.experiments.experiment_file import Experiment
@@ -162,7 +163,7 @@ def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
     """Print the repairs of every recording; with ``as_json`` only the warnings, which go to stderr."""
     for each in repairs:
         for line in [] if as_json else each.lines():
-            click.echo(line)
+            say(line)
         for line in each.warnings():
             click.echo(with_warning(line), err=True)
 

@@ -8,6 +8,7 @@ import click
 
 from rrrgen.cli.arguments import complete_robot, json_option, print_json, read_robot
 from rrrgen.cli.colour import failed, fault_text, passed
+from rrrgen.cli.terminal import say
 from rrrgen.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def _check(file: str, strict: bool, quiet: bool) -> dict[str, Any]:
     if not quiet:
         for fault in faults:
             click.echo(fault_text(fault), err=True)
-        click.echo(f"{file}: {passed('ok')} ({summary})" if ok else f"{file}: {failed(_count(faults))}")
+        say(f"{file}: {passed('ok')} ({summary})" if ok else f"{file}: {failed(_count(faults))}")
     return {"file": file, "ok": ok, "summary": summary, "faults": [_plain(fault) for fault in faults]}
 
 

@@ -34,15 +34,7 @@ def as_text(model: DerivedModel, width: int | None = None) -> str:
 
     Lines are folded to ``width`` characters; None leaves them as long as they are.
     """
-    spec = model.spec
-    lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec, width), ""]
-    lines += ["Denavit-Hartenberg table, exact and in both units at the nominal parameters"]
-    rows = [("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.rows)]
-    lines += text_table(rows, width)
-    lines += _mechanism(spec, width)
-    lines += _drives(spec, width)
-    for title, rows in tables(spec):
-        lines += ["", *text_table([(title,)], width, indent=""), *text_table(rows, width)]
+    lines = stated(model.spec, width)
     lines += ["", "Pose of the tip at q = 0, in the base frame; lengths in m"]
     lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in zero_pose(model)]
     parameters = listing(model)
@@ -55,6 +47,19 @@ def as_text(model: DerivedModel, width: int | None = None) -> str:
     counts = [(name, str(count_operations(program))) for name, program in model.programs.items()]
     lines += text_table(counts, width)
     return "\n".join(lines) + "\n\n"
+
+
+def stated(spec: RobotSpec, width: int | None = None) -> list[str]:
+    """The lines of :func:`as_text` about what the robot file states, up to the links."""
+    lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec, width), ""]
+    lines += ["Denavit-Hartenberg table, exact and in both units at the nominal parameters"]
+    rows = [("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.rows)]
+    lines += text_table(rows, width)
+    lines += _mechanism(spec, width)
+    lines += _drives(spec, width)
+    for title, rows in tables(spec):
+        lines += ["", *text_table([(title,)], width, indent=""), *text_table(rows, width)]
+    return lines
 
 
 def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseForm | str | None) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.cli.arguments import read_with_warnings, real_option, robot_argument, words
+from rrrgen.cli.terminal import say
 from rrrgen.errors import Fault, InputError
 from rrrgen.robotfile.keys import EMIT
 
@@ -99,7 +100,7 @@ def export(
         write(found.files, path)
     for note in found.notes:
         click.echo(f"{path}: {note}", err=True)
-    click.echo(f"{path} written")
+    say(f"{path} written")
 
 
 def _described(exporter: Exporter) -> str:

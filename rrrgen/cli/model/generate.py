@@ -19,14 +19,13 @@ from rrrgen.cli.arguments import (
     read_with_warnings,
     real_option,
     robot_argument,
-    terminal_width,
     words,
 )
 from rrrgen.cli.experiments.controller_code import controller_files, controller_options
 from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say
 from rrrgen.parallel_map import usual_jobs
 from rrrgen.robotfile.keys import EMIT
-from rrrgen.text_table import folded
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
@@ -191,13 +190,13 @@ def _print_summary(model: DerivedModel, output: Path, files: Iterable[str]) -> N
     from rrrgen.program import count_operations
 
     name = model.spec.name
-    click.echo(f"{name}: {model.spec.n} joints, {len(model.base_parameters)} base parameters")
+    say(f"{name}: {model.spec.n} joints, {len(model.base_parameters)} base parameters")
     for function in ("forward_kinematics", "mass_matrix", "inverse_dynamics", "forward_dynamics", "regressor"):
         if function in model.programs:
-            click.echo(f"  {function:20} {count_operations(model.programs[function])}")
+            say(f"  {function:20} {count_operations(model.programs[function])}")
     if model.spec.ik != "general":
         from rrrgen.ik.classify import plan
 
-        click.echo(plan(model.spec).approach)
+        say(plan(model.spec).approach)
     written = dict.fromkeys(file.partition("/")[0] + "/" * ("/" in file) for file in files)
-    click.echo(folded(f"written to {output}: {', '.join(written)}", terminal_width()))
+    say(f"written to {output}: {', '.join(written)}")

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrrgen.cli.arguments import ik_option, json_option, print_json, read_with_warnings, robot_argument, terminal_width
+from rrrgen.cli.arguments import ik_option, json_option, print_json, read_with_warnings, robot_argument
 from rrrgen.cli.colour import doubtful
+from rrrgen.cli.terminal import say, terminal_width
 from rrrgen.text_table import text_table
 
 if TYPE_CHECKING:
@@ -16,10 +17,6 @@ if TYPE_CHECKING:
     from rrrgen.runtime.engines import EngineName
     from rrrgen.runtime.inverse_kinematics import InverseKinematics
     from rrrgen.runtime.results import IKResult
-
-
-NUMBER = 10
-"""Width (characters) of a joint variable in the table of solutions."""
 
 
 @click.command()
@@ -130,28 +127,27 @@ def _record(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> dict
 
 
 def _headings(spec: RobotSpec) -> tuple[str, ...]:
-    """The headings of the table: joints with their units, aligned to the right, then the other columns."""
+    """The headings of the table: number of the solution, joints with their units, the other columns."""
     units = (f"{joint.name} [{'rad' if joint.is_revolute else 'm'}]" for joint in spec.joints)
-    return (*(unit.rjust(NUMBER) for unit in units), "branch", "remarks")
+    return ("#", *units, "branch", "remarks")
 
 
 def _print(spec: RobotSpec, solver: InverseKinematics, found: IKResult) -> None:
     from rrrgen.runtime.results import FREE, INEXACT, MULTIPLE, OUTSIDE
 
     words = {MULTIPLE: "multiple", FREE: "free angle from the reference", OUTSIDE: "outside limits", INEXACT: "inexact"}
-    click.echo(f"{solver.plan.family}: at most {solver.max_solutions} solutions")
+    say(f"{solver.plan.family}: at most {solver.max_solutions} solutions")
     rows = [_headings(spec)]
-    for q, branch, flags in zip(found.q, found.branch, found.flags, strict=True):
+    for number, (q, branch, flags) in enumerate(zip(found.q, found.branch, found.flags, strict=True), 1):
         names = " ".join(f"{name}={value}" for name, value in solver.branch_names(branch).items())
         remarks = ", ".join(text for bit, text in words.items() if flags & bit)
-        numbers = (f"{value:{len(heading)}.6f}" for value, heading in zip(q, rows[0], strict=False))
-        rows.append((*numbers, names, remarks))
+        rows.append((str(number), *(f"{value:.6f}" for value in q), names, remarks))
     if len(found):
-        click.echo("\n".join(text_table(rows, terminal_width())))
+        say("\n".join(text_table(rows, terminal_width(), right=range(1, spec.n + 1))))
     if not len(found):
         distance = f", {found.distance:.6g} m from reach" if found.distance > 0 else ""
-        click.echo(f"{doubtful('no solution')}: {found.status}{': ' + found.reason if found.reason else ''}{distance}")
+        say(f"{doubtful('no solution')}: {found.status}{': ' + found.reason if found.reason else ''}{distance}")
     if solver.plan.approach:
-        click.echo(solver.plan.approach)
+        say(solver.plan.approach)
     if solver.plan.incomplete:
-        click.echo(f"there may be more: {solver.plan.incomplete}")
+        say(f"there may be more: {solver.plan.incomplete}")

@@ -8,6 +8,7 @@ from typing import Literal
 import click
 
 from rrrgen.cli.colour import fault_text
+from rrrgen.cli.terminal import say
 from rrrgen.errors import Fault, InputError
 
 
@@ -88,8 +89,8 @@ def import_robot(
     if found.chain is not None:
         from rrrgen.verify.references.imported_source import compare_with_source
 
-        click.echo(str(compare_with_source(found)))
-    click.echo(f"{path} written from {found.format}; next: rrrgen check {path}, rrrgen show {path}")
+        say(str(compare_with_source(found)))
+    say(f"{path} written from {found.format}; next: rrrgen check {path}, rrrgen show {path}")
 
 
 def _pair(text: str, option: str) -> tuple[str, str]:

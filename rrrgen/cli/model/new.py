@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from rrrgen.cli.terminal import say
 from rrrgen.errors import Fault, InputError, cannot_write
 
 
@@ -54,7 +55,7 @@ def new(name: str, output: Path | None, joints: str, convention: str, bundled: s
         path.write_text(text, encoding="utf-8", newline="\n")
     except OSError as error:
         raise cannot_write(path, error) from None
-    click.echo(f"{path} written; next: rrrgen check {path}, rrrgen show {path}")
+    say(f"{path} written; next: rrrgen check {path}, rrrgen show {path}")
 
 
 def _template(name: str, joints: str, convention: str) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, terminal_width
+from rrrgen.cli.arguments import json_option, print_json
+from rrrgen.cli.terminal import say, terminal_width
 from rrrgen.text_table import text_table
 
 NO_LINKS = " (kinematics only: no links)"
@@ -46,4 +47,4 @@ def robots(as_json: bool) -> None:
         )
         for row in rows
     ]
-    click.echo("\n".join(text_table(table, terminal_width(), indent="")))
+    say("\n".join(text_table(table, terminal_width(), indent="")))

@@ -16,12 +16,11 @@ from rrrgen.cli.arguments import (
     print_json,
     read_with_warnings,
     robot_argument,
-    terminal_width,
 )
 from rrrgen.cli.colour import with_headings
 from rrrgen.cli.html import html_option, read_motions, write_html
 from rrrgen.cli.progress import progress_bar
-from rrrgen.text_table import folded
+from rrrgen.cli.terminal import say, terminal_width
 
 if TYPE_CHECKING:
     from rrrgen.backends.latex import Form
@@ -137,7 +136,7 @@ def show(
         from rrrgen.cli.model.description import as_text
 
         text = "" if functions else with_headings(as_text(pipeline.derive_once(spec), terminal_width()))
-        click.echo(_as_plain(text, forms, inverse))
+        say(_as_plain(text, forms, inverse))
 
 
 def _show_programs(robot: str, functions: tuple[str, ...], recorded: bool, as_json: bool) -> None:
@@ -210,7 +209,6 @@ def _as_plain(description: str, forms: Mapping[str, Form], inverse: InverseForm 
     from rrrgen.backends.latex import plain
 
     said = inverse if inverse is None or isinstance(inverse, str) else inverse.text()
-    said = None if said is None else folded(said, terminal_width())
     text = description + (plain(forms) if forms else "")
     return "\n\n".join(part.rstrip("\n") for part in (text, said) if part)
 

@@ -12,11 +12,11 @@ from rrrgen.cli.arguments import (
     read_with_warnings,
     real_option,
     robot_argument,
-    terminal_width,
 )
 from rrrgen.cli.colour import verdict, with_failures
 from rrrgen.cli.html import html_option, write_html
 from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import terminal_width
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real

@@ -31,6 +31,7 @@ from rrrgen.identify.friction_laws.surfaces import (
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.signals.processing import Processing
+from rrrgen.text_table import text_table
 
 LINEAR = "coulomb_viscous"
 AUTO = "auto"
@@ -89,17 +90,19 @@ class FrictionFit:
     table: tuple[Candidate, ...] = ()
     load: tuple[float, ...] = ()
 
-    def lines(self) -> list[str]:
-        """The candidates with their errors, then the law and the shapes of every surface, as text."""
+    def lines(self, width: int | None = None) -> list[str]:
+        """The candidates with their errors, then the law and the shapes of every surface, as text.
+
+        The table is folded to lines of ``width`` characters; None: lines of any length.
+        """
         lines = []
         if self.table:
-            width = max(len(each.law) for each in self.table)
-            heads = "".join(f"  {name[:10]:>10}" for name in ("in sample", "held out", *self.joints))
-            lines.append("friction laws at all joints: relative torque error, cross-validated within the fitted data")
-            lines.append(f"{'':<{width}}{heads}")
+            rows = [("law", "in sample", "held out", *self.joints)]
             for each in self.table:
                 values = (each.in_sample, each.held_out, *each.joints)
-                lines.append(f"{each.law:<{width}}" + "".join(f"  {f'{100 * v:.3g} %':>10}" for v in values))
+                rows.append((each.law, *(f"{100 * value:.3g} %" for value in values)))
+            lines.append("friction laws at all joints: relative torque error, cross-validated within the fitted data")
+            lines += text_table(rows, width, indent="", right=range(1, len(rows[0])))
         for name, surface, std in zip(self.names, self.surfaces, self.std, strict=True):
             shapes = zip(surface.definition.shapes, surface.shapes, std, strict=True)
             told = ", ".join(f"{shape} {value:.3g} (factor {np.exp(spread):.2g})" for shape, value, spread in shapes)

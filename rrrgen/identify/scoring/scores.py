@@ -19,6 +19,7 @@ from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.identify.friction_laws.surfaces import Sliding
 from rrrgen.identify.scoring.bandwidth import Tuning
 from rrrgen.identify.scoring.split import Split
+from rrrgen.text_table import text_table
 
 TorqueModels = Callable[..., Array]
 """Motion (q, dq, ddq), (N, n) each, to the joint torques (N, n, k) of k models."""
@@ -138,30 +139,33 @@ class _Sums:
         return Score(estimate, data, torque, rows, count, count / self.total, **known)
 
 
-def score_table(scores: Sequence[Score]) -> list[str]:
-    """Lines of a table with one row per set of rows and one column of relative errors per estimate."""
+def score_table(scores: Sequence[Score], width: int | None = None) -> list[str]:
+    """Lines of a table with one row per set of rows and one column of relative errors per estimate.
+
+    It is folded to lines of ``width`` characters; None: lines of any length.
+    """
     names = list(dict.fromkeys(score.estimate for score in scores))
     by_rows: dict[str, dict[str, Score]] = {}
     for score in scores:
         by_rows.setdefault(score.where, {})[score.estimate] = score
-    width = max((len(where) for where in by_rows), default=0)
-    lines = [f"{'relative torque error':<{width}}" + "".join(f"  {name:>12}" for name in names)]
+    rows = [("relative torque error", *names)]
     for where, found in by_rows.items():
         errors = (found[name].relative_error for name in names)
-        cells = ("-" if error is None else f"{100 * error:.3g} %" for error in errors)
-        lines.append(f"{where:<{width}}" + "".join(f"  {cell:>12}" for cell in cells))
-    return lines
+        rows.append((where, *("-" if error is None else f"{100 * error:.3g} %" for error in errors)))
+    return text_table(rows, width, indent="", right=range(1, len(names) + 1))
 
 
-def joint_table(scores: Sequence[Score], joints: Sequence[str]) -> list[str]:
-    """Lines of a table of the relative errors of each joint, on rows filtered and selected as for the fit."""
+def joint_table(scores: Sequence[Score], joints: Sequence[str], width: int | None = None) -> list[str]:
+    """Lines of a table of the relative errors of each joint, on rows filtered and selected as for the fit.
+
+    It is folded to lines of ``width`` characters; None: lines of any length.
+    """
     first: dict[tuple[str, str], Score] = {}
     for score in scores:
         if score.joint_relative is not None:
             first.setdefault((score.data, score.estimate), score)
-    rows = {f"{data}, {estimate}": score.joint_relative for (data, estimate), score in first.items()}
-    width = max((len(name) for name in (*rows, "by joint")), default=0)
-    lines = [f"{'by joint':<{width}}" + "".join(f"  {name[:10]:>10}" for name in joints)]
-    for name, errors in rows.items():
-        lines.append(f"{name:<{width}}" + "".join(f"  {f'{100 * error:.3g} %':>10}" for error in errors or ()))
-    return lines
+    rows = [("by joint", *joints)]
+    for (data, estimate), score in first.items():
+        errors = (f"{100 * error:.3g} %" for error in score.joint_relative or ())
+        rows.append((f"{data}, {estimate}", *errors))
+    return text_table(rows, width, indent="", right=range(1, len(joints) + 1))
