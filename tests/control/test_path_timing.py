@@ -73,11 +73,14 @@ def friction(model, viscous, coulomb):
     return np.stack(np.broadcast_arrays(viscous, coulomb, np.zeros(model.n)), axis=1).ravel()
 
 
-def worst(model, timed, limits, viscous=0.0, coulomb=0.0, finer=10):
+TENTHS, QUARTERS = (np.arange(10) + 0.5) / 10, np.array([0.25, 0.5, 0.75])
+
+
+def worst(model, timed, limits, viscous=0.0, coulomb=0.0, finer=TENTHS):
     """The largest ratio of torque, speed and acceleration to their limits on a finer grid of the spline."""
     x, s = np.square(timed.ds_dt), timed.path.s
     u = timed.d2s_dt2
-    inside = (np.arange(finer) + 0.5) / finer * np.diff(s)[:, None]
+    inside = finer * np.diff(s)[:, None]
     reached = np.sqrt(x[:-1, None] + 2.0 * u[:, None] * inside)
     times = timed.t[:-1, None] + 2.0 * inside / (timed.ds_dt[:-1, None] + reached)
     q, dq, ddq = timed.sample(times.ravel())
@@ -100,6 +103,8 @@ def test_finer_grid_keeps_the_limits(panda):
     timed = panda.time_path(path, **PANDA, friction=friction(panda, viscous, coulomb))
     found = worst(panda, timed, PANDA, viscous, coulomb)
     assert 0.99 < found["tau_max"] < 1.02, "a limit is touched, and none is exceeded"
+    told = worst(panda, timed, PANDA, viscous, coulomb, QUARTERS)["tau_max"]
+    assert timed.torque_share == pytest.approx(told, rel=1e-9)
     assert found["ddq_max"] < 1.02
     assert found["dq_max"] < 1.001
 
@@ -115,6 +120,9 @@ def test_a_grid_too_coarse_is_told(planar):
     ):
         timed = planar.time_path(path_of(2, 51, 4), **limits, friction=losses)
     assert worst(planar, timed, limits, viscous)["tau_max"] > 1.03
+    told = worst(planar, timed, limits, viscous, 0.0, QUARTERS)["tau_max"]
+    assert timed.torque_share == pytest.approx(told, rel=1e-9)
+    assert planar.time_path(path_of(2, 51, 4), **free(2) | {"dq_max": np.ones(2)}).torque_share == 0.0
     with warnings.catch_warnings(action="error"):
         timed = planar.time_path(path_of(2, 201, 4), **limits, friction=losses)
     assert worst(planar, timed, limits, viscous)["tau_max"] < 1.02

@@ -110,31 +110,11 @@ class PathFunctions(DynamicFunctions):
         if status:
             heavy = self._heavy(path.q[where], limits["tau_max"], values)
             raise InputError(f"time_path: {kernel.text(status)}: point {where}, s = {path.s[where]:.6g}{heavy}")
-        timed = TimedPath(path, ds_dt, t, kernel.sample)
-        self._warn_of_excess(timed, limits["tau_max"], losses, values)
-        return timed
-
-    def _warn_of_excess(self, timed: TimedPath, tau_max: Any, friction: Any, values: dict[str, Any]) -> None:
-        """Warn where torques between the points of the path exceed ``tau_max`` (n,) by more than :data:`EXCESS`.
-
-        The limits are kept at the points. Between them the torques differ most where viscous friction is strong and the
-        speed changes much from point to point, near the ends of the path.
-        """
-        x, length = np.square(timed.ds_dt[:-1]), np.diff(timed.path.s)
-        inside = np.array([0.25, 0.5, 0.75])[:, None] * length
-        reached = np.sqrt(np.maximum(x + 2.0 * timed.d2s_dt2 * inside, 0.0))
-        q, dq, ddq = timed.sample((timed.t[:-1] + 2.0 * inside / (timed.ds_dt[:-1] + reached)).ravel())
-        parameters = (values["beta"], values.get("Ia"), values.get("gravity"))
-        tau = self._evaluate("inverse_dynamics", (q, dq, ddq), *parameters)[0]
-        if friction is not None:
-            tau = tau + self._call("friction_with", dq, friction)
-        worst = float(np.max(np.abs(tau) / tau_max))
-        if worst > 1.0 + EXCESS:
-            share = f"{100.0 * (worst - 1.0):.0f} %"
-            text = (
-                f"between the {len(timed.path.s)} points of the path the torques exceed their limits by up to {share}"
-            )
-            warnings.warn(f"time_path: {text}: take more points", stacklevel=3)
+        share = kernel.check(path, limits, losses, values, ds_dt)
+        if share > 1.0 + EXCESS:
+            text = f"the torques exceed their limits by up to {100.0 * (share - 1.0):.0f} %: take more points"
+            warnings.warn(f"time_path: between the {len(path.s)} points of the path {text}", stacklevel=2)
+        return TimedPath(path, ds_dt, t, kernel.sample, share)
 
     def _heavy(self, q: Any, tau_max: Any, values: dict[str, Any]) -> str:
         """Text for an error message: the joints whose torque limits cannot hold the arm at ``q`` against gravity."""

@@ -65,21 +65,39 @@ class TimingKernel:
         are the friction parameters or None, ``ends`` is ds/dt at both ends, ``parameters`` maps names to model
         parameters.
         """
-        arrays = self._dense(path)
-        given = self.ffi.new(f"{self.robot}_path_limits *")
-        for name in LIMITS:
-            setattr(given, name, [float(value) for value in limits[name]])
+        arrays, (given, friction) = self._dense(path), self._limits(limits, friction)
         given.start, given.end = ends
         inputs = [np.ascontiguousarray(parameters[name], self.dtype) for name in self.further]
-        if friction is not None:
-            friction = np.ascontiguousarray(friction, self.dtype)
-            given.friction = self._address(friction)
         count, where = len(path.s), self.ffi.new("int *")
         work = np.empty(work_size(self.n, count), self.dtype)
         ds_dt, t = np.zeros(count, self.dtype), np.zeros(count, self.dtype)
         call = getattr(self.lib, f"{self.robot}_time_path")
         status = call(self._path(arrays), given, *map(self._address, (*inputs, work, ds_dt, t)), where)
         return int(status), int(where[0]), ds_dt, t
+
+    def check(
+        self,
+        path: Path,
+        limits: Mapping[str, Array],
+        friction: Array | None,
+        parameters: Mapping[str, Array],
+        ds_dt: Array,
+    ) -> float:
+        """The largest torque between the points of ``path`` over its limit, at the speeds ``ds_dt`` (N,)."""
+        arrays, (given, friction) = self._dense(path), self._limits(limits, friction)
+        inputs = [np.ascontiguousarray(parameters[name], self.dtype) for name in self.further]
+        call = getattr(self.lib, f"{self.robot}_timing_check")
+        return float(call(self._path(arrays), given, *map(self._address, (*inputs, ds_dt)), self.ffi.new("int *")))
+
+    def _limits(self, limits: Mapping[str, Array], friction: Array | None) -> tuple[Any, Array | None]:
+        """C structure of limits, and the friction parameters that it points to, which must outlive it."""
+        given = self.ffi.new(f"{self.robot}_path_limits *")
+        for name in LIMITS:
+            setattr(given, name, [float(value) for value in limits[name]])
+        if friction is not None:
+            friction = np.ascontiguousarray(friction, self.dtype)
+            given.friction = self._address(friction)
+        return given, friction
 
     def text(self, status: int) -> str:
         """Text that explains a status code."""
@@ -113,5 +131,6 @@ def _declarations(p: str, n: int, further: int, real: Real) -> str:
             const {real} *friction; {real} start; {real} end; }} {p}_path_limits;
         const char *{p}_timing_status_string(int);
         int {p}_time_path(const {p}_path *, const {p}_path_limits *, {vectors}{real} *, {real} *, {real} *, int *);
+        {real} {p}_timing_check(const {p}_path *, const {p}_path_limits *, {vectors}const {real} *, int *);
         void {p}_timed_path(const {p}_path *, const {real} *, const {real} *, {real}, {real} *, {real} *, {real} *);
     """

@@ -15,10 +15,14 @@ Sampler = Callable[[Path, Array, Array, Array], tuple[Array, Array, Array]]
 
 
 class TimedPath:
-    """The fastest motion along ``path``: ``ds_dt`` (N,) and the instants ``t`` (N,), s, at its points."""
+    """The fastest motion along ``path``: ``ds_dt`` (N,) and the instants ``t`` (N,), s, at its points.
 
-    def __init__(self, path: Path, ds_dt: Array, t: Array, sampler: Sampler) -> None:
+    ``torque_share`` is the largest torque between the points over its limit; at the points it is at most 1.
+    """
+
+    def __init__(self, path: Path, ds_dt: Array, t: Array, sampler: Sampler, torque_share: float) -> None:
         self.path, self.ds_dt, self.t, self._sampler = path, ds_dt, t, sampler
+        self.torque_share = torque_share
 
     def __repr__(self) -> str:
         points, n = self.path.q.shape

@@ -60,6 +60,8 @@ def timing_files(path_dynamics: Program, dialect: Dialect) -> dict[str, str]:
         "stack": (6 * (4 * n + 1) + 8 * n) * {"double": 8, "float": 4}[dialect.real] + 768,
         "version": VERSION,
         "prototype": _prototype(further, dialect),
+        "check": _check(further, dialect),
+        "stack_of_check": 10 * n * {"double": 8, "float": 4}[dialect.real] + 512,
         "arguments": columns([("in", p.name, f"{p.size}", p.unit or "-", p.meaning) for p in further]),
         "arguments_of_dynamics": "".join(f", {port.name}" for port in further),
         "opening": [
@@ -75,8 +77,21 @@ def timing_files(path_dynamics: Program, dialect: Dialect) -> dict[str, str]:
 def _prototype(further: list[Port], dialect: Dialect) -> str:
     """The declaration of the function; the inputs ``further`` of the model follow after the path and the limits."""
     p, real = dialect.prefix, dialect.real_type
-    model = "".join(f"const {real} {port.name}[{port.size}], " for port in further)
     return (
         f"{p}_timing_status {p}_time_path(const {p}_path *path, const {p}_path_limits *limits,\n"
-        f"    {model}{real} *work, {real} *ds_dt, {real} *t, int *where)"
+        f"    {_model(further, dialect)}{real} *work, {real} *ds_dt, {real} *t, int *where)"
     )
+
+
+def _check(further: list[Port], dialect: Dialect) -> str:
+    """The declaration of the function that computes the largest torque between the points, with the same inputs."""
+    p, real = dialect.prefix, dialect.real_type
+    return (
+        f"{real} {p}_timing_check(const {p}_path *path, const {p}_path_limits *limits,\n"
+        f"    {_model(further, dialect)}const {real} *ds_dt, int *where)"
+    )
+
+
+def _model(further: list[Port], dialect: Dialect) -> str:
+    """The inputs ``further`` of the model in a list of C parameters."""
+    return "".join(f"const {dialect.real_type} {port.name}[{port.size}], " for port in further)
