@@ -196,7 +196,7 @@ def _refined(law: LawEstimate, theta: Array, covariance: Array, period: float) -
         both = np.sqrt(np.maximum(np.diag(J @ covariance[1:3, 1:3] @ J.T), 0.0))
         std |= {"gravity": float(both[0]), "gravity_angle": float(both[1])}
     elif law.candidate.gravity:
-        std["gravity"] = std["gravity_cos"]
+        std[law.candidate.constant] = std["gravity_cos"]
     return replace(law, theta=whole, values=values, std={k: std.get(k, law.std.get(k, 0.0)) for k in values})
 
 

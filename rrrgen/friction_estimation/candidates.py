@@ -44,12 +44,25 @@ class Candidate:
     """Model of one joint that is fitted to a recording: a friction ``law`` with inertia, gravity and a time delay.
 
     The parameters theta (k,) are the inertia (kg m^2 or kg), the ``gravity`` coefficients (0, 1 or 2), the parameters
-    of the law except those in ``left_out``, which are zero, and the delay in sampling periods.
+    of the law except those in ``left_out``, which are zero, and the delay in sampling periods. With ``offset`` the only
+    gravity coefficient is an offset of the torque at a joint without gravity.
     """
 
     law: FrictionLaw
     gravity: int
     left_out: tuple[str, ...] = ()
+    offset: bool = False
+
+    @property
+    def constant(self) -> str:
+        """Name under which a constant torque, the only gravity coefficient, is reported."""
+        return "offset" if self.offset else "gravity"
+
+    @property
+    def equation(self) -> str:
+        """Equation of motion of the joint, as text."""
+        load = {0: "", 1: f" - {self.constant}", 2: " - gravity cos(q - gravity_angle)"}[self.gravity]
+        return f"J ddq = tau{load} - tau_f; {self.law.formula}"
 
     @property
     def name(self) -> str:
@@ -123,14 +136,15 @@ class Candidate:
 def candidates(gravity: int) -> tuple[Candidate, ...]:
     """The models to fit, from the fewest parameters to the most.
 
-    Each has ``gravity`` (0, 1 or 2) gravity coefficients. The symmetric Coulomb law is fitted without its torque
-    offset. The asymmetric law has none: beside gravity and a Coulomb torque for each direction, an offset is not
-    identifiable.
+    Each has ``gravity`` (0, 1 or 2) gravity coefficients. Where gravity does not act, an offset of the measured torque
+    takes its place: a symmetric law could not explain it otherwise. The asymmetric law has no offset, which is not
+    identifiable beside a Coulomb torque for each direction.
     """
+    constant, offset = max(gravity, 1), gravity == 0
     return (
-        Candidate(LAWS["coulomb_viscous"], gravity, ("offset",)),
+        Candidate(LAWS["coulomb_viscous"], constant, ("offset",), offset),
         Candidate(LAWS["asymmetric"], gravity),
-        Candidate(LAWS["stribeck"], gravity),
-        Candidate(LAWS["lugre"], gravity),
-        Candidate(neural_law(NEURAL_UNITS), gravity),
+        Candidate(LAWS["stribeck"], constant, (), offset),
+        Candidate(LAWS["lugre"], constant, (), offset),
+        Candidate(neural_law(NEURAL_UNITS), constant, (), offset),
     )

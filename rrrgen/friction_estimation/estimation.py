@@ -100,7 +100,7 @@ class FrictionEstimate:
                     "bic": law.score.bic,
                     "torque_error": law.torque_error,
                     "kalman_filter": law.kalman,
-                    "equation": f"J ddq = tau - gravity cos(q - gravity_angle) - tau_f; {law.candidate.law.formula}",
+                    "equation": law.candidate.equation,
                 }
                 for law in self.laws
             },
@@ -123,17 +123,17 @@ def estimate_friction(
     """Estimate inertia, gravity and friction of one joint with every law, and choose one law.
 
     ``data`` is the recording. ``gravity`` is the number of gravity coefficients: 2 for a revolute joint, 1 for a
-    prismatic one, 0 where gravity does not act. ``names`` are the laws to try, all if empty. ``seed`` is that of the
-    resampling for standard deviations; ``progress(done, total, message)`` is called between steps. Least squares on
-    sliding samples give initial values for an extended Kalman filter (14.15), whose result is the initial value of the
-    output-error fit over short windows. Raises :class:`DerivationError` if the motion does not determine inertia or
-    friction.
+    prismatic one, 0 where gravity does not act; there the torque may have an offset. ``names`` are the laws to try, all
+    if empty. ``seed`` is that of the resampling for standard deviations; ``progress(done, total, message)`` is called
+    between steps. Least squares on sliding samples give initial values for an extended Kalman filter (14.15), whose
+    result is the initial value of the output-error fit over short windows. Raises :class:`DerivationError` if the
+    motion does not determine inertia or friction.
     """
     tell = progress or (lambda done, total, message: None)
     tell(0, 0, "start values")
     wanted = {*names, "stribeck"} if "lugre" in names else set(names)  # LuGre slides as the Stribeck law does
     laws = [law for law in candidates(gravity) if not wanted or law.name in wanted]
-    delay = best_delay(data, gravity)
+    delay = best_delay(data, max(gravity, 1))
     started = {law.name: start_values(law, data, delay) for law in laws}
     _check_start(list(started.values()), data)
     least = {name: theta for name, (theta, _) in started.items()}
@@ -302,7 +302,7 @@ def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
         cos, sin = given["gravity_cos"], given["gravity_sin"]
         found |= {"gravity": float(np.hypot(cos, sin)), "gravity_angle": float(np.arctan2(sin, cos))}
     elif law.gravity:
-        found["gravity"] = given["gravity_cos"]
+        found[law.constant] = given["gravity_cos"]
     found |= {name: given[name] for name in law.law_names}
     found["delay"] = given[DELAY] * period
     return found

@@ -13,11 +13,13 @@ if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 LEAST = 1e-9  # value of a parameter that must be positive and was estimated as 0
+CERTAIN = 3.0  # standard deviations from zero from which on a torque offset is written
 
 
 def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate, rest: Presliding | None = None) -> RobotSpec:
     """A copy of ``spec`` whose joint named ``joint`` has the law ``chosen``; all else stays as it is.
 
+    An offset of the torque at a joint without gravity is part of it where it is certain.
     Stiffness and damping of LuGre bristles are replaced by the values of ``rest``, a presliding measurement, if those
     have the smaller standard deviations.
     """
@@ -30,10 +32,13 @@ def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate, rest: Presli
         for name, pair in measured.items():
             if pair is not None and name in values and pair[1] < chosen.std[name]:
                 values[name] = pair[0]
+    offset = chosen.values["offset"] if chosen.candidate.offset else None
+    if offset is not None and abs(offset) < CERTAIN * chosen.std["offset"]:
+        offset = None
     if law.name == "coulomb_viscous":
-        friction = FrictionSpec(viscous=values["viscous"], coulomb=values["coulomb"])
+        friction = FrictionSpec(viscous=values["viscous"], coulomb=values["coulomb"], offset=offset)
     else:
         numbers = tuple(max(values[p.name], LEAST) if p.positive else values[p.name] for p in law.parameters)
-        friction = FrictionSpec(law=LawSpec(law.name, numbers))
+        friction = FrictionSpec(law=LawSpec(law.name, numbers), offset=offset)
     joints = tuple(replace(each, friction=friction) if each.name == joint else each for each in spec.joints)
     return replace(spec, joints=joints)

@@ -28,6 +28,7 @@ LIMITS |= {"coulomb_p": 0.02, "coulomb_n": 0.02, "viscous_p": 0.05, "viscous_n":
 ATTRIBUTES = {"stiction_excess": "excess", "stribeck_speed": "speed", "coulomb_p": "coulomb", "viscous_p": "viscous"}
 
 STRIBECK = Joint("stribeck")
+LIGHT = Joint("stribeck", inertia=0.004, gravity=0.05, coulomb=0.04, excess=0.02, viscous=0.008)
 CASES: dict[str, tuple[Joint, dict[str, object]]] = {
     "stribeck": (STRIBECK, {}),
     "stribeck, torque noise": (STRIBECK, {"torque_noise": 0.02}),
@@ -52,7 +53,25 @@ CASES: dict[str, tuple[Joint, dict[str, object]]] = {
         Joint("asymmetric", coulomb_n=0.5, viscous_n=0.15),
         {"period": 5e-4, "resolution": COARSE},
     ),
+    "stribeck, plain sines": (STRIBECK, {"motion": "sines"}),
+    "asymmetric, plain sines": (Joint("asymmetric", coulomb_n=0.5, viscous_n=0.15), {"motion": "sines"}),
+    "stribeck, six decimals": (STRIBECK, {"decimals": 6}),
+    "stribeck, no gravity, offset": (Joint("stribeck", gravity=0.0), {"offset": 0.05}),
+    "coulomb_viscous, no gravity, offset": (Joint("coulomb_viscous", gravity=0.0), {"offset": 0.05}),
+    "stribeck, 5 kHz, light": (LIGHT, {"period": 2e-4, "substeps": 3}),
+    "lugre, 500 Hz": (Joint("lugre"), {"period": 2e-3, "substeps": 20}),
+    "neural, 500 Hz, no gravity": (Joint("tanh", gravity=0.0), {"period": 2e-3, "substeps": 20}),
+    "lugre, soft, no gravity": (Joint("lugre", sigma0=5e3, sigma1=10.0, gravity=0.0), {}),
 }
+
+
+def plain_sines(duration: float, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Reference t, q, dq of a fast sum of two sines, then of one slow sine: as one moves a joint without a design."""
+    t = np.arange(round(duration / period)) * period
+    half = duration / 2.0
+    fast = 0.3 * np.sin(2 * np.pi * 0.7 * t) + 0.1 * np.sin(2 * np.pi * 2.3 * t)
+    q = np.where(t < half, fast, fast[np.searchsorted(t, half)] + 0.4 * np.sin(2 * np.pi * 0.1 * (t - half)))
+    return t, q, np.gradient(q, period)
 
 
 def run_case(name: str, seed: int) -> tuple[str, dict[str, float], dict[str, float]]:
@@ -60,9 +79,12 @@ def run_case(name: str, seed: int) -> tuple[str, dict[str, float], dict[str, flo
     truth, options = CASES[name]
     offset = options.get("offset", 0.0)
     coefficients = options.get("coefficients", 0 if truth.gravity == 0.0 else 2)
-    recorded = {key: value for key, value in options.items() if key not in ("offset", "coefficients")}
+    recorded = {key: value for key, value in options.items() if key not in ("offset", "coefficients", "decimals")}
+    if "motion" in options:
+        recorded["motion"] = plain_sines(40.0, float(options.get("period", 1e-3)))
     found = record(truth, seed=seed, **recorded)
-    data = joint_data(Log(("q",), found["t"], found["q"][:, None], found["tau"][:, None] + offset), "q")
+    q = np.round(found["q"], options.get("decimals", 12))
+    data = joint_data(Log(("q",), found["t"], q[:, None], found["tau"][:, None] + offset), "q")
     estimate = estimate_friction(data, coefficients, seed=seed)
     law = {"tanh": "neural"}.get(truth.law, truth.law)
     model = next(each for each in estimate.laws if each.name == law)

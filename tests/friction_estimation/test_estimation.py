@@ -7,6 +7,10 @@ import pytest
 
 from rrrgen.cli.main import run
 from rrrgen.friction.laws import LAWS
+from rrrgen.friction_estimation.estimation import estimate_friction
+from rrrgen.friction_estimation.joint_data import joint_data
+from rrrgen.friction_estimation.robot_file import with_friction
+from rrrgen.recordings.logs import Log
 from rrrgen.robotfile import load_spec
 from samples.stick_slip_joint import Joint, bristles, multisine, record
 
@@ -149,3 +153,16 @@ def test_an_unknown_joint_is_named(tmp_path, capsys):
     code, message = refused(tmp_path, capsys, record(Joint(), duration=1.0, substeps=2), joint="elbow")
     assert code == 3
     assert "q1, q2, q3" in message
+
+
+def test_an_offset_of_the_torque_is_told_where_gravity_does_not_act():
+    """Without it the asymmetric law would be chosen, and its excess and Stribeck speed be wrong."""
+    truth = Joint("coulomb_viscous", gravity=0.0)
+    found = record(truth, duration=15.0, substeps=3)
+    data = joint_data(Log(("q",), found["t"], found["q"][:, None], found["tau"][:, None] + 0.05), "q")
+    estimate = estimate_friction(data, 0, ("coulomb_viscous", "asymmetric"))
+    assert estimate.chosen.name == "coulomb_viscous"
+    for name, value in (("offset", 0.05), ("coulomb", truth.coulomb), ("inertia", truth.inertia)):
+        assert estimate.chosen.values[name] == pytest.approx(value, rel=0.01)
+    written = with_friction(load_spec("rrr"), "q1", estimate.chosen).joints[0].friction
+    assert written.offset == estimate.chosen.values["offset"]
