@@ -153,17 +153,23 @@ def report_expression(error: ExpressionError, node: Scalar, what: str, scope: Sc
 
 def nominal_number(node: Node, what: str, expr: sp.Expr, scope: Scope) -> float | None:
     """Evaluate ``expr`` at the nominal parameters as a float; a fault and None unless it is finite and real."""
-    try:
-        number = complex(scope.substitute(expr))
-    except (TypeError, ValueError, OverflowError, ZeroDivisionError):
-        number = complex("nan")
-    if not cmath.isfinite(number) or abs(number) > LARGEST_VALUE:
+    number = held_number(scope.substitute(expr))
+    if number is None:
         scope.faults.error(node, f"{what} is not finite at the nominal parameters", "division by zero, or too large?")
         return None
     if number.imag:
         scope.faults.error(node, f"{what} is not real at the nominal parameters", "the root of a negative number?")
         return None
     return number.real
+
+
+def held_number(expr: sp.Expr) -> complex | None:
+    """The value of an expression without names; None unless it is finite and a robot file can hold it."""
+    try:
+        number = complex(expr)
+    except (TypeError, ValueError, OverflowError, ZeroDivisionError):
+        return None
+    return number if cmath.isfinite(number) and abs(number) <= LARGEST_VALUE else None
 
 
 def _units_hint(target: Quantity) -> str:

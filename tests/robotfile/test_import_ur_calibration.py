@@ -77,6 +77,7 @@ FAULTS = {
                 "dh_alpha: 3", "5:11", "not a list"),
     "missing": ("dh_a: ", "dh_b: ", "2:1", "there is no list 'dh_a'"),
     "empty": ("0.8125", "~", "2:23", "an entry of dh_theta is nothing"),
+    "too large": ("0.8125", "1e300 * 1e300", "2:23", "an entry of dh_theta is no finite number"),
     "word": ("0.8125", "os.getcwd()", "2:23", "dh_theta:"),
     "twice": ("hash:", "dh_a:", "6:1", "duplicate key 'dh_a'"),
     "yaml": ("hash:", "]", "6:1", "not valid YAML"),

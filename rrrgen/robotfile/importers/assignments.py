@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from rrrgen.robotfile.importers.interface import Source
+from rrrgen.robotfile.quantities import held_number
 from rrrgen.robotfile.robot_spec import parameter_symbol
 from rrrgen.yamltext.document import FaultList, Place, place_at
 from rrrgen.yamltext.expressions import FUNCTIONS, ExpressionError, Name, parse_expression
@@ -94,11 +95,15 @@ class Assignments:
         for word in ("pi", *FUNCTIONS):
             names.pop(word, None)
         try:
-            return Entry(parse_expression(body, names, units=False).expr, place)
+            expr = parse_expression(body, names, units=False).expr
         except ExpressionError as error:
             what = f"{name}: {error.message}" if text else f"{name}: an entry is empty"
             self.faults.error(Place(place.line, place.column + error.offset * bool(text)), what, error.hint)
             return Entry(ZERO, place)
+        if not expr.free_symbols and held_number(expr) is None:
+            self.faults.error(place, f"{name}: an entry is no finite number", "division by zero, or too large?")
+            return Entry(ZERO, place)
+        return Entry(expr, place)
 
     def words(self) -> set[str]:
         """All names that occur in the file."""

@@ -122,7 +122,8 @@ def _written(spec: RobotSpec, form: str, file: str, notes: tuple[Fault, ...]) ->
     try:
         again = read_spec(text, f"{spec.name}.yaml")
     except InputError as error:
-        refused = [Fault(file, 0, 0, f"no robot file can say this: {f.message}", hint=f.hint) for f in error.faults]
+        errors = [fault for fault in error.faults if fault.severity == "error"]
+        refused = [Fault(file, 0, 0, f"no robot file can say this: {f.message}", hint=f.hint) for f in errors]
         raise InputError(refused) from None
     about = tuple(Fault(file, 0, 0, f.message, hint=f.hint, severity="warning") for f in again.faults)
     return Imported(again, text, form, notes + about)

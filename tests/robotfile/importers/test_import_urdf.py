@@ -154,6 +154,7 @@ FAULTS = {
     "twice": ('<link name="tool">', '<link name="lower">', "7:3", "there are two links 'lower'"),
     "circle": ('<parent link="base"/>', '<parent link="tool"/>', "9:3", "the links around 'upper' carry each other"),
     "mass": ('<mass value="2"/>', '<mass value="-2"/>', "3:68", "the mass is negative"),
+    "friction": ('damping="0.4"', 'damping="-0.4"', "11:79", "damping of <dynamics> is -0.4"),
     "no mass": ('<mass value="2"/>', "", "3:22", "<inertial> has no <mass>"),
     "no moment": ('ixx="0.1" iyy="0.2"', 'ixx="0.1"', "4:5", "<inertia> has no attribute 'iyy'"),
 }  # fmt: skip

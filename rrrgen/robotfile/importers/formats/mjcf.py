@@ -186,6 +186,9 @@ class _Reader:
             self.values.numbers(element, "actuatorfrcrange", 2) if "actuatorfrcrange" in element.attributes else None
         )
         found: dict[str, float] = {}
+        if span and span[0] > span[1]:
+            message = f"range of <joint> is {float(span[0]):g} to {float(span[1]):g}"
+            self.faults.error(element.place_of("range"), message, "the lower end first")
         if span and (limited == "true" or (limited == "auto" and self.settings.auto_limits)) and span[0] < span[1]:
             scale = self.settings.angle if kind == "revolute" else number(1)
             found |= {"lower": float(span[0] * scale), "upper": float(span[1] * scale)}
@@ -194,7 +197,7 @@ class _Reader:
         return Limits(**found)
 
     def _drive(self, element: Element) -> DriveSpec | None:
-        armature = float(self.values.one(element, "armature", "0"))
+        armature = self.values.not_negative(element, "armature")
         return DriveSpec(inertia=armature) if armature else None
 
     def read_equalities(self, root: Element) -> None:

@@ -202,7 +202,10 @@ def _float(file: Assignments, name: str, j: int) -> float | None:
             f"give it one with --set {word}=VALUE, in SI",
         )
         return None
-    return float(file.number(entry, f"{name} of joint {j + 1}")) or None
+    number = float(file.number(entry, f"{name} of joint {j + 1}"))
+    if number < 0:
+        file.faults.error(entry.place, f"{name} of joint {j + 1} is {number:g}", "0 or more")
+    return number or None
 
 
 def _friction(file: Assignments, j: int) -> FrictionSpec | None:
@@ -314,6 +317,8 @@ def _link(file: Assignments, table: dict[str, list[Entry]], j: int) -> LinkSpec:
 
     mass, moments = value("M"), [value(name) for name in MOMENTS]
     inertia = tuple(value(name) for name in INERTIA)
+    if mass < 0:
+        file.faults.error(table["M"][j].place, f"the mass of frame {j + 1} is negative")
     if mass == 0 and any(moments):
         hint = "a robot file gives mass and centre of mass; regrouped parameters belong into beta"
         file.faults.error(table["M"][j].place, f"frame {j + 1} has first moments and no mass", hint)

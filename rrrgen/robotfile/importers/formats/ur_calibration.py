@@ -12,6 +12,7 @@ import re
 import sympy as sp
 
 from rrrgen.robotfile.importers.interface import Found, Importer, Source
+from rrrgen.robotfile.quantities import held_number
 from rrrgen.robotfile.robot_spec import JointSpec, RobotSpec
 from rrrgen.yamltext.document import FaultList, Node, Scalar, parse_document
 from rrrgen.yamltext.expressions import ExpressionError, parse_expression
@@ -62,10 +63,14 @@ def _value(node: Node, key: str, faults: FaultList) -> sp.Expr:
         faults.error(node, f"an entry of {key} is {describe(node)}, not a number", "rad or m")
         return sp.S.Zero
     try:
-        return parse_expression(node.text, units=False).expr
+        expr = parse_expression(node.text, units=False).expr
     except ExpressionError as error:
         faults.error(node, f"{key}: {error.message}", error.hint, error.offset)
         return sp.S.Zero
+    if held_number(expr) is None:
+        faults.error(node, f"an entry of {key} is no finite number", "division by zero, or too large?")
+        return sp.S.Zero
+    return expr
 
 
 IMPORTER = Importer(

@@ -216,7 +216,9 @@ def _stated(limit: float | None) -> float | None:
 def _friction(element: Element, values: Values) -> FrictionSpec | None:
     """Read viscous and Coulomb friction; zeros, which exporters write for unknown values, count as not stated."""
     dynamics = element.child("dynamics")
-    viscous, coulomb = (values.float_or_none(dynamics, key) or None for key in ("damping", "friction"))
+    if dynamics is None:
+        return None
+    viscous, coulomb = (values.not_negative(dynamics, key) or None for key in ("damping", "friction"))
     return None if viscous is None and coulomb is None else FrictionSpec(viscous=viscous, coulomb=coulomb)
 
 

@@ -17,7 +17,11 @@ def friction_of(element: Element, values: Values) -> FrictionSpec | None:
     damping = values.numbers(element, "damping", None, "0") or [0]
     if any(x != 0 for x in damping[1:]):
         values.faults.warning(element.place, "damping of higher order is left out", "friction is viscous and Coulomb")
-    viscous, coulomb = float(damping[0]), float(values.one(element, "frictionloss", "0"))
+    if damping[0] < 0:
+        values.faults.error(
+            element.place_of("damping"), f"damping of <{element.tag}> is {float(damping[0]):g}", "0 or more"
+        )
+    viscous, coulomb = float(damping[0]), values.not_negative(element, "frictionloss")
     return FrictionSpec(viscous=viscous or None, coulomb=coulomb or None) if viscous or coulomb else None
 
 
@@ -72,6 +76,6 @@ class Actuators:
             weights[joint] = self.values.one(each, "coef")
         if any(x != 0 for x in self.values.numbers(element, "stiffness", None, "0") or ()):
             self.values.faults.warning(element.place, f"the spring of tendon '{name}' is left out", "there are none")
-        inertia = float(self.values.one(element, "armature", "0")) or None
+        inertia = self.values.not_negative(element, "armature") or None
         limit = self.limits.get(f"tendon {name}")
         return Shaft(name, weights, inertia, friction_of(element, self.values), limit, element.place)

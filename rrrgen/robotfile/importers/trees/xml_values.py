@@ -55,6 +55,13 @@ class Values:
         found = self.numbers(element, name, 1)
         return float(found[0]) if found else None
 
+    def not_negative(self, element: Element, name: str) -> float:
+        """Read one number of 0 or more, 0 if the attribute is missing; a fault for a negative one."""
+        found = self.float_or_none(element, name) or 0.0
+        if found < 0:
+            self.faults.error(element.place_of(name), f"{name} of <{element.tag}> is {found:g}", "0 or more")
+        return found
+
     def three(self, element: Element, name: str, default: str | None = "0 0 0") -> list[Any]:
         """Read three numbers of an attribute; zeros after a fault."""
         return self.numbers(element, name, 3, default) or [number(0)] * 3
