@@ -112,7 +112,7 @@ FAULTS = {
     "range": ('range="-90 45"', 'range="90 45"', "5:33", "range of <joint> is 90 to 45"),
     "damping": ('damping="0.4"', 'damping="-0.4"', "5:50", "damping of <joint> is -0.4"),
     "frictionloss": ('frictionloss="0.2"', 'frictionloss="-1"', "5:69", "frictionloss of <joint> is -1"),
-    "armature": ('armature="0.3"', 'armature="-3"', "5:85", "armature of <joint> is -3"),
+    "armature": ('armature="0.3"', 'armature="-3"', "5:84", "armature of <joint> is -3"),
     "masses": ('angle="degree"', 'settotalmass="3"', "2:27", "settotalmass is '3'"),
     "root": ("<mujoco ", "<mujocoo ", "1:1", "the root is <mujocoo>"),
     "size": ('type="mesh" mesh="forearm"', 'type="box" size="0.1"', "9:32", "size of a box has 1 numbers"),
