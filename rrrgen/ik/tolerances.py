@@ -265,18 +265,20 @@ NOMINAL = (
     Tolerance("margin_inverse", "0.3", "0.3", "largest norm of the inverse Jacobian times the deviation"),
     Tolerance("newton_turn", "0.5", "0.5", "largest norm of the inverse Jacobian times a Newton step"),
     Tolerance("newton_steps", "5", "5", "at most: each squares the error"),
+    Tolerance("newton_near", "1e-16", "1e-8", "squared error below which a step may be the last one"),
+    Tolerance("newton_met", "1e-29", "1e-12", "squared error after it below which it was the last one"),
     Tolerance("distinct", "1e-4", "1e-3", "solutions (rad, m) that are nearer may be one"),
 )
 """When the solutions of a special arm, refined, are all solutions of an arm nearby: in doubt the general equations are
 solved. Deviations are the largest difference of the poses of both arms, in rad or parts of the reach."""
 
 
-def nominal_margins(deviation: float) -> dict[str, float]:
+def nominal_margins(deviation: float, real: str) -> dict[str, float]:
     """The thresholds :data:`NOMINAL` by name, scaled to two arms whose poses differ by at most ``deviation``.
 
-    Thresholds on norms are squared, because the emitted code compares squared norms.
+    ``real`` is "double" or "float". Thresholds on norms are squared, because the emitted code compares squared norms.
     """
-    values = {each.name: float(each.double) for each in NOMINAL}
+    values = {name: float(literal) for name, literal in _literals(NOMINAL, real).items()}
     least = max(deviation, 1e-9)
     return {
         **values,

@@ -102,7 +102,13 @@ class Reader:
     located: bool = False
 
 
-WHOLE_FILE = ("the file is not UTF-8", "the file is empty", "there is no list '", "the file has no measurements")
+WHOLE_FILE = (
+    "the file is not UTF-8",
+    "the file is empty",
+    "there is no list '",
+    "the file has no measurements",
+    "--set ",
+)
 """Messages about a file as a whole."""
 
 

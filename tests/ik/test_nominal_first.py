@@ -13,7 +13,8 @@ from ik.test_calibrated import calibrated
 from rrrgen.backends.c.solver.files import emit, manifest
 from rrrgen.ik.classify import plan
 from rrrgen.ik.geometry.nearest import deviation
-from rrrgen.ik.recording.newton import newton_program
+from rrrgen.ik.recording.newton import error_program, newton_program
+from rrrgen.ik.tolerances import nominal_margins
 from rrrgen.program import evaluate
 from rrrgen.robotfile import dumps, loads_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
@@ -65,6 +66,7 @@ def test_the_step_is_that_of_the_jacobian():
     step, error, moved, inverse, det = evaluate(newton_program(chain, None), q + off, T[:3].ravel())
     np.testing.assert_allclose(step, -off, atol=3e-7)
     np.testing.assert_allclose(moved, step @ step, rtol=1e-12)
+    np.testing.assert_allclose(evaluate(error_program(chain), q + off, T[:3].ravel())[0], error, rtol=1e-12)
     np.testing.assert_allclose(error, np.sum((J @ off) ** 2), rtol=1e-3)
     np.testing.assert_allclose(inverse, np.linalg.norm(np.linalg.inv(J)) ** 2, rtol=1e-9)
     np.testing.assert_allclose(det, np.linalg.det(J), rtol=1e-9)
@@ -98,6 +100,15 @@ def test_a_wish_without_effect_is_answered(name, why):
     found = plan(asked(ROWS[name], name))
     assert found.nominal_first is None
     assert found.approach.startswith(f"ik: nominal_first has no effect: {why}")
+
+
+def test_float_has_margins_of_its_own():
+    double, single = (nominal_margins(1e-3, real) for real in ("double", "float"))
+    assert single.keys() == double.keys()
+    assert single["margin_slack"] == double["margin_slack"] == pytest.approx(0.05)
+    assert single["distinct"] > double["distinct"]
+    assert single["newton_met"] > np.finfo(np.float32).eps ** 2 > double["newton_met"] > np.finfo(float).eps ** 2
+    assert manifest(asked(UR_LIST), "float")["nominal_first"]["margins"]["distinct"] == 1e-3
 
 
 def test_general_equations_are_the_default():

@@ -28,15 +28,7 @@ def newton_program(chain: Chain, locked: int | None) -> Program:
     (rad, reaches), ``det`` the determinant of J. The joint ``locked`` stays. Angles are within (-3 pi/2, 3 pi/2).
     """
     b = Builder()
-    q = b.input(Port("q", (chain.n,)))
-    T = b.input(Port("T", (12,)))
-    columns, tip, R = _kinematics(chain, q)
-    per_reach = 1 / Fraction(chain.reach)
-    position = [T[4 * i + 3] * per_reach - tip[i] for i in range(3)]
-    E = [[sum(T[4 * i + k] * R[k][j] for k in range(3)) for j in range(3)] for i in range(3)]
-    half = Fraction(1, 2)
-    turn = [half * (E[2][1] - E[1][2]), half * (E[0][2] - E[2][0]), half * (E[1][0] - E[0][1])]
-    error = [*position, *turn]
+    columns, error = _columns_and_error(b, chain)
     free = [k for k in range(chain.n) if k != locked]
     J = [columns[k] for k in free]
     solved, inverse = _solved(J, error)
@@ -52,6 +44,26 @@ def newton_program(chain: Chain, locked: int | None) -> Program:
         (Port("det", (1,)), [_determinant(J)]),
     ]
     return b.program("newton", outputs)
+
+
+def error_program(chain: Chain) -> Program:
+    """The program of the ``error`` alone, with the inputs of :func:`newton_program`."""
+    b = Builder()
+    _, error = _columns_and_error(b, chain)
+    return b.program("missed", [(Port("error", (1,)), [_dot(error, error)])])
+
+
+def _columns_and_error(b: Builder, chain: Chain) -> tuple[list[list[Value]], list[Value]]:
+    """Columns of the Jacobian at the input ``q``, and the task error (6,) of the target ``T``."""
+    q = b.input(Port("q", (chain.n,)))
+    T = b.input(Port("T", (12,)))
+    columns, tip, R = _kinematics(chain, q)
+    per_reach = 1 / Fraction(chain.reach)
+    position = [T[4 * i + 3] * per_reach - tip[i] for i in range(3)]
+    E = [[sum(T[4 * i + k] * R[k][j] for k in range(3)) for j in range(3)] for i in range(3)]
+    half = Fraction(1, 2)
+    turn = [half * (E[2][1] - E[1][2]), half * (E[0][2] - E[2][0]), half * (E[1][0] - E[0][1])]
+    return columns, [*position, *turn]
 
 
 def _dot(x: list[Value], y: list[Value]) -> Value:

@@ -22,7 +22,10 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
     }
     for (step = 0; step < VALUE_NEWTON_STEPS; ++step) {
         REAL worst = (REAL)0;
-        ik_newton(T, x, error, moved, inverse, det);
+        int met = 1;
+        for (i = 0; i < rows; i += BLOCK) {
+            ik_newton(T, i, x, error, moved, inverse, det);
+        }
         for (i = 0; i < rows; ++i) {
             doubt |= !(inverse[i] * moved[i] <= (REAL)VALUE_NEWTON_TURN) || !(inverse[i] <= (REAL)VALUE_MARGIN_INVERSE);
             worst = error[i] > worst ? error[i] : worst;
@@ -32,6 +35,17 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
         }
         if (worst <= IK_TOL_TIGHT) {
             break;
+        }
+        if (worst <= (REAL)VALUE_NEWTON_NEAR) { /* the step may have been the last one */
+            for (i = 0; i < rows; i += BLOCK) {
+                ik_missed(T, i, x, error);
+            }
+            for (i = 0; i < rows; ++i) {
+                met &= error[i] <= (REAL)VALUE_NEWTON_MET;
+            }
+            if (met) {
+                break;
+            }
         }
     }
     if (step == VALUE_NEWTON_STEPS) {

@@ -82,7 +82,7 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
         "singular": [singularity.words for singularity in plan.singularities],
     }
     if plan.nominal_first is not None:
-        data["nominal_first"] = _nominal_data(plan, plan.nominal_first)
+        data["nominal_first"] = _nominal_data(plan, plan.nominal_first, real)
     if plan.solvable:
         emitted = emit(spec, plan, real)
         counted = emitted.operations
@@ -98,7 +98,7 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
     return data
 
 
-def _nominal_data(plan: SolverPlan, first: NominalFirst) -> dict[str, Any]:
+def _nominal_data(plan: SolverPlan, first: NominalFirst, real: Real) -> dict[str, Any]:
     """The entry of the manifest about the special arm whose solutions are tried first."""
     special = parts_of(plan)[-1]
     return {
@@ -106,7 +106,7 @@ def _nominal_data(plan: SolverPlan, first: NominalFirst) -> dict[str, Any]:
         "title": special.title,
         "deviation": first.deviation,
         "special": list(first.changes),
-        "margins": nominal_margins(first.deviation),
+        "margins": nominal_margins(first.deviation, real),
         "operations_of_a_step": asdict(count_operations(newton_program(plan.chain, plan.locked))),
     }
 

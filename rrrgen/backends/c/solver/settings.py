@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.solver.kernels import Settings
+from rrrgen.backends.c.solver.parts.newton import block_of
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, Matrix
 from rrrgen.ik.plan import SolverPlan
@@ -108,8 +109,9 @@ def settings(
         "ik_last_candidates": f"{stem}_{last}",
     }
     if plan.nominal_first is not None and plan.companion is not None:
-        margins = nominal_margins(plan.nominal_first.deviation)
-        words |= {"LANES": str(plan.companion.max_solutions)}
+        margins = nominal_margins(plan.nominal_first.deviation, dialect.real)
+        lanes = plan.companion.max_solutions
+        words |= {"LANES": str(lanes), "BLOCK": str(block_of(lanes))}
         words |= {f"VALUE_{name.upper()}": repr(value) for name, value in margins.items()}
     if plan.general:
         more, tables = _general(plan, dialect)

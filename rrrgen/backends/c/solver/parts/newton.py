@@ -1,4 +1,4 @@
-"""The Newton step as C: a loop whose every pass refines one branch, so that compilers can vectorize over branches."""
+"""The Newton step as C: loops whose every pass refines one branch, so that compilers can vectorize over branches."""
 
 from __future__ import annotations
 
@@ -9,16 +9,31 @@ from rrrgen.backends.c.trigonometry import LibmSinCos
 from rrrgen.backends.names import Names
 from rrrgen.backends.printing import Statements
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.recording.newton import newton_program
+from rrrgen.ik.recording.newton import error_program, newton_program
+from rrrgen.program import Program
 from rrrgen.resources import render
+
+BLOCK = 4
+"""Branches that are refined together: a register of doubles of most processors."""
+
+
+def block_of(lanes: int) -> int:
+    """The number of branches that one call of the step refines, of at most ``lanes``, which it divides."""
+    return BLOCK if lanes % BLOCK == 0 else lanes
 
 
 def newton_text(plan: SolverPlan, dialect: Dialect, chosen: Settings) -> str:
-    """The text of the C function ``ik_newton``, which takes one Newton step for each of several configurations."""
-    program = newton_program(plan.chain, plan.locked)
+    """The C functions ``ik_newton``, a Newton step of several configurations, and ``ik_missed``, their errors."""
+    step = _body(newton_program(plan.chain, plan.locked), plan.locked, dialect)
+    missed = _body(error_program(plan.chain), plan.locked, dialect)
+    return specialize(render("c/ik/newton.c.j2", step=step, missed=missed), chosen)
+
+
+def _body(program: Program, locked: int | None, dialect: Dialect) -> list[str]:
+    """The statements of ``program`` for the configuration in lane i; a step is added to all joints but ``locked``."""
     target = CTarget(KernelDialect(dialect.prefix, dialect.real), LibmSinCos())
     inputs = ("x[{}][i]", "T[{}]")
-    names = Names(target.reserved, ("T", "x", "i", "error", "moved", "inverse", "det"))
+    names = Names(target.reserved, ("T", "x", "i", "first", "error", "moved", "inverse", "det"))
     printed = Statements(program, target, names, lambda port, element: inputs[port].format(element))
     printed.write()
     lines = list(printed.lines)
@@ -27,6 +42,6 @@ def newton_text(plan: SolverPlan, dialect: Dialect, chosen: Settings) -> str:
             text = printed.texts[node].code
             if port.name != "step":
                 lines.append(f"{port.name}[i] = {text};")
-            elif element != plan.locked:
+            elif element != locked:
                 lines.append(f"x[{element}][i] += {text};")
-    return specialize(render("c/ik/newton.c.j2", body=lines), chosen)
+    return lines
