@@ -30,7 +30,7 @@ FILES = "files"
 
 def move_in(staging: Path, directory: Path, stale: Iterable[str], manifest: str) -> None:
     """Move the new files from ``staging / FILES`` into ``directory`` and remove the ``stale`` ones."""
-    (staging / STALE).write_text(json.dumps(sorted(stale)), encoding="utf-8")
+    (staging / STALE).write_text(json.dumps(sorted(stale)), encoding="utf-8", newline="\n")
     os.rename(staging, directory / COMMIT)
     try:
         complete(directory, manifest)

@@ -11,16 +11,10 @@ import pytest
 pytest.importorskip("casadi", reason="the search for exciting trajectories needs CasADi")
 pytest.importorskip("cvxpy", reason="the physically consistent estimate needs CVXPY")
 
-from rrrgen.experiments.case_study.case_study import CaseStudySettings, run_case_study
-from rrrgen.experiments.case_study.flexible_dynamics import FlexibleSettings
-from rrrgen.experiments.case_study.joint_friction import JointFrictionSettings
+from pages.test_readme import commands
+from rrrgen.cli.main import INTERRUPTED, run
+from rrrgen.experiments.case_study import case_study
 
-SETTINGS = CaseStudySettings(
-    harmonics=12,
-    starts=1,
-    flexible=FlexibleSettings(postures=((0.0, 0.0, 1.5), (0.0, 0.0, 0.0)), periods=7),
-    joint_friction=JointFrictionSettings(duration=20.0, laws=("coulomb_viscous", "stribeck")),
-)
 FIGURES = (
     "02_kalman",
     "03_writing",
@@ -43,20 +37,37 @@ class Stopped(KeyboardInterrupt):
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("case") / "run"
+    """The command of the README, interrupted and repeated."""
+    place = tmp_path_factory.mktemp("case")
+    (words,) = (words for words in commands("From an experiment to a validated model") if words[0] == "case-study")
+    folder = place / words[words.index("-o") + 1]
+    whole, results = case_study.run_case_study, []
 
     def interrupt(done: int, total: int, message: str) -> None:
         if message.startswith("writing"):
             raise Stopped
 
-    with pytest.raises(Stopped):
-        run_case_study(folder, SETTINGS, progress=interrupt)
+    def interrupted(folder: Path, settings: case_study.CaseStudySettings, **others: object) -> object:
+        return whole(folder, settings, progress=interrupt)
+
+    def kept(folder: Path, settings: case_study.CaseStudySettings, **others: object) -> object:
+        results.append(whole(folder, settings))
+        return results[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        patch.setattr(case_study, "run_case_study", interrupted)
+        assert run(words) == INTERRUPTED
     assert json.loads((folder / "run.json").read_text())["status"] == "interrupted"
     assert not (folder / "results" / "writing_log.yaml").exists()
     finished = [*(folder / "checkpoints").glob("start-*"), folder / "results" / "excitation_log.csv"]
     stamps = {file: file.stat().st_mtime_ns for file in finished}
     assert len(stamps) == 2
-    result = run_case_study(folder, SETTINGS)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        patch.setattr(case_study, "run_case_study", kept)
+        assert run(words) == 0
+    (result,) = results
     assert all(file.stat().st_mtime_ns == stamp for file, stamp in stamps.items())  # nothing was done twice
     return folder, result
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pages.test_pages import blocks
+from pages.test_pages import blocks, calls
 from pages.test_tutorials import READER, ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -20,6 +20,11 @@ def section(title: str) -> str:
     found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## )", README, re.S | re.M)
     assert found
     return found[1]
+
+
+def commands(title: str) -> list[list[str]]:
+    """The words of the calls of rrrgen in a section, without comments."""
+    return [words for block in blocks(section(title), "sh") for words in calls(block)]
 
 
 WITHOUT = f"""
@@ -60,3 +65,13 @@ def test_a_newcomer_gets_to_a_verified_model(tmp_path: Path) -> None:
     assert "elbow3: all comparisons pass" in done.stdout
     assert "MuJoCo: not installed" in done.stdout
     assert done.stdout.count("[step]") == len(steps)
+
+
+def test_the_commands_of_the_experiment_are_those_of_its_tutorial() -> None:
+    """The tutorial is run line by line, by its own test; the case study by its own."""
+    *experiment, case_study = commands("From an experiment to a validated model")
+    page = (ROOT / "docs/first-identification.md").read_text(encoding="utf-8")
+    tutorial = [words for block in blocks(page, "sh") for words in calls(block)]
+    assert experiment == tutorial[: len(experiment)]
+    assert len(experiment) == 5
+    assert case_study[0] == "case-study"

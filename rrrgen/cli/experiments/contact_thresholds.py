@@ -50,10 +50,11 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
 def contact_thresholds(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:
     """Find thresholds of contact detection from recordings without contact.
 
-    Runs the momentum observer along the recordings as the controller does, and fits an extreme-value distribution to
-    the largest residuals of blocks of a second. Reports the rate of false alarms and the delay with which a force at
-    the tip is expected to be detected. Writes contact.json, and <name>_contact.h with the thresholds for the C
-    function contact, to DIR. Record motions like those of later, with torques as they are applied.
+    The momentum observer runs along the recordings as it does in the controller, and an extreme-value distribution is
+    fitted to its largest residual in every second. From it follow the thresholds for a given mean time between false
+    alarms, and the delay with which a force at the tip will be detected. Writes contact.json, and <name>_contact.h with
+    the thresholds for the C function `contact`, to DIR. Record motions like those of normal work, with the torques that
+    were applied.
 
     \b
     Example:

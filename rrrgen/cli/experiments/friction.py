@@ -59,13 +59,14 @@ LAWS = ("coulomb_viscous", "asymmetric", "stribeck", "lugre", "neural")
 @click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
 @json_option
 def friction(robot: str, log: Path, joint: str, output: Path, as_json: bool, **options: Any) -> int:
-    """Estimate friction, inertia and gravity of one joint from a recording in which it alone moves, (14.15).
+    """Estimate friction, inertia and gravity of one joint, (14.15).
 
+    In the recording this joint moves and all others stand still; design the motion with `rrrgen excite --friction`.
     Coulomb-viscous, asymmetric, Stribeck, LuGre and neural laws are estimated by an extended Kalman filter and refined
-    by output error; one is chosen by its error on windows that were left out, and refined in the simulated closed loop
-    where --controller is given. Writes results/friction.json, the
-    robot file with this law and a figure of friction against speed to DIR. Design the motion with
-    `rrrgen excite --friction`. Stiffness and damping of the bristles at rest (14.16) follow from --presliding.
+    by output error. One of them is chosen by its error on windows that were not fitted, and with --controller refined
+    in the simulated closed loop. With --presliding, stiffness and damping of the bristles at rest (14.16) are
+    estimated too. Writes results/friction.json, the robot file with this law, and a figure of friction against speed
+    to DIR.
 
     \b
     Example:

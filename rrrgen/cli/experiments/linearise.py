@@ -29,7 +29,7 @@ from rrrgen.extras import require
     type=click.Path(path_type=Path, exists=True),
     help="The designed experiment: response_excitation.json of `rrrgen excite --response`.",
 )
-@click.option("--run", "runs", multiple=True, metavar="NAME", help="Run of the design that a --log is of, in order.")
+@click.option("--run", "runs", multiple=True, metavar="NAME", help="The run of the design in each --log; in order.")
 @output_option
 @truncated_option
 @click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")

@@ -53,8 +53,9 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
     Minimises the condition number of the regressor from several random starts and checks every limit at the rate of the
     controller. Writes the coefficients (JSON), the samples for the controller (CSV) and figures to DIR.
 
-    With --response: a random-phase multisine, noise or swept sine n for u = -Kp e - Kd de + n (14.36), and a speed at
-    which the joint never turns and quantisation does not repeat; section `response` of the experiment file.
+    With --response the frequency-response experiment of one joint is designed instead: the excitation n (a random-phase
+    multisine, noise or a swept sine) of the control u = -Kp e - Kd de + n (14.36), and a speed so high that the joint
+    never reverses. The section `response` of the experiment file has its settings.
 
     \b
     Examples:

@@ -35,9 +35,9 @@ def frf(log: Path, output: Path, method: str, fresh: bool, as_json: bool) -> int
     """Estimate the frequency response of a joint, output over input, from recordings in closed loop.
 
     LOG is a response file (schema rrrgen-response/1): which columns are the excitation n, the input u and the output q.
-    Writes results/frf.json with 95 % bands, coherence and a verdict on every line, and a Bode diagram. Friction at
-    changes of direction, quantisation that repeats every period and other distortion speak against the recording as a
-    whole: the verdict is no, and the command exits with 1.
+    Writes results/frf.json, with 95 % bands, the coherence and a verdict on every line, and a Bode diagram. Distortion,
+    such as friction at changes of direction or quantisation that repeats in every period, biases all lines at once: the
+    verdict on the recording is then negative, and the command exits with 1.
 
     \b
     Example:

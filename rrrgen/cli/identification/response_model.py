@@ -38,10 +38,10 @@ def _rows(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @click.command(name="response-model")
 @click.argument("log", type=click.Path(path_type=Path), metavar="LOG_OR_FRF")
 @output_option
-@click.option("--fit-rows", callback=_rows, metavar="A:B", help="Rows to fit, from 1; the others test the model.")
+@click.option("--fit-rows", callback=_rows, metavar="A:B", help="Rows to fit, counted from 1; the others test it.")
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True, help="Kind of model.")
-@click.option("--robot", metavar="ROBOT", help="With --experiment: resonances by M(q) and stiffness, beside.")
-@click.option("--experiment", type=click.Path(path_type=Path), help="Experiment file: elastic parts and postures.")
+@click.option("--robot", metavar="ROBOT", help="With --experiment: also compute the resonances.")
+@click.option("--experiment", type=click.Path(path_type=Path), help="Experiment file with elastic parts and postures.")
 @real_option
 @click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
 @json_option

@@ -69,11 +69,12 @@ from rrrgen.extras import require
 @click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
 @json_option
 def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
-    """Simulate an experiment: the robot file's links, friction, drives, encoders and torque limits under control.
+    """Simulate an experiment: the arm of the robot file follows a motion under feedback control.
 
-    An experiment file can add other friction laws, flexible joints, a flexible base, noise and controller gains. Writes
-    log.csv, the recording, and log.yaml, its mapping file for `rrrgen identify`, to DIR; with --response recordings by
-    feedback linearisation (14.34), (14.36) and response.yaml for `rrrgen frf`.
+    The arm has the links, friction, drives, encoders and torque limits of the robot file; an experiment file can add
+    other friction laws, flexible joints, a flexible base, noise and the gains of the controller. Writes log.csv, the
+    recording, and log.yaml, its mapping file for `rrrgen identify`, to DIR; with --response the recordings under
+    feedback linearisation (14.34), (14.36), and response.yaml for `rrrgen frf`.
 
     \b
     Examples:

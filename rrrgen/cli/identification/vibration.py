@@ -96,14 +96,14 @@ def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ..
 def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -> int:
     """Design input shapers and notch filters against measured vibrations, and write them as C.
 
-    MODEL is a response_model.json of `rrrgen response-model`: every mode with its range over the postures. Without it
-    give --mode and --rate. auto takes the shortest shaper that leaves less than the tolerance in all postures, ZV or
-    EI; a notch is as narrow as the postures and --peak allow. Writes vibration_shaper.h/.c (its state, a line of past
-    inputs, is yours), vibration_notch.h/.c, vibration.json and a figure. Exits with 1 where a shaper leaves more than
-    the tolerance.
+    MODEL is a response_model.json of `rrrgen response-model`, which has every mode with its range over the postures;
+    without it, state the modes by --mode and --rate. The default shaper is the shortest one, ZV or EI, that leaves less
+    than the tolerance in all postures; a notch is as narrow as the postures and --peak allow. Writes
+    vibration_shaper.h/.c, whose state the caller keeps, vibration_notch.h/.c, vibration.json and a figure. Exits with 1
+    where a shaper leaves more than the tolerance.
 
-    A reference that a stiff loop follows excites the antiresonances (the links against standing drives), an input of
-    the plant its resonances: see docs/vibration.md.
+    A reference that a stiff loop follows excites the antiresonances, in which the links vibrate against standing
+    drives; an input of the plant excites its resonances: see docs/vibration.md.
 
     \b
     Example:

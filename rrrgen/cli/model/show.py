@@ -76,10 +76,12 @@ def show(
     runs: tuple[Path, ...],
     as_json: bool,
 ) -> None:
-    """Print a robot as rrrgen understands it.
+    """Print what rrrgen reads in a robot file, and what it derives from it.
 
-    Shows conventions, DH table, base, tool, limits, friction, drives and links in both usual units, the zero pose, base
-    parameters, where each link parameter went, operations, and closed forms.
+    First comes the file as it is understood, each value in SI and in the usual units (rad and deg, m and mm):
+    conventions, DH table, base, tool, limits, friction, drives and links. Then follow the pose at q = 0, the base
+    parameters with the link parameters that each of them combines, the operations of every function, and the closed
+    forms of an arm of up to three joints, or those that --function names.
 
     \b
     Examples:

@@ -79,6 +79,15 @@ class CaseStudySettings:
     joint_friction: JointFrictionSettings = field(default_factory=JointFrictionSettings)
 
 
+QUICK = CaseStudySettings(
+    harmonics=12,
+    starts=1,
+    flexible=FlexibleSettings(postures=((0.0, 0.0, 1.5), (0.0, 0.0, 0.0)), periods=7),
+    joint_friction=JointFrictionSettings(duration=20.0, laws=("coulomb_viscous", "stribeck")),
+)
+"""Settings with which every result meets the same limits in about half the time."""
+
+
 @dataclass(frozen=True, eq=False)
 class CaseStudy:
     """All results of the case study, from which its tables and figures are made.
