@@ -68,6 +68,7 @@ def _header(model: DerivedModel, identity: Identity, real: Real) -> str:
         title=title(model.spec),
         functions=[_function(program, dialect) for program in programs_of(model).values()],
         solver=None if plan is None or not plan.solvable else plan,
+        differential="computed_torque" in model.programs and not model.spec.gravity_input,
     )
 
 

@@ -37,7 +37,7 @@ def described_functions(code: Code) -> list[dict[str, Any]]:
 
 
 def _described(code: Code, program: Program | Declaration) -> dict[str, Any]:
-    known = _nominal(code)
+    known = nominal_values(code)
     defaults = {port.name: known[port.role] for port in program.inputs if port.role in known}
     order = sorted(program.inputs, key=lambda port: port.name in defaults)
     return {
@@ -51,7 +51,7 @@ def _described(code: Code, program: Program | Declaration) -> dict[str, Any]:
     }
 
 
-def _nominal(code: Code) -> dict[Any, Default]:
+def nominal_values(code: Code) -> dict[Any, Default]:
     """Map the role of each parameter with values in the robot file to the function that returns these values."""
     found: dict[Any, Default] = {}
     for name in ("nominal_parameters", "nominal_friction"):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.backend import CBackend, Files
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.solver.files import sources as solver_sources
+from rrrgen.backends.c.timing.files import further_inputs
 from rrrgen.backends.description import programs_of
 from rrrgen.control.beside import files_beside
 from rrrgen.control.differential_ik import Declaration, declaration
@@ -73,6 +74,8 @@ class Code:
             "declared": self.declared,
             "further": {word: EMIT[word] for word in self.further},
             "solver": self.plan if self.plan.solvable else None,
+            "timing": further_inputs(self.programs["path_dynamics"]) if "path_dynamics" in self.programs else None,
+            "fourier": f"{self.dialect.prefix}_fourier.h" in self.files,
             "drives": len(self.model.drive_inertia_nominal or ()),
         }
 
@@ -92,6 +95,19 @@ def emitted_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] 
     if "gravity" in further:
         files |= c.sources(*_derived(spec.in_any_gravity(), groups), real)
     return Code(model, identity, dialect, files, programs_of(model), make_plan(spec), declared, tuple(further))
+
+
+def any_gravity_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] = ()) -> Code:
+    """Emit the model of ``spec`` with gravity as an input, for a package that holds it beside the model itself.
+
+    It has no inverse kinematics and none of the functions from templates, which do not feel gravity.
+    """
+    groups = ("model", *(group for group in GROUPS if group in further))
+    model, identity = _derived(spec.in_any_gravity(), groups)
+    dialect = Dialect(model.spec.name, real)
+    files = CBackend().sources(model, identity, real)
+    unsolved = replace(make_plan(spec), family="none", reason="the model with its own gravity has the solver")
+    return Code(model, identity, dialect, files, programs_of(model), unsolved)
 
 
 def _derived(spec: RobotSpec, groups: tuple[str, ...]) -> tuple[DerivedModel, Identity]:

@@ -24,6 +24,22 @@ joints:
 links:
   - {mass: 2, com: [-0.1, 0, 0], inertia: {about: com, xx: 0.01, yy: 0.02, zz: 0.02}}
 """
+IN_CPP = """\
+#include "swing.hpp"
+int main()
+{
+    const swing::vector<1> q{0.3}, rest{};
+    const auto [T, J] = swing::kinematics(q);
+    swing::vector<6> V{J(0, 0), J(1, 0), 0, 0, 0, J(5, 0)}; // of one rad/s
+    const auto free = swing::differential_ik(q, rest, J, V, 1e-6, 1e-3);
+    swing::differential_ik_limits limits;
+    limits.ddq_max = {20.0};
+    const auto slow = swing::differential_ik(q, rest, J, V, 1e-6, 1e-3, {1, 1, 0, 0, 0, 0}, {}, limits);
+    V[0] = NAN;
+    return !(free && std::abs(free.dq[0] - 1) < 1e-9 && slow && std::abs(slow.dq[0] - 0.02) < 1e-12)
+        || swing::differential_ik(q, rest, J, V, 1e-6, 1e-3);
+}
+"""
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]
 
 
@@ -47,7 +63,7 @@ def test_nothing_more_is_written_unless_it_is_asked_for(tmp_path):
 
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_gravity_and_control(tmp_path, real):
-    output = generate(tmp_path, PENDULUM, "--with", "gravity,control,points,trajectory", "--real", real)
+    output = generate(tmp_path, PENDULUM, "--with", "gravity,control,cpp,points,trajectory", "--real", real)
     beside = ["swing_ik.c", "swing_tool_ik.c", "swing_differential_ik.c", "swing_fourier.c"]
     for prefix, others in (("swing", beside), ("swing_any_gravity", [])):
         sources = [f"{prefix}{part}.c" for part in ("", "_nominal", "_derivatives", "_selftest")]
@@ -58,6 +74,14 @@ def test_gravity_and_control(tmp_path, real):
         assert ("differential IK: no better speeds" in report) == (prefix == "swing")
         assert ("Fourier series: at quarters" in report) == (prefix == "swing")
         assert ("inverse kinematics with a tool: the row of" in report) == (prefix == "swing")
+    if real == "double":
+        (output / "use.cpp").write_text(IN_CPP)
+        sources = ["swing.c", "swing_nominal.c", "swing_derivatives.c", "swing_differential_ik.c", "swing_ik.c"]
+        subprocess.run(["gcc", *STRICT, "-c", *sources], cwd=output, check=True)
+        objects = [source.replace(".c", ".o") for source in sources]
+        strict = ["-std=c++17", *STRICT[1:]]
+        subprocess.run(["g++", *strict, "use.cpp", *objects, "-o", "use", "-lm"], cwd=output, check=True)
+        subprocess.run([output / "use"], check=True)
     readme = (output / "README.md").read_text()
     assert "`swing_fourier.h`" in readme
     assert "`swing_tool_ik.h`" in readme

@@ -26,6 +26,9 @@ links:
 WITH_CONTROL = ("control", "observer")
 """What the packages of the tests hold besides the model; alike in all of them, so that it is derived once."""
 
+FURTHER = ("gravity", "timing", "trajectory")
+"""What the packages with wrappers in another language hold too."""
+
 
 @cache
 def arm() -> RobotSpec:

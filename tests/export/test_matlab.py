@@ -9,7 +9,7 @@ import shutil
 import numpy as np
 import pytest
 
-from export.arm import WITH_CONTROL, arm
+from export.arm import FURTHER, WITH_CONTROL, arm
 from export.rrr_library import STRICT, run
 from export.test_export import ours
 from pages.test_pages import ROOT
@@ -47,6 +47,21 @@ assert(status, [0 0]);
 [slow, status] = arm.differential_ik([q q], [9 0; 9 0], Jq, Jq*dq, limits{:}, [1;1], [1;1], 1e-3);
 assert(status, [1 0]);
 assert(slow(:, 1), [9; 9] - 1e-3, 1e-12);
+s = linspace(0, 1, 101); path = {s, [s; 2*s], [1 + 0*s; 2 + 0*s], 0*[s; s]};
+[ds_dt, t, share] = arm.time_path(path{:}, [60;30], [6;6], [Inf;Inf]);
+assert(share > 0.98 && share < 1.02);
+[q_d, dq_d, ddq_d] = arm.timed_path(path{:}, ds_dt, t, t(1:end-1));
+assert(q_d, path{2}(:, 1:end-1), 1e-9);
+assert(max(max(abs(arm.inverse_dynamics(q_d, dq_d, ddq_d) + arm.friction(dq_d)) ./ [60;30])) < 1.02);
+[q_d, dq_d] = arm.fourier([0 2.5], 0.1, [0;0], [1;2], [0;0]);
+assert(dq_d, [1 0; 2 0], 1e-12);
+[q_d, dq_d] = arm.fourier([0 1], 0.1, [0;0], [1 2 3;4 5 6], zeros(2, 3));
+assert(dq_d(:, 1), [6;15], 1e-12);
+addpath any_gravity; build_arm_any_gravity;
+assert(arm_any_gravity.inverse_dynamics(q, dq, ddq, [0;-9.81;0]), tau, 1e-12);
+assert(norm(arm_any_gravity.inverse_dynamics(q, dq, ddq, [9.81;0;0]) - tau) > 1);
+[~, quick] = arm_any_gravity.time_path(path{:}, [0;0;0], [60;30], [6;6], [Inf;Inf]);
+assert(quick(end) < t(end));
 function refused(call, id)
   try
     call();
@@ -59,6 +74,8 @@ end
 refused(@() arm.gravity([1; 2; 3]), 'arm:size');
 refused(@() arm.gravity(single(q)), 'arm:type');
 refused(@() arm.gravity(q + i), 'arm:type');
+refused(@() arm.time_path(path{:}, [1;1]), 'arm:timing');
+refused(@() arm.fourier(0, 0, q, q, q), 'arm:status');
 refused(@() arm_mex('gravity', q), 'arm:arguments');
 refused(@() arm_mex('gravitas', q), 'arm:name');
 refused(@() arm.forward_dynamics(q, dq, tau, 0*beta, 0*Ia), 'arm:status');
@@ -80,7 +97,9 @@ end
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("matlab")
-    for name, text in export_robot(arm(), "matlab", options=ExportOptions(further=WITH_CONTROL)).files.items():
+    for name, text in export_robot(
+        arm(), "matlab", options=ExportOptions(further=(*WITH_CONTROL, *FURTHER))
+    ).files.items():
         (place / name).parent.mkdir(parents=True, exist_ok=True)
         (place / name).write_text(text, encoding="utf-8")
     return place

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.arm import TEXT, WITH_CONTROL, arm
+from export.arm import FURTHER, TEXT, WITH_CONTROL, arm
 from export.test_export import ours
 from rrrgen.cli.main import run
 from rrrgen.errors import InputError
@@ -24,6 +24,7 @@ USE = """
 import json, sys
 import numpy as np
 import arm_model as robot
+import arm_model.any_gravity
 
 state = json.loads(sys.argv[1])
 q, dq, ddq = (np.array(state[name]) for name in ("q", "dq", "ddq"))
@@ -52,11 +53,29 @@ free = (q[0], 0 * e, J, J @ dq[0], weight, 0 * e, 1e-6, -inf, inf)
 assert np.allclose(robot.differential_ik(*free, inf, inf, 1e-3), dq[0], atol=1e-6)
 slow, status = robot.differential_ik(*free[:1], 9 * e, *free[2:], e, e, 1e-3, with_status=True)
 assert status == 1 and np.allclose(slow, 9 - 1e-3)
+side = robot.any_gravity.inverse_dynamics(q, 0 * q, 0 * q, [9.81, 0, 0])
+assert np.allclose(robot.any_gravity.inverse_dynamics(q, dq, ddq, [0, -9.81, 0]), tau)
+y = robot.forward_kinematics(q)[:, 1, 3]
+assert np.allclose(side[:, 1], 9.81 * 2.5 * 0.2 * np.sin(q.sum(1))), "the elbow carries 2.5 kg at 0.2 m"
+s = np.linspace(0, 1, 101)[:, None]
+path = (s[:, 0], s * [1, 2], 1 + 0 * s * [1, 1], 0 * s * [1, 1])
+path = (path[0], path[1], path[2] * [1, 2], path[3])
+timed = robot.time_path(*path, [60, 30], [6, 6], inf)
+assert 0.98 < timed.torque_share < 1.02
+motion = robot.timed_path(*path, timed, timed.t[:-1])
+assert np.allclose(motion.q_d, path[1][:-1]) and np.allclose(motion.dq_d, path[2][:-1] * timed.ds_dt[:-1, None])
+torque = robot.inverse_dynamics(*motion) + robot.friction(motion.dq_d)
+assert np.max(np.abs(torque) / [60, 30]) < 1.02
+assert robot.any_gravity.time_path(*path, [0, 0, 0], [60, 30], [6, 6], inf).t[-1] < timed.t[-1]
+wave = robot.fourier([0, 2.5], 0.1, 0 * e, [[1], [2]], [[0], [0]])
+assert np.allclose(wave.dq_d, [[1, 2], [0, 0]]) and np.allclose(wave.q_d[1], np.array([1, 2]) / (0.2 * np.pi))
 ddq_0, failed = robot.forward_dynamics(q, dq, tau, 0 * beta, 0 * Ia, with_status=True)
 assert failed.shape == (4,) and failed.all() and ddq_0.shape == (4, 2)
 for wrong, error in (
     (lambda: robot.gravity(np.zeros(3)), ValueError),
     (lambda: robot.gravity(q + 0j), ValueError),
+    (lambda: robot.time_path(*path, [1, 1]), ValueError),
+    (lambda: robot.fourier(0.0, 0.0, 0 * e, [[1], [2]], [[0], [0]]), ValueError),
     (lambda: robot.forward_dynamics(q, dq, tau, 0 * beta, 0 * Ia), np.linalg.LinAlgError),
     (lambda: robot.differential_ik(*free[:1], 9 * e, *free[2:], e, e, 1e-3), np.linalg.LinAlgError),
 ):
@@ -76,7 +95,7 @@ except ImportError:
 
 @pytest.fixture(scope="module")
 def files():
-    return export_robot(arm(), "wheel", options=ExportOptions(further=WITH_CONTROL)).files
+    return export_robot(arm(), "wheel", options=ExportOptions(further=(*WITH_CONTROL, *FURTHER))).files
 
 
 def environment(folder: Path) -> Path:
@@ -134,10 +153,8 @@ def test_options_that_make_no_sense_are_refused():
 def test_packages_hold_what_is_asked_for_and_say_what_they_cannot(capsys, tmp_path):
     with pytest.raises(InputError, match=r"fmu cannot hold 'control'; targets that can: embedded, matlab, ros2, wheel"):
         export_robot(arm(), "fmu", options=ExportOptions(further=("control",)))
-    with pytest.raises(
-        InputError, match=r"wheel cannot hold 'timing'; it takes control, .*targets that can: embedded, ros2"
-    ):
-        export_robot(arm(), "wheel", options=ExportOptions(further=("timing",)))
+    with pytest.raises(InputError, match=r"wheel cannot hold 'cpp'; it takes control, .*targets that can: embedded"):
+        export_robot(arm(), "wheel", options=ExportOptions(further=("cpp",)))
     with pytest.raises(InputError, match=r"ros2 cannot hold 'rust'; .*generate --with' writes it"):
         export_robot(arm(), "ros2", options=ExportOptions(further=("rust",)))
     asked = replace(arm(), emit=("trajectory", "rust"))

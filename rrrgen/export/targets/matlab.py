@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from rrrgen.backends.description import title
-from rrrgen.export.calls import described_functions, loops
-from rrrgen.export.code import Code, emitted_code
+from rrrgen.export.calls import described_functions, loops, nominal_values
+from rrrgen.export.code import Code, any_gravity_code, emitted_code
 from rrrgen.export.interface import Contents, Exported, Exporter, ExportOptions
 from rrrgen.ik.answers import most_rows
 from rrrgen.program import Port
@@ -15,8 +16,19 @@ from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
-    code = emitted_code(spec, further=options.further)
-    name, values = spec.name, _values(code)
+    own = tuple(word for word in options.further if word != "gravity")
+    code = replace(emitted_code(spec, further=own), further=options.further)
+    files = _package(code)
+    if "gravity" in options.further:
+        second = _package(any_gravity_code(spec, further=own))
+        files |= {f"any_gravity/{path}": text for path, text in second.items()}
+    files["README.md"] = render("matlab/README.md.j2", **_values(code))
+    return Exported(files)
+
+
+def _package(code: Code) -> dict[str, Contents]:
+    """Sources, the MEX function, the package of functions that call it, and what builds them."""
+    name, values = code.dialect.prefix, _values(code)
     files: dict[str, Contents] = {f"src/{file}": text for file, text in (code.files | loops(code)).items()}
     files[f"src/{name}_mex.c"] = render("matlab/mex.c.j2", **values)
     for suffix in ("h", "c"):
@@ -28,10 +40,12 @@ def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
         for function in ("inverse_kinematics", "closest"):
             text = render("matlab/solver.m.j2", **values, function=function)
             files[f"+{name}/{function}.m"] = text
+    special = ("time_path", "timed_path") if values["timing"] is not None else ()
+    for function in (*special, *(("fourier",) if values["fourier"] else ())):
+        files[f"+{name}/{function}.m"] = render(f"matlab/{function}.m.j2", **values)
     files[f"build_{name}.m"] = render("matlab/build.m.j2", **values)
     files[f"{name}_blocks.m"] = render("matlab/blocks.m.j2", **values)
-    files["README.md"] = render("matlab/README.md.j2", **values)
-    return Exported(files)
+    return files
 
 
 def _values(code: Code) -> dict[str, Any]:
@@ -45,6 +59,7 @@ def _values(code: Code) -> dict[str, Any]:
         "shape": _shape,
         "block_size": _block_size,
         "rows": most_rows(code.plan) if code.plan.solvable else 0,
+        "nominal": nominal_values(code),
     }
 
 
@@ -69,5 +84,5 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     mechanisms=True,
-    further=("control", "elastic", "observer", "points", "trajectory"),
+    further=("control", "elastic", "gravity", "observer", "points", "timing", "trajectory"),
 )

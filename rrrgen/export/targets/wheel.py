@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 import hashlib
+from dataclasses import replace
 from typing import Any
 
 from rrrgen.backends.description import title
 from rrrgen.export.archives import zip_archive
-from rrrgen.export.calls import described_functions, loops
-from rrrgen.export.code import Code, emitted_code
+from rrrgen.export.calls import described_functions, loops, nominal_values
+from rrrgen.export.code import Code, any_gravity_code, emitted_code
 from rrrgen.export.interface import Contents, Exported, Exporter, ExportOptions
 from rrrgen.export.platforms import platforms, shared_library
 from rrrgen.ik.answers import most_rows, reasons_of
@@ -22,16 +23,20 @@ _HASH_DIGITS = 12  # of the model's hash, in the version of the package
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
     chosen = platforms(options.platforms)
-    code = emitted_code(spec, options.real, options.further)
+    own = tuple(word for word in options.further if word != "gravity")
+    code = replace(emitted_code(spec, options.real, own), further=options.further)
     values = _values(code)
+    modules = {"": code}
+    if "gravity" in options.further:
+        modules["any_gravity"] = any_gravity_code(spec, options.real, own)
     files: dict[str, Contents] = {}
     for platform in chosen:
-        library = f"{values['package']}{platform.suffix}"
-        package: dict[str, Contents] = {
-            "__init__.py": render("wheel/module.py.j2", **values, library=library),
-            "py.typed": "",
-            library: shared_library(code.files | loops(code), platform),
-        }
+        package: dict[str, Contents] = {"py.typed": ""}
+        for name, each in modules.items():
+            stem = f"{values['package']}_{name}" if name else values["package"]  # any_gravity.so would be imported
+            library = f"{stem}{platform.suffix}"
+            package[f"{name or '__init__'}.py"] = render("wheel/module.py.j2", **_values(each), library=library)
+            package[library] = shared_library(each.files | loops(each), platform)
         files[_file_name(values, platform.tag)] = _wheel(values, platform.tag, package)
     readme = render("wheel/README.md.j2", **values, wheels=list(files))
     return Exported({**files, "README.md": readme})
@@ -50,6 +55,7 @@ def _values(code: Code) -> dict[str, Any]:
         "functions": described_functions(code),
         "rows": most_rows(code.plan) if solved else 0,
         "reasons": reasons_of(code.plan) if solved else (),
+        "nominal": nominal_values(code),
     }
 
 
@@ -81,5 +87,5 @@ EXPORTER = Exporter(
     one_file=False,
     mechanisms=True,
     options=("real", "platforms"),
-    further=("control", "elastic", "observer", "points", "trajectory"),
+    further=("control", "elastic", "gravity", "observer", "points", "timing", "trajectory"),
 )
