@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik import families
-from rrrgen.ik.coupling import coupling_of
+from rrrgen.ik.coupling import coupling_of, solved_chain
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, numeric_chain
 from rrrgen.ik.geometry.nearest import changes, deviation, nearest_special, with_near_frames
@@ -18,7 +18,6 @@ from rrrgen.ik.geometry.snap import snapped
 from rrrgen.ik.geometry.virtual import extended
 from rrrgen.ik.plan import NominalFirst, SolverPlan
 from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
-from rrrgen.model.mechanism import chain_to_tip
 
 if TYPE_CHECKING:
     from rrrgen.robotfile.robot_spec import RobotSpec
@@ -42,7 +41,7 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
     planned as the chain of its rows from base to tip, with a ``coupling``; ``redundancy`` then counts these rows.
     """
     if spec.mechanism is not None:
-        found = _coupled(spec, numeric_chain(chain_to_tip(spec)), redundancy)
+        found = _coupled(spec, redundancy)
         return replace(found, approach=f"{WITHOUT_EFFECT} on a mechanism") if spec.ik == "nominal_first" else found
     found = _planned(with_near_frames(numeric_chain(spec)), redundancy)
     return with_nominal_first(found) if spec.ik == "nominal_first" else found
@@ -82,16 +81,17 @@ def _quadratic_companion(found: SolverPlan) -> SolverPlan | None:
     return None
 
 
-def _coupled(spec: RobotSpec, chain: Chain, redundancy: int | None) -> SolverPlan:
-    """Plan a mechanism from ``chain``, its rows of the DH table from base to tip, solved as if each had a drive.
+def _coupled(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
+    """Plan a mechanism from its rows of the DH table from base to tip, solved as if each had a drive.
 
     The plan has a ``coupling``, which converts solutions of these rows to joint positions.
     """
+    chain, S = solved_chain(spec)
     found = _planned(chain, redundancy)
     if not found.solvable:
         return found
     try:
-        coupling = coupling_of(spec, chain)
+        coupling = coupling_of(spec, chain, S)
     except DerivationError as error:
         return _none(chain, str(error))
     if found.locked is None or found.locked == ARM_ANGLE or coupling.leader(found.locked) is not None:

@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from rrrgen.errors import DerivationError
-from rrrgen.model.mechanism import FollowerLimits, coupling_to_tip, follower_limits
+from rrrgen.ik.geometry.chain import Chain, numeric_chain
+from rrrgen.ik.geometry.telescope import without_telescopes
+from rrrgen.model.mechanism import FollowerLimits, chain_to_tip, coupling_to_tip, follower_limits
 
 if TYPE_CHECKING:
-    from rrrgen.ik.geometry.chain import Chain
     from rrrgen.robotfile.robot_spec import RobotSpec
 
 LARGEST_COUNT = 1024
@@ -77,12 +78,16 @@ class Coupling:
         return found[0] if len(found) == 1 else None
 
 
-def coupling_of(spec: RobotSpec, chain: Chain) -> Coupling:
-    """The coupling of the mechanism ``spec``, whose rows from base to tip are ``chain``.
+def solved_chain(spec: RobotSpec) -> tuple[Chain, sp.Matrix]:
+    """The chain from base to tip whose joints are solved for, and its coupling ``y = S q``: rows, telescopes joined."""
+    return without_telescopes(numeric_chain(chain_to_tip(spec)), coupling_to_tip(spec))
+
+
+def coupling_of(spec: RobotSpec, chain: Chain, S: sp.Matrix) -> Coupling:
+    """The coupling ``y = S q`` of the mechanism ``spec``, whose joints from base to tip are ``chain``.
 
     Raises DerivationError if the rows do not determine q, or if too many combinations of full turns had to be tried.
     """
-    S = coupling_to_tip(spec)
     n = spec.n
     if S.rank() < n:
         missing = ", ".join(j.name for j, k in zip(spec.joints, range(n), strict=True) if not any(S[:, k]))

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import TRIALS, plan
+from rrrgen.ik.coupling import solved_chain
 from rrrgen.ik.families import equipped, works
-from rrrgen.ik.geometry.chain import Matrix, numeric_chain
+from rrrgen.ik.geometry.chain import Matrix
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.model.mechanism import chain_to_tip
 from rrrgen.robotfile.robot_spec import FixedTransform
 
 if TYPE_CHECKING:
@@ -31,8 +31,7 @@ def plan_with_tool(spec: RobotSpec) -> SolverPlan:
         raise DerivationError(
             f"{spec.name}: its inverse kinematics solves for poses, and a tool only changes its target: see tool_target"
         )
-    bare = replace(chain_to_tip(spec), tool=FixedTransform())
-    tooled = _tooled(found, numeric_chain(bare).tip)
+    tooled = _tooled(found, solved_chain(replace(spec, tool=FixedTransform()))[0].tip)
     if tooled is None or not works(tooled, TRIALS):
         raise DerivationError(f"{spec.name}: {found.title}: its equations do not hold for other tools")
     return tooled

@@ -18,6 +18,7 @@ from rrrgen.backends.interface import Check
 from rrrgen.backends.latex.inverse_kinematics import closed_form
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan
+from rrrgen.ik.coupling import solved_chain
 from rrrgen.pipeline import derive
 from rrrgen.robotfile import load_spec, loads_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
@@ -87,6 +88,38 @@ joints:
   - {name: lift, type: prismatic, alpha: 0, a: 0, theta: 0, follows: {lift: 2}, limits: {lower: 0, upper: 0.6}}
   - {name: upper, type: revolute, alpha: 0, a: 0.5, d: 0.1, follows: {upper: 1, lift: 3}}
   - {name: fore, type: revolute, alpha: 0, a: 0.4, d: 0, follows: {fore: 1, upper: -1}, limits: {upper: 120}}
+"""
+
+TELESCOPE = """\
+schema: rrrgen/1
+name: telescope
+convention: standard
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: turn, type: revolute, alpha: 90, a: 0.1, d: 0.4}
+  - {name: lift, type: revolute, alpha: 90, a: 0, d: 0.2, theta: 90}
+  - {name: boom, type: prismatic, alpha: 180, a: 0.05, theta: 20, d: 0.6, limits: {lower: 0, upper: 0.5}}
+  - {name: inner, type: prismatic, alpha: 0, a: 0.02, theta: -10, d: -0.1, follows: {boom: -1}}
+  - {name: tube, type: prismatic, alpha: 160, a: 0.03, theta: 40, d: 0.1, follows: {boom: -1/2}}
+  - {name: roll, type: revolute, alpha: -90, a: 0, d: 0.1, theta: 15}
+  - {name: bend, type: revolute, alpha: 90, a: 0, d: 0}
+  - {name: twist, type: revolute, alpha: 0, a: 0, d: 0.1}
+tool: {translation: [0.02, 0.01, 0.2]}
+"""
+
+REACH = """\
+schema: rrrgen/1
+name: reach_arm
+convention: modified
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: turn, type: revolute, alpha: 0, a: 0, d: 0.4}
+  - {name: lift, type: revolute, alpha: 90, a: 0.1, d: 0, theta: 90}
+  - {name: boom, type: prismatic, alpha: 90, a: 0, theta: 0, d: 0.6}
+  - {name: tube, type: prismatic, alpha: 180, a: 0.03, theta: 30, d: -0.1, follows: {boom: -2}}
+tool: {translation: [0.02, 0, 0.2]}
 """
 
 MECHANISM = """\
@@ -267,6 +300,48 @@ def test_the_self_test_of_a_mechanism_passes_under_the_sanitizers(tmp_path):
     done = run(compile_all(folder, ["gcc", *C99, *SANITIZERS]))
     assert done.returncode == 0, done.stdout + done.stderr
     assert "ok      inverse kinematics: rows of golden targets" in done.stdout
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_slides_of_a_telescope_are_one_joint(backend):
+    """Parallel and antiparallel slides, inside an arm and at its end: their drive has the place that made the pose."""
+    for text in (TELESCOPE, REACH) if backend == "numpy" else (REACH,):
+        spec = loads_spec(text)
+        solver = load_solver(spec, backend=backend)
+        q = np.random.default_rng(3).uniform(-2, 2, (10, spec.n)) * np.where(solver.plan.coupling.revolute, 1.0, 0.2)
+        goals = poses(spec, q)
+        entries = np.s_[:3, 3] if solver.plan.task == "position" else np.s_[:3]
+        for own, goal in zip(q, goals, strict=True):
+            found = solver.solve(goal, limits=False)
+            assert max(np.abs((T - goal)[entries]).max() for T in poses(spec, found.q)) < 1e-12
+            periods = np.array(solver.plan.coupling.periods)
+            assert min(apart(own, row, periods) for row in found.q) < 1e-9
+            if text is TELESCOPE:
+                outside = (found.q[:, 2] < 0) | (found.q[:, 2] > 0.5)
+                np.testing.assert_array_equal(found.flags & 4 != 0, outside)
+
+
+def test_telescopes_in_other_forms():
+    """The chain whose joints are solved, the closed form, CasADi, and slides with a drive each, which stay two."""
+    pytest.importorskip("casadi")
+    from rrrgen.backends.casadi.branches import branch_function, branch_signs
+
+    for text in (TELESCOPE, REACH):
+        spec = loads_spec(text)
+        chain, S = solved_chain(spec)
+        assert (chain.types.count("P"), S.shape) == (1, (spec.n, spec.n))
+        for q in np.random.default_rng(5).uniform(-1, 1, (3, spec.n)):
+            np.testing.assert_allclose(chain.forward(np.array(S, float) @ q), poses(spec, q[None])[0], atol=1e-14)
+    assert "q_3 = y_3/3" in closed_form(spec).text()
+    own = np.array([0.3, 0.4, 0.1])
+    goal = poses(spec, own[None])[0][:3, 3]
+    found = load_solver(spec, backend="numpy").solve(goal, limits=False)
+    function, labels = branch_function(spec), load_solver(spec, backend="numpy").labels
+    for q, branch in zip(found.q, found.branch, strict=True):
+        assert apart(np.array(function(goal, branch_signs(labels, branch))).ravel(), q, 2 * np.pi) < 1e-9
+    two = loads_spec(REACH.replace("follows: {boom: -2}", "follows: {tube: 1, boom: -2}"))
+    assert solved_chain(two)[0].types == "RRPP"
+    assert "move the tip in only" in plan(two).reason
 
 
 def test_the_closed_form_ends_with_the_joint_positions():

@@ -10,6 +10,7 @@ import sympy as sp
 from rrrgen.errors import DerivationError
 from rrrgen.ik.answers import most_rows
 from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.coupling import solved_chain
 from rrrgen.ik.derive import record_exactly
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
@@ -17,7 +18,7 @@ from rrrgen.ik.geometry.symbols import number_chain, symbolic_chain
 from rrrgen.ik.plan import Singularity, SolverPlan
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
 from rrrgen.ik.singularities import singular_sets
-from rrrgen.model.mechanism import chain_to_tip, coupling_to_tip
+from rrrgen.model.mechanism import chain_to_tip
 
 if TYPE_CHECKING:
     from rrrgen.ik.coupling import Coupling
@@ -106,15 +107,17 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
         raise DerivationError(f"{spec.name}: {plan.reason}")
     if plan.general:
         return summary(plan)
-    rows = chain_to_tip(spec)
-    chain, values = symbolic_chain(rows, plan)
+    rows, (joined, coupling) = chain_to_tip(spec), solved_chain(spec)
+    telescopes = joined.n < rows.n  # their sums have no row of the table with symbols
+    chain, values = (plan.solving, ()) if telescopes else symbolic_chain(rows, plan)
     solver = record_exactly(plan, chain)
     if solver is None:  # write the numbers
-        solver, values = record_exactly(plan, number_chain(rows, plan)) or plan.equations, ()
+        numbers = plan.solving if telescopes else number_chain(rows, plan)
+        solver, values = record_exactly(plan, numbers) or plan.equations, ()
     builder = TextBuilder(chain.n, position=plan.task == "position", letter="q" if plan.coupling is None else "y")
     solver.play(builder)
     if plan.coupling is not None:
-        steps = (*_needed(builder.steps, "y_"), *_coupled(coupling_to_tip(spec), plan.coupling))
+        steps = (*_needed(builder.steps, "y_"), *_coupled(coupling, plan.coupling))
         return ClosedForm(plan, plan.singularities, values, steps)
     return ClosedForm(plan, singular_sets(spec, plan), values, _needed(builder.steps, "q_"))
 
