@@ -74,7 +74,8 @@ class ClosedForm:
         most = most_rows(self.plan) if self.plan.coupling else self.plan.max_solutions
         head = [f"inverse kinematics: {self.plan.title}", f"at most {most} solutions"]
         if self.plan.coupling:
-            head.append("y_i: the displacement of row i between base and tip; q_k: joint position k")
+            slides = "" if self.plan.chain.types.count("P") < 1 else " (slides of a telescope count as one)"
+            head.append(f"y_i: the displacement of row i between base and tip{slides}; q_k: joint position k")
         if self.plan.redundancy:
             head.append(f"redundancy parameter: {self.plan.redundancy}")
         if self.plan.incomplete:
