@@ -69,6 +69,7 @@ def test_resonances_of_every_posture(recorded):
             own = mode["postures"][name]
             assert own["frequency"] == pytest.approx(frequency, rel=5e-3)
             assert own["damping"] == pytest.approx(damping, rel=0.1)
+            assert own["uncertain"] == []
             assert abs(own["frequency"] - frequency) < 4 * own["frequency_std"]
         assert mode["frequency"] == [
             min(each["frequency"] for each in mode["postures"].values()),

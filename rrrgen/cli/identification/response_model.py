@@ -192,4 +192,5 @@ def _told(mode: Resonance) -> str:
         f"{value:.4g} +- {std:.2g}" if std is not None else f"{value:.4g}"
         for value, std in ((mode.frequency, mode.frequency_std), (mode.damping, mode.damping_std))
     )
-    return f"{frequency} Hz, damping {damping}"
+    doubt = f" ({' and '.join(mode.uncertain)} hardly known: record longer)" if mode.uncertain else ""
+    return f"{frequency} Hz, damping {damping}{doubt}"

@@ -36,7 +36,7 @@ class ModeOverPostures:
         return {
             "frequency": [float(np.min(self.frequencies)), float(np.max(self.frequencies))],
             "damping": [float(np.min(self.dampings)), float(np.max(self.dampings))],
-            "postures": {name: vars(each) for name, each in self.found.items()},
+            "postures": {name: each.to_json() for name, each in self.found.items()},
         }
 
 

@@ -18,6 +18,8 @@ from rrrgen.response.controller import Complex
 
 SCHEMA = "rrrgen-response-model/1"
 HIGHEST_DAMPING = 0.3  # highest damping ratio of a resonance
+CERTAIN = {"frequency": 0.0025, "damping": 0.05}
+"""Relative standard deviations above which frequency or damping of a resonance counts as uncertain."""
 HIGHEST_ZERO = 0.8  # zeros above this share of half the sampling rate are due to sampling
 
 
@@ -33,6 +35,18 @@ class Resonance:
     damping: float
     frequency_std: float | None = None
     damping_std: float | None = None
+
+    @property
+    def uncertain(self) -> tuple[str, ...]:
+        """What is hardly known: "frequency" with a 95 % interval beyond .5 %, "damping" with one beyond 10 %."""
+        pairs = {"frequency": (self.frequency, self.frequency_std), "damping": (self.damping, self.damping_std)}
+        return tuple(
+            name for name, (value, std) in pairs.items() if std is not None and std > CERTAIN[name] * abs(value)
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON: the values with their deviations, and what is uncertain."""
+        return vars(self) | {"uncertain": list(self.uncertain)}
 
 
 @dataclass(frozen=True)
@@ -110,7 +124,7 @@ class ResponseModel:
             "b": self.b,
             "delay": self.delay,
             "state_space": self.state_space().to_json(),
-            "resonances": [vars(each) for each in self.resonances],
+            "resonances": [each.to_json() for each in self.resonances],
             "antiresonances": [vars(each) for each in self.antiresonances],
             "fit": self.fit,
             "candidates": list(self.table),
@@ -144,7 +158,10 @@ def _of_json(found: dict[str, Any]) -> ResponseModel:
         b=b,
         delay=delay,
         period=period,
-        resonances=tuple(Resonance(**each) for each in found["resonances"]),
+        resonances=tuple(
+            Resonance(**{key: value for key, value in each.items() if key != "uncertain"})
+            for each in found["resonances"]
+        ),
         fit=dict(found["fit"]),
         name=str(found["name"]),
     )
