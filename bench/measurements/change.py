@@ -2,11 +2,12 @@
 
     python -m rrrgen generate ROBOT -o BEFORE/ROBOT       in the checkout before the change, for every ROBOT
     python -m rrrgen generate ROBOT -o AFTER/ROBOT        in the checkout after it
-    python -m bench.measurements.change BEFORE AFTER
+    python -m bench.measurements.change BEFORE AFTER [--times]
 
 prints, for every function with the same arguments in both, the instructions per call with the compiler and the flags of
 the benchmark, counted by single-stepping as there, their ratio, and whether the values agree to rounding. The inverse
-kinematics is called for reachable poses.
+kinematics is called for reachable poses. With ``--times`` both versions are also timed in turns in one process, several
+times over, and the table ends with the time before, the median of the ratios after/before and their quartiles.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import click
 import numpy as np
 
 from bench.contenders.contender import Contender
-from bench.measurements.race import Driver
+from bench.measurements.race import Driver, Effort
 from bench.toolchain import Toolchain, find_toolchain
 from rrrgen.robotfile import load_spec
 from rrrgen.verify.references.chain import Array, chain_of
@@ -38,6 +39,12 @@ WORSE = 1.01
 
 SAME = 1e-9
 """Values that agree to this share of the largest are called equal; other orders of sums differ by their rounding."""
+
+REPEATS = 15
+"""Ratios of times are the median over so many measurements."""
+
+EFFORT = Effort(rounds=16, sample=2e4)
+"""Each is the ratio of the shortest of so many samples, taken in turns."""
 
 PLACES = {"q": 0, "dq": 1, "ddq": 2, "tau": 2}
 """Offset of an input in a state, in multiples of the number of joints; other inputs are the same in every state."""
@@ -137,18 +144,18 @@ def _renamed(text: str, robot: str, tag: str) -> str:
 
 def main(arguments: Sequence[str]) -> None:
     """Compare the robots that both folders hold."""
-    before, after = map(Path, arguments)
+    before, after = (Path(argument) for argument in arguments if argument != "--times")
     robots = sorted(path.name for path in before.iterdir() if (after / path.name / f"{path.name}.h").exists())
     toolchain = find_toolchain()
     worse = 0
     for robot in robots:
-        for line, ratio in compared(robot, before, after, toolchain):
+        for line, ratio in compared(robot, before, after, toolchain, "--times" in arguments):
             worse += ratio > WORSE
             click.echo(line)
     click.echo(f"{worse} above {WORSE}")
 
 
-def compared(robot: str, before: Path, after: Path, toolchain: Toolchain) -> list[tuple[str, float]]:
+def compared(robot: str, before: Path, after: Path, toolchain: Toolchain, times: bool) -> list[tuple[str, float]]:
     """For every function: a line of the table, and the ratio of instructions."""
     spec = load_spec(robot)
     sides = [Side.read(before, robot, "before"), Side.read(after, robot, "after")]
@@ -171,17 +178,28 @@ def compared(robot: str, before: Path, after: Path, toolchain: Toolchain) -> lis
             setup=" ".join(setup for _, setup in declared),
         )
         values, counts = driver.values(), driver.instructions(COUNTED)
+        timed = _timed(driver) if times else {}
     lines = []
     for k in range(0, len(contenders), 2):
         first, second = counts[k], counts[k + 1]
         ratio = second / first if first else 1.0
         scale = float(np.max(np.abs(values[k]), initial=0.0))
         same = bool(np.all(np.abs(values[k] - values[k + 1]) <= SAME * scale))
-        marks = (" ABOVE" if ratio > WORSE else "") + ("" if same else " values differ")
+        marks = timed.get(k, "") + (" ABOVE" if ratio > WORSE else "") + ("" if same else " values differ")
         lines.append(
             (f"{robot:9} {contenders[k].function:36} {first:9.1f} -> {second:9.1f}  {ratio:.3f}{marks}", ratio)
         )
     return lines
+
+
+def _timed(driver: Driver) -> dict[int, str]:
+    """For every pair of contenders, by the number of the first: its time, and the ratio of times with its quartiles."""
+    runs = [driver.times(EFFORT) for _ in range(REPEATS)]
+    texts = {}
+    for k in range(0, len(driver.contenders), 2):
+        low, middle, high = np.percentile([run[k + 1] / run[k] for run in runs], [25, 50, 75])
+        texts[k] = f"  {np.median([run[k] for run in runs]):8.1f} ns  x {middle:.3f} ({low:.3f} to {high:.3f})"
+    return texts
 
 
 def _states(robot: str) -> Array:

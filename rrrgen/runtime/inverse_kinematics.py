@@ -16,8 +16,9 @@ from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.run_time_tool import plan_with_tool
 from rrrgen.runtime.evaluation.coupled import CoupledEvaluation
+from rrrgen.runtime.evaluation.ending import Wish
 from rrrgen.runtime.evaluation.engine import Answer, Engine, batch_of, empty_batch
-from rrrgen.runtime.evaluation.solve import Evaluation, Wish
+from rrrgen.runtime.evaluation.solve import Evaluation
 from rrrgen.runtime.ik_arguments import LIMITS, NEAREST, RESIDUAL, options, real_array, real_number
 from rrrgen.runtime.results import STATUS, IKBatch, IKResult
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil, sin, sqrt
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,25 +18,25 @@ from rrrgen.errors import InternalError
 from rrrgen.ik.answers import most_rows, reasons_of
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.runtime.evaluation.branches import Row
-from rrrgen.runtime.evaluation.kernels import FREE, INEXACT, MULTIPLE, OUTSIDE, SEARCH, TOLERANCE
-from rrrgen.runtime.evaluation.solve import (
+from rrrgen.runtime.evaluation.ending import (
     INCOMPLETE,
     OK,
     OUTSIDE_LIMITS,
-    UNREACHABLE,
+    PUBLIC,
     Answer,
-    Call,
-    Evaluation,
     Wish,
+    descended,
+    finished,
+    sort_by_distance,
+    without_solution,
 )
-from rrrgen.runtime.evaluation.task import DESCENT, USUAL, Task
+from rrrgen.runtime.evaluation.kernels import FREE, INEXACT, SEARCH, TOLERANCE
+from rrrgen.runtime.evaluation.solve import Call, Evaluation
+from rrrgen.runtime.evaluation.task import USUAL, Task
 
 if TYPE_CHECKING:
     from rrrgen.ik.coupling import Coupling
     from rrrgen.ik.plan import SolverPlan
-
-PUBLIC = 15
-"""The flags that are handed out."""
 
 
 class CoupledTask(Task):
@@ -109,9 +109,10 @@ class CoupledEvaluation:
             rows, _ = self._finished(kept, q_ref, wish)
             outside = bool(kept)
         if not rows:
-            return self._nothing(outside, stage, distance)
+            return without_solution(bool(self._plan.incomplete), outside, self._unfit - 1, stage, distance)
         if wish.nearest:
-            rows.sort(key=lambda row: self._away(row, q_ref))
+            units = [1.0 if turning else self._plan.chain.reach for turning in self._coupling.revolute]
+            sort_by_distance(rows, q_ref or [0.0] * self._coupling.n, units)
         return Answer(INCOMPLETE if self._plan.incomplete else OK, tuple(rows), 0, distance)
 
     def closest(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
@@ -150,49 +151,20 @@ class CoupledEvaluation:
     def _descended(
         self, call: Call, task: CoupledTask, q_ref: Sequence[float] | None, given: float
     ) -> tuple[list[Row], Row, float]:
-        """Minimize the task error from several initial configurations, for a target without solutions.
+        """Minimize the task error from what is nearest on the chain without the coupling, and a few more starts.
 
-        Returns the solutions found after all, the configuration with the smallest error, and its distance, m.
+        See :func:`~rrrgen.runtime.evaluation.ending.descended`.
         """
-        reference = [0.0] * self._coupling.n if q_ref is None else list(q_ref)
+        reference, locked = [0.0] * self._coupling.n if q_ref is None else list(q_ref), self._plan.locked
         found, nearest, _ = call.descended()
         starts = [(next(self._coupling.leading(row.q)), row.branch) for row in found or [nearest]]
-        count = len(starts)
-        for start in range(count, count + int(SEARCH["starts"])):
-            away = SEARCH["spread"] if start > count else 0.0
-            starts.append(([x + away * sin(start * (i + 1)) for i, x in enumerate(reference)], 0))
-        kept: list[Row] = []
-        best = Row(reference, INEXACT, 0, 1e30)
-        for start, (x, branch) in enumerate(starts):
-            if len(kept) >= self._most or (start == count and kept):
-                break
-            if task.held is not None and self._plan.locked not in (None, ARM_ANGLE):
-                x[task.held] = given / self._coupling.matrix[self._plan.locked][task.held]
-            q, cost = task.refine(x, *DESCENT)
-            if cost <= TOLERANCE["accept"] and all(task.apart(q, other.q) >= TOLERANCE["same"] for other in kept):
-                kept.append(Row(q, MULTIPLE, branch, cost))
-            if cost < best.residual:
-                best = Row(q, INEXACT if cost > TOLERANCE["accept"] else MULTIPLE, branch, cost)
-        return kept, best, 0.0 if kept else sqrt(best.residual) * self._plan.chain.reach
-
-    def _nothing(self, outside: bool, stage: int, distance: float) -> Answer:
-        if self._plan.incomplete:
-            return Answer(INCOMPLETE, (), self._unfit - 1 if outside else stage, distance)
-        return Answer(OUTSIDE_LIMITS, (), 0, distance) if outside else Answer(UNREACHABLE, (), stage, distance)
+        fixed = None
+        if task.held is not None and locked not in (None, ARM_ANGLE):
+            fixed = (task.held, given / self._coupling.matrix[locked][task.held])
+        return descended(task, starts, reference, fixed, self._most)
 
     def _finished(self, rows: Sequence[Row], q_ref: Sequence[float] | None, wish: Wish) -> tuple[list[Row], bool]:
-        """Solutions with their angles moved by full turns next to ``q_ref`` and within the limits if possible.
-
-        The squared residuals of the ``rows`` are replaced by their roots. Also returns whether all were within the
-        limits.
-        """
-        kept, every = [], True
-        for row in rows:
-            q, inside = self._placed(row.q, q_ref)
-            every = every and inside
-            if inside or not wish.limits:
-                kept.append(Row(q, row.flags if inside else row.flags | OUTSIDE, row.branch, sqrt(row.residual)))
-        return kept, every
+        return finished(rows, wish, lambda q: self._placed(q, q_ref))
 
     def _placed(self, q: Sequence[float], q_ref: Sequence[float] | None) -> tuple[list[float], bool]:
         """Move ``q`` by full periods next to ``q_ref`` and within the limits if possible.
@@ -215,11 +187,6 @@ class CoupledEvaluation:
             value = sum(f * x for f, x in zip(each.factors, placed, strict=True))
             inside = inside and _end(each.lower, -1) - margin <= value <= _end(each.upper, 1) + margin
         return placed, inside
-
-    def _away(self, row: Row, q_ref: Sequence[float] | None) -> float:
-        units = [1.0 if turning else self._plan.chain.reach for turning in self._coupling.revolute]
-        reference = q_ref or [0.0] * self._coupling.n
-        return sum(((x - r) / unit) ** 2 for x, r, unit in zip(row.q, reference, units, strict=True))
 
 
 def _end(limit: float | None, side: int) -> float:

@@ -6,53 +6,38 @@ The method is that of the emitted C (``templates/c/ik/solve.c``).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import isfinite, sin, sqrt
+from dataclasses import replace
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.tolerances import LONGEST_TOOL
 from rrrgen.runtime.evaluation.branches import Query, Row, candidates
+from rrrgen.runtime.evaluation.ending import (
+    INCOMPLETE,
+    NOT_A_ROTATION,
+    NOT_FINITE,
+    OK,
+    OUTSIDE_LIMITS,
+    PUBLIC,
+    UNREACHABLE,
+    Answer,
+    Wish,
+    descended,
+    finished,
+    repeated,
+    sort_by_distance,
+    without_solution,
+)
 from rrrgen.runtime.evaluation.free_joints import FIXED, GONE, FreeJoints
-from rrrgen.runtime.evaluation.kernels import INEXACT, MULTIPLE, NEAR, OUTSIDE, SEARCH, TOLERANCE, Settings
+from rrrgen.runtime.evaluation.kernels import INEXACT, NEAR, SEARCH, TOLERANCE, Settings
 from rrrgen.runtime.evaluation.limits import Limits
 from rrrgen.runtime.evaluation.targets import accuracy_of, repaired
-from rrrgen.runtime.evaluation.task import DESCENT, PATIENT, USUAL, Task
+from rrrgen.runtime.evaluation.task import PATIENT, USUAL, Task
 
 if TYPE_CHECKING:
     from rrrgen.ik.plan import SolverPlan
-
-OK, UNREACHABLE, OUTSIDE_LIMITS, NOT_FINITE, NOT_A_ROTATION, INCOMPLETE = range(6)
-"""The statuses of the emitted code."""
-
-_PUBLIC = 15
-
-
-@dataclass(frozen=True)
-class Wish:
-    """Options of a call.
-
-    ``limits`` keeps only solutions within the joint limits, ``nearest`` sorts them by the distance from the reference,
-    ``residual`` also keeps solutions that meet the target only in part, as an arm of few joints does.
-    """
-
-    limits: bool = False
-    nearest: bool = False
-    residual: bool = False
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Result for one target: ``status``, solutions ``rows`` (their residuals not squared), and why there are none.
-
-    ``stage`` is the number of the equation without a real root, ``distance`` (m) that of the target from the workspace.
-    """
-
-    status: int
-    rows: tuple[Row, ...] = ()
-    stage: int = 0
-    distance: float = 0.0
 
 
 class Evaluation:
@@ -132,9 +117,11 @@ class Call:
             self._rows, _ = self._finished(kept, self._query.reference)
             outside = bool(kept)
         if not self._rows:
-            return self._nothing(outside, distance)
+            incomplete, far = bool(self._plan.incomplete), self._far_stage
+            return without_solution(incomplete, outside, far + 1, self._stage, distance)
         if self._wish.nearest:
-            self._rows.sort(key=self._away)
+            units = [1.0 if joint.revolute else self._plan.chain.reach for joint in self._plan.chain.joints]
+            sort_by_distance(self._rows, self._query.reference, units)
         return Answer(INCOMPLETE if self._plan.incomplete else OK, tuple(self._rows), 0, distance)
 
     def closest(self) -> Answer:
@@ -142,13 +129,6 @@ class Call:
         kept, best, distance = self.descended()
         rows, _ = self._finished([*kept, best][:1], self._query.reference)
         return Answer(OK if rows else OUTSIDE_LIMITS, tuple(rows), 0, distance)
-
-    def _nothing(self, outside: bool, distance: float) -> Answer:
-        if self._plan.incomplete:
-            return Answer(INCOMPLETE, (), self._far_stage + 1 if outside else self._stage, distance)
-        if outside:
-            return Answer(OUTSIDE_LIMITS, (), 0, distance)
-        return Answer(UNREACHABLE, (), self._stage, distance)
 
     def _collect(self) -> int:
         """Collect the solutions that meet the task; returns how many candidates the equations solved last had."""
@@ -176,8 +156,8 @@ class Call:
 
     def _keep(self, row: Row) -> None:
         if len(self._rows) < self._most and self._settled(row):
-            row.flags &= _PUBLIC
-            if not self._repeated(self._rows, row):
+            row.flags &= PUBLIC
+            if not repeated(self._task, self._rows, row):
                 self._rows.append(row)
 
     def _settled(self, row: Row) -> bool:
@@ -195,59 +175,15 @@ class Call:
             row.flags |= INEXACT
         return True
 
-    def _repeated(self, rows: list[Row], row: Row) -> bool:
-        """Whether the solution ``row`` equals one of ``rows``, which is then flagged as a multiple root."""
-        for other in rows:
-            if self._task.apart(row.q, other.q) < TOLERANCE["same"]:
-                other.flags |= MULTIPLE
-                return True
-        return False
-
     def _finished(self, rows: Sequence[Row], reference: Sequence[float] | None) -> tuple[list[Row], bool]:
-        """Solutions with their angles moved by full turns next to ``reference`` and within the limits if possible.
-
-        The squared residuals of the ``rows`` are replaced by their roots; solutions outside the limits are left out or
-        flagged. Also returns whether all were within the limits.
-        """
-        kept, every = [], True
-        for row in rows:
-            q, inside = self._limits.placed(row.q, reference)
-            every = every and inside
-            if inside or not self._wish.limits:
-                flags = row.flags if inside else row.flags | OUTSIDE
-                kept.append(Row(q, flags, row.branch, sqrt(row.residual)))
-        return kept, every
-
-    def _away(self, row: Row) -> float:
-        reference = self._q_ref or [0.0] * len(row.q)
-        units = [1.0 if joint.revolute else self._plan.chain.reach for joint in self._plan.chain.joints]
-        return sum(((x - r) / unit) ** 2 for x, r, unit in zip(row.q, reference, units, strict=True))
+        return finished(rows, self._wish, lambda q: self._limits.placed(q, reference))
 
     def descended(self) -> tuple[list[Row], Row, float]:
-        """Minimize the task error from several initial configurations, for a target without solutions.
+        """Minimize the task error from the branches, with negative discriminants set to zero, and a few more starts.
 
-        The initial ones are those of all branches with negative discriminants set to zero, and a few more. Returns the
-        solutions found after all, the configuration with the smallest error, and its distance from the target, m.
+        See :func:`~rrrgen.runtime.evaluation.ending.descended`.
         """
         found, _ = candidates(self._parts[-1], self._query, replace(self._usual, slack=1e30))
-        reference, locked = self._query.reference, self._plan.locked
-        kept: list[Row] = []
-        best = Row(list(reference), INEXACT, 0, 1e30)
-        for start in range(len(found) + int(SEARCH["starts"])):
-            if len(kept) >= self._most or (start == len(found) and kept):
-                break
-            if start < len(found):
-                x, branch = list(found[start].q), found[start].branch
-            else:
-                away = SEARCH["spread"] if start > len(found) else 0.0
-                x, branch = [r + away * sin(start * (i + 1)) for i, r in enumerate(reference)], 0
-            if locked not in (None, ARM_ANGLE):
-                x[locked] = self._query.given
-            q, cost = self._task.refine(x, *DESCENT)
-            if cost <= TOLERANCE["accept"]:
-                row = Row(q, MULTIPLE, branch, cost)
-                if (kept or cost < best.residual) and not self._repeated(kept, row):
-                    kept.append(row)
-            if cost < best.residual:
-                best = Row(q, INEXACT if cost > TOLERANCE["accept"] else MULTIPLE, branch, cost)
-        return kept, best, 0.0 if kept else sqrt(best.residual) * self._plan.chain.reach
+        locked = self._plan.locked
+        given = None if locked in (None, ARM_ANGLE) else (locked, self._query.given)
+        return descended(self._task, [(row.q, row.branch) for row in found], self._query.reference, given, self._most)
