@@ -46,6 +46,17 @@ NEARLY_DEPENDENT = 1e-3
 """Ratio of the smallest to the largest singular value of the Jacobian below which six joints are nearly dependent, and
 another joint is prescribed where possible; usual ratios are 3e-3 to 3e-2."""
 
+FARTHEST = 1e6
+"""Largest coordinate of a target, in sizes of the arm (its reach, and the way from the base to joint 1). Farther away
+the coordinates are rounded by more than 1e-10 of the arm."""
+
+ROUNDINGS = 64
+"""How many times eps the numbers of an exact target may be in error: sums of a dozen products of them."""
+
+ON_COUPLING = 1e-7
+"""How far (rad, reaches) the rows of a mechanism may be off their coupling in CasADi's functions, which refine nothing:
+the error of an angle near a double root, eps^(1/2), with a margin of seven."""
+
 LONGEST_TOOL = 10
 """Largest coordinate, in reaches, of a tool that is an input: its rounding errors count relative to the reach, and from
 about a hundred reaches on solutions would seem to miss their target."""
@@ -211,6 +222,14 @@ ELIMINATION = (
     Tolerance(
         "narrowest", "1e-3", "1e-3", "an arc of the circle (tangent of a quarter of it) this narrow is not magnified"
     ),
+    Tolerance("zones", "8", "8", "most arcs of the circle, itself included, in which roots are searched"),
+    Tolerance("wider", "0.02", "0.02", "an arc to be magnified exceeds the intervals of its roots by this angle (rad)"),
+    Tolerance("joined", "0.1", "0.1", "neighbouring intervals of roots with a smaller gap (rad) belong to one arc"),
+    Tolerance("narrower", "0.4", "0.4", "an arc is magnified if it is at most this share of the one around it"),
+    Tolerance("inside", "1.5", "1.5", "a root is left to an arc magnified later if it is inside so many half widths"),
+    Tolerance("steps", "6", "6", "most Newton steps for a solution; six times as many in a patient search"),
+    Tolerance("patience", "400", "400", "most Newton steps of all patient searches of an elimination"),
+    Tolerance("hopeless", "0.1", "0.1", "error of the pose after three Newton steps above which a search is given up"),
     Tolerance(
         "trig_done", "1.5e-10", "3e-06", "Newton step at which a root is final: the error left is of the step's square"
     ),
@@ -235,6 +254,11 @@ SEARCH = (
         "steps", "12", "12", "most steps for a candidate: each halves the error at a double root, squares it elsewhere"
     ),
     Tolerance("damping", "0.01", "0.01", "first and least damping for a candidate, as a multiple of the error"),
+    Tolerance("less_damping", "0.2", "0.2", "factor on the damping after a step that has reduced the error"),
+    Tolerance("more_damping", "100", "100", "factor on the damping after several steps that have not"),
+    Tolerance(
+        "worse_steps", "3", "3", "so many steps in a row may increase the error: a curved valley is left and met again"
+    ),
     Tolerance("most_damping", "1e6", "1e6", "damping above which steps are below rounding: the search ends"),
     Tolerance("stuck", "0.999999999", "0.999999999", "ratio of errors above which damped steps have reached a minimum"),
     Tolerance("diverged", "1e4", "1e4", "squared error (rad, reaches) above which a step is taken back"),

@@ -47,9 +47,7 @@ def _check_inverse(
     beta = parameters.beta
     exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
     close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
-    tau, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.mass_matrix(s.q)
-    by_q = _derivatives_of(lambda step: ne.inverse_dynamics(s.q + step, s.dq, s.ddq), s.q, tolerances.step)
-    by_dq = _derivatives_of(lambda step: ne.inverse_dynamics(s.q, s.dq + step, s.ddq), s.q, tolerances.step)
+    tau, M, by_q, by_dq = _torques_and_derivatives(ne, s, tolerances.step)
     scale = max(size(by_q), size(by_dq), size(tau))
 
     @cache
@@ -68,9 +66,7 @@ def _check_forward(
     beta = parameters.beta
     exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
     close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
-    tau, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.mass_matrix(s.q)
-    by_q = _derivatives_of(lambda step: ne.inverse_dynamics(s.q + step, s.dq, s.ddq), s.q, tolerances.step)
-    by_dq = _derivatives_of(lambda step: ne.inverse_dynamics(s.q, s.dq + step, s.ddq), s.q, tolerances.step)
+    tau, M, by_q, by_dq = _torques_and_derivatives(ne, s, tolerances.step)
     scale = max(size(by_q), size(by_dq), size(tau))
 
     @cache
@@ -88,6 +84,13 @@ def _check_forward(
         tau,
         scale=size(tau) * max(1.0, condition / s.q.shape[1]),
     )
+
+
+def _torques_and_derivatives(ne: NewtonEuler, s: States, step: float) -> tuple[Array, Array, Array, Array]:
+    """The torques (N, n), the mass matrix, and the derivatives of the torques by q and dq, (N, n, n) each."""
+    by_q = _derivatives_of(lambda shift: ne.inverse_dynamics(s.q + shift, s.dq, s.ddq), s.q, step)
+    by_dq = _derivatives_of(lambda shift: ne.inverse_dynamics(s.q, s.dq + shift, s.ddq), s.q, step)
+    return ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.mass_matrix(s.q), by_q, by_dq
 
 
 def _derivatives_of(function: Callable[[Array], Array], like: Array, step: float) -> Array:

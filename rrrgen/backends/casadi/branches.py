@@ -10,6 +10,7 @@ from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
 from rrrgen.ik.run_time_tool import plan_with_tool
+from rrrgen.ik.tolerances import ON_COUPLING
 
 if TYPE_CHECKING:
     from rrrgen.ik.coupling import Coupling
@@ -18,9 +19,7 @@ if TYPE_CHECKING:
 
 
 MOST_CHOICES = 8
-
-FITS = 1e-7
-"""How far (rad, reaches) the rows of a mechanism may be off their coupling: roundings near a double root."""
+"""Signs for a first run of a solver, which counts those it asks for: more than any closed form has."""
 
 
 class CasadiBuilder:
@@ -199,7 +198,7 @@ def _coupled(plan: SolverPlan, coupling: Coupling, y: Any, turns: Any) -> Any:
         # half the chord of an angle: full turns do not count
         length = casadi.sin(off[k] / 2) * 2 if joint.revolute else off[k] / plan.chain.reach
         most = casadi.fmax(most, casadi.fabs(length))
-    return casadi.if_else(most < FITS, q, casadi.DM.nan(plan.n))
+    return casadi.if_else(most < ON_COUPLING, q, casadi.DM.nan(plan.n))
 
 
 def branch_labels(spec: RobotSpec, redundancy: int | None = None) -> tuple[str, ...]:

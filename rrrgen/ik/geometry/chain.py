@@ -133,34 +133,30 @@ class Chain:
 
     def forward(self, q: Any) -> Any:
         """Forward kinematics: the tip pose (4, 4) in the base frame at the joint values ``q`` (n,), rad or m."""
-        import numpy as np
-
-        T = np.eye(4)
-        T[:3] = np.array(self.base, dtype=float)
-        for i, joint in enumerate(self.joints):
-            x = joint.sign * float(q[joint.index]) + float(joint.offset)
-            J = np.eye(4)
-            if joint.revolute:
-                J[0, 0] = J[1, 1] = np.cos(x)
-                J[1, 0] = np.sin(x)
-                J[0, 1] = -J[1, 0]
-            else:
-                J[2, 3] = x
-            after = np.eye(4)
-            after[:3] = np.array(self.links[i].matrix() if i < self.n - 1 else self.tip, dtype=float)
-            T = T @ J @ after
-        return T
+        return self._frames(q)[-1]
 
     def jacobian(self, q: Any) -> Any:
         """The geometric Jacobian (6, n) of the tip in the base frame at ``q`` (n,): linear velocity, then angular."""
         import numpy as np
 
+        *frames, tip = self._frames(q)
+        columns = []
+        for joint, frame in zip(self.joints, frames, strict=True):
+            z = joint.sign * frame[:3, 2]
+            if joint.revolute:
+                columns.append(np.concatenate([np.cross(z, tip[:3, 3] - frame[:3, 3]), z]))
+            else:
+                columns.append(np.concatenate([z, np.zeros(3)]))
+        return np.array(columns).T.reshape(6, self.n)
+
+    def _frames(self, q: Any) -> list[Any]:
+        """The frames (4, 4) of the joints in the base frame, each before its own displacement, and that of the tip."""
+        import numpy as np
+
         T = np.eye(4)
         T[:3] = np.array(self.base, dtype=float)
-        axes, points = [], []
+        frames = [T]
         for i, joint in enumerate(self.joints):
-            axes.append(joint.sign * T[:3, 2].copy())
-            points.append(T[:3, 3].copy())
             x = joint.sign * float(q[joint.index]) + float(joint.offset)
             J = np.eye(4)
             if joint.revolute:
@@ -172,13 +168,8 @@ class Chain:
             after = np.eye(4)
             after[:3] = np.array(self.links[i].matrix() if i < self.n - 1 else self.tip, dtype=float)
             T = T @ J @ after
-        columns = []
-        for joint, z, o in zip(self.joints, axes, points, strict=True):
-            if joint.revolute:
-                columns.append(np.concatenate([np.cross(z, T[:3, 3] - o), z]))
-            else:
-                columns.append(np.concatenate([z, np.zeros(3)]))
-        return np.array(columns).T.reshape(6, self.n)
+            frames.append(T)
+        return frames
 
 
 def _slid(matrix: Matrix, before: float, behind: float) -> Matrix:

@@ -31,6 +31,7 @@ from rrrgen.runtime.evaluation.ending import (
     without_solution,
 )
 from rrrgen.runtime.evaluation.kernels import FREE, INEXACT, SEARCH, TOLERANCE
+from rrrgen.runtime.evaluation.limits import NONE
 from rrrgen.runtime.evaluation.solve import Call, Evaluation
 from rrrgen.runtime.evaluation.task import USUAL, Task
 
@@ -190,4 +191,4 @@ class CoupledEvaluation:
 
 
 def _end(limit: float | None, side: int) -> float:
-    return side * 1e30 if limit is None else limit
+    return side * NONE if limit is None else limit

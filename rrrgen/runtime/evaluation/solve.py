@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.derive import ARM_ANGLE
-from rrrgen.ik.tolerances import LONGEST_TOOL
+from rrrgen.ik.tolerances import FARTHEST, LONGEST_TOOL
 from rrrgen.runtime.evaluation.branches import Query, Row, candidates
 from rrrgen.runtime.evaluation.ending import (
     INCOMPLETE,
@@ -80,7 +80,7 @@ class Evaluation:
             return Answer(NOT_A_ROTATION)
         place, tool = ((T[3], T[7], T[11]), ()) if len(T) == 16 else (T[:3], T[3:])
         longest = LONGEST_TOOL * self._chain.reach
-        if any(abs(x) >= 1e6 * self._chain.scale for x in place) or any(abs(x) >= longest for x in tool):
+        if any(abs(x) >= FARTHEST * self._chain.scale for x in place) or any(abs(x) >= longest for x in tool):
             return Answer(UNREACHABLE, (), self._far_stage, -1.0)
         query = Query(T, [0.0] * self._chain.n if q_ref is None else q_ref, given)
         return Call(self, query, q_ref, accuracy_of(target, self._chain), wish)

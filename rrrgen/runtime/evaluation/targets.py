@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from rrrgen.ik.tolerances import ROUNDINGS
 from rrrgen.runtime.evaluation.kernels import TOLERANCE
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ def repaired(target: Sequence[float]) -> list[float] | None:
     defect = _defect(T)
     if not defect <= TOLERANCE["orthonormal"]:
         return None
-    if defect > 64 * TOLERANCE["eps"]:
+    if defect > ROUNDINGS * TOLERANCE["eps"]:
         for i in range(3):
             x, y = T[4 * i], T[4 * i + 1]
             T[4 * i] = x * (1.0 - 0.5 * xx) - 0.5 * xy * y
@@ -29,7 +30,7 @@ def repaired(target: Sequence[float]) -> list[float] | None:
 
 def accuracy_of(target: Sequence[float], chain: Chain) -> float:
     """Assumed accuracy of a ``target``: the error by which its rotation is not orthonormal, but at least round-off."""
-    rounding = 64.0 * chain.scale / chain.reach * TOLERANCE["eps"]
+    rounding = ROUNDINGS * chain.scale / chain.reach * TOLERANCE["eps"]
     return max(rounding, _defect(target)) if len(target) == 16 else rounding
 
 

@@ -73,13 +73,13 @@ class Task:
             if cost < best:
                 stuck = cost > SEARCH["stuck"] * best and damping > 1.0
                 found, best, worse = x.copy(), cost, 0
-                damping = 0.2 * damping if damping > SEARCH["damping"] else damping
+                damping = SEARCH["less_damping"] * damping if damping > SEARCH["damping"] else damping
                 if stuck:
                     break
             else:
                 worse += 1
-                if worse > 3 or not cost < SEARCH["diverged"]:
-                    x, worse, damping = found.copy(), 0, 100 * damping
+                if worse > SEARCH["worse_steps"] or not cost < SEARCH["diverged"]:
+                    x, worse, damping = found.copy(), 0, SEARCH["more_damping"] * damping
                     e, J = self.error(x, held)
                     cost = float(e @ e)
         return [float(value) for value in found], best

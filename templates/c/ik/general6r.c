@@ -11,9 +11,9 @@
  * (ik_6r_scan), and its null vector at a root gives the two eliminated angles (ik_6r_pairs). */
 #include "kernel.h"
 #define IK_6R_MAX 16
-#define IK_6R_STEPS 6 /* most Newton steps for a solution; six times as many in a patient search, which is used near a singular pose */
-#define IK_6R_ZONES 8 /* most zones: the whole circle, and arcs of it that are magnified to separate close roots */
-#define IK_6R_PATIENCE 400 /* most Newton steps of all patient searches of one elimination together */
+#define IK_6R_STEPS VALUE_6R_STEPS /* most Newton steps for a solution; six times as many in a patient search, which is used near a singular pose */
+#define IK_6R_ZONES VALUE_6R_ZONES /* most zones: the whole circle, and arcs of it that are magnified to separate close roots */
+#define IK_6R_PATIENCE VALUE_6R_PATIENCE /* most Newton steps of all patient searches of one elimination together */
 #define IK_6R_EPS (REAL)VALUE_EPS
 #define IK_6R_TINY (REAL)VALUE_6R_TINY
 #define IK_6R_DONE (REAL)VALUE_6R_DONE /* error of an entry of the pose below which a solution is not refined further */
@@ -893,7 +893,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
                 cs[i][1] = trial[i][1];
             }
         }
-        if (best < IK_6R_DONE || (it >= 3 && best > (REAL)0.1) || (best < IK_6R_ACCEPT && !(err < (REAL)0.5 * before)) || !(patient || better)) {
+        if (best < IK_6R_DONE || (it >= 3 && best > (REAL)VALUE_6R_HOPELESS) || (best < IK_6R_ACCEPT && !(err < (REAL)0.5 * before)) || !(patient || better)) {
             break;
         }
         before = err;
@@ -1011,7 +1011,7 @@ LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
     (void)ik_6r_magnify(outer, root[n / 2], zone);
     zone[2] = (REAL)0;
     for (i = 0; i < n; ++i) { /* both ends of the interval in which each root lies, widened by 0.02 rad */
-        REAL turn = root[i][2] + (REAL)0.02;
+        REAL turn = root[i][2] + (REAL)VALUE_6R_WIDER;
         int k;
         for (k = 0; k < 2; ++k) {
             const REAL end[2] = {root[i][0] - turn * root[i][1], root[i][1] + turn * root[i][0]};
@@ -1022,7 +1022,7 @@ LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
             turn = -turn;
         }
     }
-    return zone[2] < (REAL)0.4 * outer[2];
+    return zone[2] < (REAL)VALUE_6R_NARROWER * outer[2];
 }
 
 /* One elimination: adds its solutions. Returns 1 if the result is consistent: every root has its solution, and their number
@@ -1050,7 +1050,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
             }
             begin = (begin < 0) ? k : begin;
             if (k + 1 < roots && order[k + 1] == 2) {
-                const REAL reach = root[k][2] + root[k + 1][2] + (REAL)0.1;
+                const REAL reach = root[k][2] + root[k + 1][2] + (REAL)VALUE_6R_JOINED;
                 joined = (REAL)1 - root[k][0] * root[k + 1][0] - root[k][1] * root[k + 1][1] < (REAL)0.5 * reach * reach;
             }
             if (!joined) {
@@ -1066,7 +1066,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
                 (void)ik_6r_magnify(zone[at], root[k], cs);
             }
             for (m = mine; m < zones; ++m) { /* a root inside a narrower zone is left to that zone, which resolves it better */
-                here &= FABS(ik_6r_tangent(zone[m], cs)) > (REAL)1.5 * zone[m][2];
+                here &= FABS(ik_6r_tangent(zone[m], cs)) > (REAL)VALUE_6R_INSIDE * zone[m][2];
             }
             if (here) {
                 empty = 0;

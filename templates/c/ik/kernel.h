@@ -53,7 +53,7 @@
  *   VALUE_...            tolerances, explained in rrrgen/ik/tolerances.py
  *   VALUE_REACH          length (m) that tolerances are relative to; FAR_AWAY: largest coordinate (m) of a target;
  *                        TOOL_AWAY: largest coordinate (m) of a tool;
- *                        ROUNDING_UNITS: accuracy of an exact target, in units of eps
+ *                        ROUNDINGS: error of the numbers of an exact target, in units of eps; ROUNDING_UNITS: that of its pose
  *   CHAIN_JOINTS, CHAIN_ROWS, CHAIN_SLIDING, CHAIN_HELD_PARAMETER, CHAIN_NONE_HELD   the same for the chain of a mechanism
  *   MATRIX, RATES, INVERSE, PIVOTS, TURNS, COMBINATIONS, PERIODS, FOLLOWERS, FOLLOWER_..., LOCKED_FACTOR, UNFIT_STAGE
  *                        tables of the coupling, described in coupling.c and coupled.c

@@ -87,17 +87,17 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
             }
             best = cost;
             worse = 0;
-            damping = damping > (REAL)VALUE_DAMPING ? (REAL)0.2 * damping : damping;
+            damping = damping > (REAL)VALUE_DAMPING ? (REAL)VALUE_LESS_DAMPING * damping : damping;
             if (stuck) {
                 break;
             }
-        } else if (++worse > 3 || !(cost < (REAL)VALUE_DIVERGED)) {
+        } else if (++worse > VALUE_WORSE_STEPS || !(cost < (REAL)VALUE_DIVERGED)) {
             for (i = 0; i < JOINTS; ++i) {
                 x[i] = q[i];
             }
             cost = ik_error(T, x, e, J HELD);
             worse = 0;
-            damping *= (REAL)100;
+            damping *= (REAL)VALUE_MORE_DAMPING;
         }
     }
     return best;

@@ -58,7 +58,7 @@ LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, R
         if (!(defect <= IK_TOL_ORTHONORMAL)) {
             return IK_NOT_A_ROTATION;
         }
-        if (defect > (REAL)64 * IK_TOL_EPS) { /* the nearest rotation, to first order */
+        if (defect > (REAL)ROUNDINGS * IK_TOL_EPS) { /* the nearest rotation, to first order */
             for (i = 0; i < 3; ++i) {
                 const REAL x = T[4 * i], y = T[4 * i + 1];
                 T[4 * i] = x * ((REAL)1 - (REAL)0.5 * xx) - (REAL)0.5 * xy * y;

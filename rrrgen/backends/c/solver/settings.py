@@ -16,7 +16,7 @@ from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, Matrix
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.solutions.general6r import General6RTables, passes, shifts, tables_of
-from rrrgen.ik.tolerances import LONGEST_TOOL, kernel_values, nominal_margins
+from rrrgen.ik.tolerances import FARTHEST, LONGEST_TOOL, ROUNDINGS, kernel_values, nominal_margins
 
 NEEDS = (
     "arcs",
@@ -201,8 +201,9 @@ def _chain(chain: Chain, last_link: Matrix | None, dialect: Dialect) -> dict[str
         "LOWER": _signed((bound(joint.lower, -1) for joint in chain.joints), dialect),
         "UPPER": _signed((bound(joint.upper, 1) for joint in chain.joints), dialect),
         "VALUE_REACH": repr(chain.reach),
-        "ROUNDING_UNITS": repr(64.0 * chain.scale / chain.reach),
-        "FAR_AWAY": repr(1e6 * chain.scale),
+        "ROUNDINGS": str(ROUNDINGS),
+        "ROUNDING_UNITS": repr(ROUNDINGS * chain.scale / chain.reach),
+        "FAR_AWAY": repr(FARTHEST * chain.scale),
         "TOOL_AWAY": repr(LONGEST_TOOL * chain.reach),
     }
 
