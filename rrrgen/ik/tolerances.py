@@ -57,6 +57,13 @@ ON_COUPLING = 1e-7
 """How far (rad, reaches) the rows of a mechanism may be off their coupling in CasADi's functions, which refine nothing:
 the error of an angle near a double root, eps^(1/2), with a margin of seven."""
 
+NEARLY_PARALLEL = 0.02
+"""Axes with a smaller sine of their angle are nearly parallel: where their common perpendicular lies says nothing."""
+
+SHORTER = 2.0
+"""Frames are moved where that shortens the arm, as the sum of its lengths, by more than this factor. On the bundled
+robots it is at most 1.08; where calibration made axes nearly parallel, frames lie metres to hundreds of metres away."""
+
 LONGEST_TOOL = 10
 """Largest coordinate, in reaches, of a tool that is an input: its rounding errors count relative to the reach, and from
 about a hundred reaches on solutions would seem to miss their target."""
@@ -84,6 +91,10 @@ COMPLEX = 1e-6
 """Largest distance of a complex root of a quartic from the unit circle (for an angle), or of its imaginary part from 0
 in reaches (for a displacement), for which it counts as real, in the compiler's trials. Rounding moves the two copies of
 a double root apart by the square root of eps, 1.5e-8; the rest is a margin of sixty."""
+
+USUAL_RATIO = 10.0
+"""For an equation solved for a cosine: ratio of the size of its terms to its divisor up to which the usual tolerance
+for a cosine beyond +-1 is applied. For larger ratios the tolerance grows in proportion."""
 
 SIZE_OF_NOTHING = 1e-6
 """Share of unit^2 (``unit``: the natural size of the quantity) that is added to the size of a discriminant before the

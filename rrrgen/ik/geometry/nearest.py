@@ -12,12 +12,7 @@ from math import acos, atan2, cos, hypot, pi, sin
 
 from rrrgen.ik.geometry.chain import Chain, Link
 from rrrgen.ik.geometry.snap import snapped
-
-PARALLEL = 0.02
-"""Axes with a smaller sine of their angle are nearly parallel: where their common perpendicular lies says nothing."""
-
-FAR = 2.0
-"""Frames are moved where that shortens the arm, as the sum of its lengths, by more than this factor."""
+from rrrgen.ik.tolerances import NEARLY_PARALLEL, SHORTER
 
 
 def with_near_frames(chain: Chain) -> Chain:
@@ -26,7 +21,7 @@ def with_near_frames(chain: Chain) -> Chain:
     The displacements are recorded in the field ``slides`` of the result.
     """
     level, slides = _levelled(chain)
-    return replace(chain, slides=slides) if level.reach * FAR < chain.reach else chain
+    return replace(chain, slides=slides) if level.reach * SHORTER < chain.reach else chain
 
 
 def nearest_special(chain: Chain, tolerance: float) -> Chain:
@@ -45,7 +40,7 @@ def _levelled(chain: Chain) -> tuple[Chain, tuple[float, ...]]:
         ct, st = c * float(link.ct) - s * float(link.st), s * float(link.ct) + c * float(link.st)
         moved = replace(link, d=float(link.d) + shift, ct=ct, st=st)
         c, s, shift = 1.0, 0.0, 0.0
-        if abs(float(link.sa)) < PARALLEL and chain.joints[i].revolute and chain.joints[i + 1].revolute:
+        if abs(float(link.sa)) < NEARLY_PARALLEL and chain.joints[i].revolute and chain.joints[i + 1].revolute:
             moved, c, s, shift = _pierced(moved)
         links.append(moved)
         slides.append(-shift)

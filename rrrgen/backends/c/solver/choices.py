@@ -11,11 +11,7 @@ from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import S, Vector, dot, minus, square, total
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
 from rrrgen.ik.recording.scalar import Scalar
-from rrrgen.ik.tolerances import SIZE_OF_NOTHING
-
-USUAL_RATIO = 10.0
-"""For an equation solved for a cosine: ratio of the size of its terms to its divisor up to which the usual tolerance
-for a cosine beyond +-1 is applied. For larger ratios the tolerance grows in proportion."""
+from rrrgen.ik.tolerances import SIZE_OF_NOTHING, USUAL_RATIO
 
 
 class CBuilder(Scaffold):
@@ -83,7 +79,7 @@ class CBuilder(Scaffold):
         """The C text of the tolerance by which a computed cosine may exceed 1 in magnitude.
 
         The cosine is a quotient of terms that are ``ratio`` times as large as the divisor. Where solutions of a special
-        arm are refined on one nearby, the tolerance grows in proportion to a ratio above :data:`USUAL_RATIO`.
+        arm are refined on one nearby, the tolerance grows in proportion to a ratio above ``USUAL_RATIO``.
         """
         if not self._margins or ratio <= USUAL_RATIO:
             return self._slack
