@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from rrrgen.errors import BackendError
 from rrrgen.parallel_map import Tell, parallel_map
+from rrrgen.robotfile.keys import LANGUAGES
 
 if TYPE_CHECKING:
-    from rrrgen.backends import Identity, Language, Real
+    from rrrgen.backends import Identity, Real
     from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.backends.interface import Backend, Check
     from rrrgen.derive.closed_forms.closed_form import ClosedForm
@@ -82,7 +85,7 @@ def emit(
     casadi_files: bool = False,
     trig: Trig = "inline",
     jobs: int = 1,
-    languages: Sequence[Language] = (),
+    languages: Sequence[str] = (),
     any_gravity: DerivedModel | None = None,
     tell: Tell | None = None,
     further: Mapping[str, str] | None = None,
@@ -96,7 +99,7 @@ def emit(
         casadi_files: add serialized CasADi functions (`.casadi` files), which need CasADi.
         trig: where sines and cosines come from: "inline", a kernel in the emitted code, or "libm", the C library.
         jobs: the largest number of processes; the result does not depend on it.
-        languages: printed in addition to C and CasADi, such as "rust" and "cpp".
+        languages: printed in addition to C and CasADi, "cpp" and "rust".
         any_gravity: the model of the same robot with gravity as an input, to be written beside it, or None.
         tell: called as ``tell(done, total, message)`` as the work proceeds.
         further: C files to be built and listed with those of the model.
@@ -111,17 +114,19 @@ def emit(
     from rrrgen.output.manifest import identify, manifest
     from rrrgen.output.writer import MANIFEST
 
-    identity = identify(model.spec)
+    identity, languages = identify(model.spec), tuple(dict.fromkeys(languages))
     backends = _backends(model.spec, real, trig, languages, checks)
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     every: list[Callable[[], Any]] = [partial(_inverse_kinematics_data, model.spec, real), *chain.from_iterable(tasks)]
     data, *printed = parallel_map(_run, every, jobs, tell, "printing sources")
-    files = _assembled(model, identity, backends, tasks, printed)
+    parts = _assembled(model, identity, backends, tasks, printed)
+    files = _merged(parts)
     models = [model] if any_gravity is None else [model, any_gravity]
     for other in models[1:]:
         files |= _further_model(other, real, trig, jobs, languages, tell)
     files |= further or {}
-    files |= build_files(files, model, identity, real)
+    listed = [(_place(part), LANGUAGES[each]) for each, part in zip(languages, parts[OWN:], strict=True)]
+    files |= build_files(files, model, identity, real, listed)
     files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity)
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
         files |= {f"casadi/{name}": data for each in models for name, data in casadi.serialized(each).items()}
@@ -134,22 +139,23 @@ def _run(task: Callable[[], Any]) -> Any:
 
 
 def _further_model(
-    model: DerivedModel, real: Real, trig: Trig, jobs: int, languages: Sequence[Language], tell: Tell | None
+    model: DerivedModel, real: Real, trig: Trig, jobs: int, languages: Sequence[str], tell: Tell | None
 ) -> dict[str, Contents]:
-    """Print the files of a second model of the robot: C with its self-test, CasADi, on request C++ and Rust."""
+    """Print the files of the model with gravity as an input: C with its self-test, CasADi, and the ``languages``.
+
+    Folders of languages get names of their own, such as ``rust_any_gravity``.
+    """
     from rrrgen.backends.c.backend import CBackend
     from rrrgen.backends.casadi.sources import CasadiBackend
-    from rrrgen.backends.cpp import CppBackend
-    from rrrgen.backends.rust import RustBackend
     from rrrgen.output.manifest import identify
 
     identity = identify(model.spec)
-    backends: list[Backend] = [CBackend(trig), CasadiBackend()]
-    backends += [CppBackend()] if "cpp" in languages else []
-    backends += [RustBackend("rust_any_gravity")] if "rust" in languages else []
+    backends: list[Backend] = [CBackend(trig), CasadiBackend(), *map(_further_backend, languages)]
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     printed = parallel_map(_run, list(chain.from_iterable(tasks)), jobs, tell, "printing sources")
-    return _assembled(model, identity, backends, tasks, printed)
+    parts = _assembled(model, identity, backends, tasks, printed)
+    moved = [{path.replace("/", "_any_gravity/", 1): text for path, text in part.items()} for part in parts[OWN:]]
+    return _merged([*parts[:OWN], *moved])
 
 
 def _assembled(
@@ -158,33 +164,48 @@ def _assembled(
     backends: Sequence[Backend],
     tasks: Sequence[Sequence[Callable[[], Any]]],
     printed: Sequence[Any],
-) -> dict[str, Contents]:
-    """The text of all files of ``backends``, by path, assembled from ``printed``.
+) -> list[dict[str, Contents]]:
+    """The files of each of the ``backends``, path -> text, assembled from ``printed``.
 
     ``tasks`` holds the printing tasks of every backend; ``printed`` the results of all these tasks, in the same order.
     """
     results = iter(printed)
-    files: dict[str, Contents] = {}
+    parts: list[dict[str, Contents]] = []
     for backend, backend_tasks in zip(backends, tasks, strict=True):
-        files |= backend.assemble(model, identity, list(islice(results, len(backend_tasks))))
-    return files
+        parts.append({**backend.assemble(model, identity, list(islice(results, len(backend_tasks))))})
+    return parts
+
+
+def _merged(parts: Iterable[dict[str, Contents]]) -> dict[str, Contents]:
+    return {path: text for part in parts for path, text in part.items()}
+
+
+def _place(files: Iterable[str]) -> str:
+    """The folder or else the file that a language is printed to, as the README names it."""
+    first = min(files)
+    return first.split("/")[0] + "/" if "/" in first else first
+
+
+OWN = 2
+"""C and CasADi, the backends in front of those for other languages."""
 
 
 def _backends(
-    spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[Language], checks: Sequence[Check]
+    spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[str], checks: Sequence[Check]
 ) -> list[Backend]:
     """The backends for C and CasADi, then those for ``languages``."""
     from rrrgen.backends.c.backend import CBackend
     from rrrgen.backends.casadi.sources import CasadiBackend
-    from rrrgen.backends.cpp import CppBackend
-    from rrrgen.backends.rust import RustBackend
 
-    further: dict[Language, Callable[[], Backend]] = {"cpp": CppBackend, "rust": RustBackend}
-    return [
-        CBackend(trig, partial(_beside, spec, real, checks)),
-        CasadiBackend(),
-        *(further[language]() for language in dict.fromkeys(languages)),
-    ]
+    return [CBackend(trig, partial(_beside, spec, real, checks)), CasadiBackend(), *map(_further_backend, languages)]
+
+
+def _further_backend(language: str) -> Backend:
+    """The constant ``BACKEND`` of the module in ``backends`` that is called like the ``language``."""
+    if language not in LANGUAGES:
+        raise BackendError(f"unknown language {language!r}: " + ", ".join(LANGUAGES))
+    backend: Backend = import_module(f"rrrgen.backends.{language}").BACKEND
+    return backend
 
 
 def _beside(spec: RobotSpec, real: Real, checks: Sequence[Check]) -> tuple[dict[str, str], Sequence[Check]]:

@@ -9,10 +9,6 @@ Real = Literal["double", "float"]
 """The floating-point type of emitted code."""
 
 
-Language = Literal["cpp", "rust"]
-"""Optional languages, printed on request in addition to C and CasADi."""
-
-
 @dataclass(frozen=True)
 class Identity:
     """The origin of emitted code: SHA-256 of the normalized robot description, and the version of rrrgen."""

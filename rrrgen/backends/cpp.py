@@ -11,6 +11,7 @@ from rrrgen.backends import Identity, Real
 from rrrgen.backends.c.dialect import RESERVED, Dialect
 from rrrgen.backends.comments import plain, wrapped
 from rrrgen.backends.description import programs_of, title
+from rrrgen.backends.interface import Backend
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.program import Port, Program
 from rrrgen.resources import render
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 _LONGEST_LINE = 118
 
 
-@dataclass(frozen=True)
 class CppBackend:
     """Prints ``<name>.hpp``."""
 
@@ -32,6 +32,9 @@ class CppBackend:
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:
         """The header, named after the robot."""
         return {f"{model.spec.name}.hpp": results[0]}
+
+
+BACKEND: Backend = CppBackend()
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from rrrgen.backends import Identity, Real
 from rrrgen.backends.comments import mathematics, plain, wrapped
 from rrrgen.backends.description import facts, large_angles, programs_of, title
-from rrrgen.backends.interface import CHOICE, PRODUCT, SUM, Text
+from rrrgen.backends.interface import CHOICE, PRODUCT, SUM, Backend, Text
 from rrrgen.backends.printing import decimal, print_body
 from rrrgen.derive.parameter_listing import listing
 from rrrgen.program import Op, Port, Program, Status, count_operations
@@ -38,11 +38,8 @@ _MATHS = {Op.SQRT: "F::sqrt", Op.ABS: "abs", Op.EXP: "F::exp", Op.TANH: "F::tanh
 _HELPERS = {"abs": Op.ABS, "sign": Op.SIGN}
 
 
-@dataclass(frozen=True)
 class RustBackend:
-    """Prints ``Cargo.toml`` and ``src/lib.rs`` below ``folder``."""
-
-    folder: str = "rust"
+    """Prints ``Cargo.toml`` and ``src/lib.rs`` in the folder ``rust``."""
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
         """A single task, which prints the source file."""
@@ -52,7 +49,10 @@ class RustBackend:
         """The files of the crate: manifest and library."""
         robot = model.spec.name
         cargo = render("rust/Cargo.toml.j2", robot=robot, crate=crate_name(robot), identity=identity)
-        return {f"{self.folder}/Cargo.toml": cargo, f"{self.folder}/src/lib.rs": results[0]}
+        return {"rust/Cargo.toml": cargo, "rust/src/lib.rs": results[0]}
+
+
+BACKEND: Backend = RustBackend()
 
 
 def crate_name(robot: str) -> str:

@@ -10,19 +10,30 @@ BASE = "base"  # what ``parent`` names in place of a joint
 MAX_FITS = 50
 HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 
-EMIT = {
-    "control": "control laws (PD with gravity, feed-forward, computed torque, adaptive, operational space) and terms",
-    "cpp": "<name>.hpp, the functions for C++17 with std::array and matrices, Eigen maps on request",
-    "elastic": "dynamics and control laws with elastic joints",
-    "gravity": "<name>_any_gravity.h and .c, the model with gravity as an input",
-    "observer": "the momentum observer of external torques, contact and its wrench",
-    "points": "velocities, Jacobians and wrenches at any link or point, tools, null space, manipulability",
-    "rust": "a crate without dependencies and standard library",
-    "timing": "time-optimal timing of a path within limits of torque, speed and acceleration",
-    "trajectory": "quintic and trapezoidal motions",
+LANGUAGES = {
+    "cpp": "a header of the functions for C++17 with std::array and matrices, Eigen maps on request",
+    "rust": "a crate without dependencies and standard library; inverse kinematics is in the C alone",
 }
-"""Files and groups of functions that can be emitted besides the model, on request of the robot file or the command
-line, each with its description."""
+"""Languages in which the model can be printed besides C and CasADi: for every word a module of that name in the room
+``backends``, with the constant ``BACKEND``, and what it prints."""
+
+EMIT = dict(
+    sorted(
+        {
+            "control": "control laws (PD with gravity, feed-forward, computed torque, adaptive, operational space)"
+            " and terms",
+            "elastic": "dynamics and control laws with elastic joints",
+            "gravity": "<name>_any_gravity.h and .c, the model with gravity as an input",
+            "observer": "the momentum observer of external torques, contact and its wrench",
+            "points": "velocities, Jacobians and wrenches at any link or point, tools, null space, manipulability",
+            "timing": "time-optimal timing of a path within limits of torque, speed and acceleration",
+            "trajectory": "quintic and trapezoidal motions",
+            **LANGUAGES,
+        }.items()
+    )
+)
+"""Languages, files and groups of functions that can be emitted besides the model, on request of the robot file or the
+command line, each with its description."""
 
 IK = ("general", "nominal_first")
 """How an arm near a special geometry is solved: by general equations, or by those of the special arm and refinement."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.backends import Identity, Real
@@ -15,8 +15,17 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
 
 
-def build_files(files: Iterable[str], model: DerivedModel, identity: Identity, real: Real) -> dict[str, str]:
-    """Print ``CMakeLists.txt``, ``<name>.pc`` and ``README.md`` for the emitted ``files`` (paths below the output)."""
+def build_files(
+    files: Iterable[str],
+    model: DerivedModel,
+    identity: Identity,
+    real: Real,
+    languages: Sequence[tuple[str, str]] = (),
+) -> dict[str, str]:
+    """Print ``CMakeLists.txt``, ``<name>.pc`` and ``README.md`` for the emitted ``files`` (paths below the output).
+
+    ``languages`` are files or folders of other languages among them, each with a description for the README.
+    """
     names = sorted(files)
     prefix = model.spec.name
     values: dict[str, Any] = {
@@ -32,7 +41,7 @@ def build_files(files: Iterable[str], model: DerivedModel, identity: Identity, r
     return {
         "CMakeLists.txt": render("c/CMakeLists.txt.j2", **values),
         f"{prefix}.pc": render("c/pkgconfig.pc.j2", **values),
-        "README.md": render("c/README.md.j2", **values, **_contents(model, names, real)),
+        "README.md": render("c/README.md.j2", **values, **_contents(model, names, real), languages=languages),
     }
 
 
@@ -60,8 +69,6 @@ def _contents(model: DerivedModel, names: list[str], real: Real) -> dict[str, An
         "nominal": nominal_name("inverse_dynamics") in model.programs,
         "drives": bool(model.drive_inertia_nominal),
         "solver": f"{name}_ik.h" in names,
-        "cpp": f"{name}.hpp" in names,
-        "rust": any(each.startswith("rust/") for each in names),
         "any_gravity": f"{name}_any_gravity.h" in names,
         "beside": [(stem, what) for stem, what in BESIDE.items() if f"{name}_{stem}.h" in names],
         "law": _law(model),

@@ -6,12 +6,11 @@ import time
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from rrrgen import pipeline
-from rrrgen.backends import Language
 from rrrgen.cli.arguments import (
     ik_option,
     json_option,
@@ -25,7 +24,7 @@ from rrrgen.cli.experiments.controller_code import controller_files, controller_
 from rrrgen.cli.progress import progress_bar
 from rrrgen.cli.terminal import say
 from rrrgen.parallel_map import usual_jobs
-from rrrgen.robotfile.keys import EMIT
+from rrrgen.robotfile.keys import EMIT, LANGUAGES
 
 if TYPE_CHECKING:
     from rrrgen.backends import Real
@@ -122,7 +121,7 @@ def generate(
     spec = spec if method is None else replace(spec, ik=method)
     wanted = {*spec.emit, *further}
     groups = ("model", *sorted(wanted & set(GROUPS)))
-    languages: tuple[Language, ...] = tuple(each for each in get_args(Language) if each in wanted)
+    languages = tuple(each for each in LANGUAGES if each in wanted)
     with progress_bar(in_processes=True) as tell:
         tell(0, 0, "deriving")
         model = pipeline.derive(spec, jobs, groups, tell)
