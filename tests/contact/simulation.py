@@ -38,7 +38,7 @@ class Arms:
         """Residuals (N, count, n) of the observer in the loop; ``force`` (count, 3) acts on the tips from ``at`` on."""
         m, n = self.model, self.n
         q, dq, _ = self.desired(0.0)
-        self.readings, self.torques = [], []
+        self.readings, self.torques, self.seen, self.truth = [], [], [], []
         state = np.zeros((self.count, n, 3))
         tau, r, last, out = np.zeros((self.count, n)), np.zeros((self.count, n)), None, []
         options = {"friction": self.believed, "width": WIDTH}
@@ -54,6 +54,8 @@ class Arms:
             last = (p, u)
             out.append(r)
             self.readings.append(reading)
+            self.seen.append(seen)
+            self.truth.append(np.stack([q, dq], -1))
             e, de = wanted[0] - seen[..., 0], wanted[1] - seen[..., 1]
             ddq = wanted[2] + self.pole**2 * e + 2 * self.pole * de
             command = m.inverse_dynamics(seen[..., 0], seen[..., 1], ddq, self.beta) + m.smooth_friction(

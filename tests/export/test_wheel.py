@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import subprocess
@@ -19,6 +20,7 @@ from rrrgen.cli.main import run
 from rrrgen.errors import InputError
 from rrrgen.export.exporting import export_robot
 from rrrgen.export.interface import ExportOptions
+from rrrgen.robotfile import loads_spec
 
 USE = """
 import json, sys
@@ -126,6 +128,19 @@ def test_a_fresh_environment_runs_it(files, tmp_path):
     found, (T, tau) = json.loads(done.stdout), ours(arm(), q, dq, ddq)
     np.testing.assert_allclose(found["T"], T, atol=1e-13)
     np.testing.assert_allclose(found["tau"], tau, rtol=1e-12, atol=1e-12)
+
+
+def test_the_readme_runs_for_an_arm_without_friction(tmp_path):
+    """Its law then takes friction parameters, which the robot file does not give."""
+    rod = "{mass: 2, com: [-0.1, 0, 0], inertia: {about: com, xx: 0.01, yy: 0.02, zz: 0.02}}"
+    text = TEXT.partition("joints:")[0] + "joints:\n  - {type: revolute, alpha: 0, a: 0.5, d: 0}\nlinks:\n  - " + rod
+    files = export_robot(loads_spec(text), "wheel", options=ExportOptions(further=("control",))).files
+    (name,) = (name for name in files if name.endswith(".whl"))
+    with zipfile.ZipFile(io.BytesIO(files[name])) as wheel:
+        wheel.extractall(tmp_path)
+    (program,) = re.findall(r"```python\n(.*?)```", files["README.md"], re.S)
+    assert "robot.computed_torque(" in program
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=True)
 
 
 def test_the_record_lists_every_file(files, tmp_path):

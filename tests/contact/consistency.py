@@ -1,0 +1,82 @@
+"""Whether the covariances of the estimators are honest: squared errors over what the covariance predicts, 1 if it is.
+
+    python tests/contact/consistency.py rrr
+
+The Kalman filter is judged on the motion it assumes and in the loop of many simulated arms (:mod:`contact.simulation`),
+the force of a contact with the deviations of residuals without contact as sigma. Takes a minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import rrrgen
+from contact.simulation import RESOLUTION, Arms, Ts
+from contact.study import ROBOTS
+from rrrgen.signals.kalman import kalman_matrices, kalman_step
+
+QUANTILES = {1: 3.841, 2: 5.991, 3: 7.815}  # 95 % of chi-squared
+
+
+def normalised(errors, covariance):
+    """The squares e' P^-1 e of ``errors`` (..., m) for ``covariance`` (..., m, m)."""
+    return np.einsum("...i,...i->...", errors, np.linalg.solve(covariance, errors[..., None])[..., 0])
+
+
+def told(name, squares, freedom):
+    """Print mean square over its expectation, and how many are inside the 95 % region."""
+    inside = np.mean(squares < QUANTILES[freedom])
+    print(f"{name}: mean {squares.mean() / freedom:.2f}, inside 95 %: {100 * inside:.0f} %")
+
+
+def as_assumed(matrices, var_eta, var_xi):
+    """Innovations and errors of the filter on 200 joints with the white jerk and the white noise that it assumes."""
+    rng, x = np.random.default_rng(0), np.zeros((200, 3))
+    state, e, errors = np.zeros((200, 3)), [], []
+    for k in range(2000):
+        y = x[:, 0] + rng.normal(size=200) * var_eta**0.5
+        innovation = y - state[:, 0]
+        state, seen = kalman_step(matrices.E, matrices.k, state, y, np.zeros((200, 3)))
+        if k > 500:
+            e.append(innovation)
+            errors.append(seen - x)
+        x = x @ matrices.E.T + matrices.g * rng.normal(size=(200, 1)) * var_xi**0.5
+    return np.array(e), np.array(errors)
+
+
+def main() -> None:
+    """Print the ratios for the filter and for the force."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("robot", choices=sorted(ROBOTS))
+    chosen = parser.parse_args()
+    var_eta, var_xi = RESOLUTION**2 / 12, 300.0**2
+    matrices = kalman_matrices(Ts, var_eta, var_xi)
+    e, errors = as_assumed(matrices, var_eta, var_xi)
+    told("Kalman filter as assumed, innovations (NIS)", e**2 / (matrices.innovation * var_eta), 1)
+    told("Kalman filter as assumed, states (NEES)", normalised(errors, matrices.updated * var_eta), 3)
+    model, (friction, q0) = rrrgen.compile(chosen.robot), ROBOTS[chosen.robot]
+    free, touched = (Arms(model, 50, friction, seed=seed, q0=q0) for seed in (2, 4))
+    alone = free.run(3.0)[1000:]
+    seen, truth = np.array(free.seen)[1000:], np.array(free.truth)[1000:]
+    innovation = (np.array(free.readings)[1000:] - seen[..., 0]) / (1 - matrices.k[0])
+    told("in the loop, innovations (NIS)", innovation**2 / (matrices.innovation * var_eta), 1)
+    told("in the loop, q and dq (NEES)", normalised(seen[..., :2] - truth, matrices.updated[:2, :2] * var_eta), 2)
+    F = np.random.default_rng(3).normal(size=(50, 3))
+    F *= 10.0 / np.linalg.norm(F, axis=1, keepdims=True)
+    r = touched.run(2.5, F, 1.2)[1500:]
+    J, sigma = model.jacobian(np.array(touched.seen)[1500:, ..., 0]), alone.std(axis=(0, 1))
+    found = model.external_force(J, r, sigma)
+    told("force of a contact (NEES)", normalised(found.F - F, found.P), 3)
+    print(
+        f"median error of 10 N: {np.median(np.linalg.norm(found.F - F, axis=-1)):.2g} N, sigma {np.round(sigma, 3)} N m"
+    )
+
+
+if __name__ == "__main__":
+    main()
