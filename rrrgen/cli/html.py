@@ -66,7 +66,7 @@ def _trajectory(file: Path) -> Motion:
 
     series = read_friction_motion(file) or read_trajectory(file)
     t = np.linspace(0.0, series.period, max(2, round(FRAMES_PER_SECOND * series.period) + 1))
-    return Motion(str(file), t, series.evaluate(t)[0])
+    return Motion(f"Trajectory {_short(file)}", t, series.evaluate(t)[0])
 
 
 def _recording(file: Path, spec: RobotSpec) -> Motion:
@@ -77,4 +77,9 @@ def _recording(file: Path, spec: RobotSpec) -> Motion:
     mapping = open_log(file)
     check_robot(mapping, spec)
     log = load_stream(LogStream(mapping), [joint.name for joint in spec.joints])
-    return Motion(str(file), log.t, log.q)
+    return Motion(f"Recording {_short(file)}", log.t, log.q)
+
+
+def _short(file: Path) -> str:
+    """The name of ``file`` on a page that others will see: without the folders above its run folder."""
+    return "/".join(file.absolute().parts[-3:]) if file.parent.name == "results" else file.name

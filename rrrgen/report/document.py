@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from rrrgen.backends.latex import Form, Walk, lay_out, trig_abbreviates
+from rrrgen.backends.latex import Form, Walk, trig_abbreviates
 from rrrgen.derive.parameter_listing import listing
-from rrrgen.errors import DerivationError
-from rrrgen.report import facts, tables
+from rrrgen.report import equations, facts, tables
 from rrrgen.report.geometry import zero_pose
-from rrrgen.report.mathml import MathmlMarkup, definition_lines, display, equation_lines
+from rrrgen.report.mathml import MathmlMarkup
 from rrrgen.report.scene import as_json, scene
 from rrrgen.report.sketch import frame_sketch
 from rrrgen.resources import template_text
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.report.motions import Illustration, Motion
-    from rrrgen.robotfile.robot_spec import RobotSpec
     from rrrgen.verify.report import Report
 
 
@@ -55,6 +53,7 @@ def html_report(
         .get_template("report/report.html.j2")
         .render(
             spec=spec,
+            typeset=tables.typeset,
             notice=notice,
             sketch=Markup(frame_sketch(spec)),
             tip=Markup(tables.pose(tip)),
@@ -66,53 +65,21 @@ def html_report(
             stated=tables.stated(spec),
             not_stated=facts.not_stated(spec),
             drives=tables.drives(spec),
-            convention=parameters.statement,
+            convention=tables.typeset(parameters.statement),
             base_parameters=tables.base_parameters(parameters, walk),
             regrouping=tables.regrouping(model),
             short_trig=walk.short_trig,
-            closed_forms=_closed_forms(closed_forms, walk),
+            closed_forms=equations.closed_forms(closed_forms, walk),
             operations=tables.operations(model),
             passes=tables.passes(model),
             verification=None if verify_report is None else tables.verification(verify_report),
             report=verify_report,
-            inverse=_inverse_kinematics(spec),
+            inverse=equations.inverse_kinematics(spec),
             poses=len(view["poses"]),
             figures=figures,
             scene=Markup(as_json(view)),
         )
     )
-
-
-def _closed_forms(closed_forms: Mapping[str, Form], walk: Walk) -> list[dict[str, object]]:
-    """The template variables of every quantity of the closed forms: name, meaning, MathML and remarks."""
-    shown: list[dict[str, object]] = []
-    for item in lay_out(closed_forms):
-        lines = [line for symbol, value in item.definitions for line in definition_lines(symbol, value, walk)]
-        for equation in item.equations:
-            lines += equation_lines(item.quantity, equation, walk)
-        shown.append(
-            {
-                "name": item.name,
-                "meaning": item.quantity.meaning,
-                "mathml": Markup(display(lines)),
-                "remarks": item.remarks,
-            }
-        )
-    return shown
-
-
-def _inverse_kinematics(spec: RobotSpec) -> str:
-    """The closed form of the inverse kinematics, a summary where it is long, or the reason why there is none."""
-    from rrrgen.backends.latex.inverse_kinematics import closed_form, summary
-    from rrrgen.ik.classify import plan
-
-    found = plan(spec)
-    if not found.solvable:
-        return f"none: {found.reason}"
-    try:
-        return closed_form(spec).text()
-    except DerivationError:
-        return summary(found).text()
 
 
 @cache

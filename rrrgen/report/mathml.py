@@ -58,6 +58,10 @@ class MathmlMarkup:
         head = f"<msup>{head}<mrow>{exponent}</mrow></msup>" if exponent else head
         return f"<mrow>{head}<mo>⁡</mo>{self.group(argument)}</mrow>"
 
+    def listed(self, arguments: Sequence[str]) -> str:
+        """The MathML of the arguments of a function, separated by commas."""
+        return "<mo>,</mo>".join(f"<mrow>{argument}</mrow>" for argument in arguments)
+
     def group(self, content: str) -> str:
         """The MathML of an expression in parentheses."""
         return f"<mrow><mo>(</mo>{content}<mo>)</mo></mrow>"
@@ -79,12 +83,18 @@ def _with_subscript(base: str, parts: Sequence[str]) -> str:
     return f"<msub>{base}<mrow>{below}</mrow></msub>"
 
 
-def sum_of(terms: Sequence[tuple[bool, str]]) -> str:
-    """The MathML elements of a sum such as ``a - b + c``, one after the other, without an enclosing element."""
+def sum_of(terms: Sequence[tuple[bool, str]], within: bool = False) -> str:
+    """The MathML elements of a sum such as ``a - b + c``, one after the other, without an enclosing element.
+
+    ``within`` says that it continues a sum, so that its first term has a sign with space on both sides.
+    """
     text = ""
     for negative, term in terms:
-        if text or negative:
-            text += "<mo>−</mo>" if negative else "<mo>+</mo>"
+        sign = "−" if negative else "+"
+        if within and not text:
+            text += f'<mo form="infix">{sign}</mo>'
+        elif text or negative:
+            text += f"<mo>{sign}</mo>"
         text += term
     return text or "<mn>0</mn>"
 
@@ -105,36 +115,65 @@ def inline(expression: sp.Expr, walk: Walk) -> str:
     return f"<math>{walk.write(expression)}</math>"
 
 
-def folding(expression: sp.Expr, walk: Walk) -> str:
-    """A sum as inline MathML with one element for each term, so that a browser can break the line between terms."""
-    return " ".join(f"<math>{term}</math>" for _, term in _lines("", expression, walk, width=1))
+def folding(expression: sp.Expr, walk: Walk, width: int = 1) -> str:
+    """A sum as inline MathML with one element for each term, so that a browser can break the line between terms.
 
-
-def display(lines: Sequence[tuple[str, str]]) -> str:
-    """The MathML of a table of equations, aligned at the equals sign.
-
-    ``lines`` are pairs (left-hand side, right-hand side); an empty left-hand side continues the equation of the line
-    before.
+    Terms of more than ``width`` plain characters are multiplied out where they can be.
     """
+    terms = [term for row in break_sum(expression, walk, width) for term in row]
+    return "<wbr/>".join(f"<math>{sum_of([term], within=k > 0)}</math>" for k, term in enumerate(terms))
+
+
+Line = tuple[str, str, str]
+"""One equation: the MathML of its left-hand side, that of its right-hand side in elements, and a remark behind it."""
+
+
+def display(lines: Sequence[Line]) -> str:
+    """A table of equations, aligned at the equals sign, that folds at the edge of the page and between its lines."""
     rows = "".join(
-        f'<mtr><mtd class="left">{left}</mtd><mtd>{"<mo>=</mo>" if left else ""}</mtd>'
-        f'<mtd class="right">{right}</mtd></mtr>'
-        for left, right in lines
+        f"<tr><td><math>{left}</math></td><td><math><mo>=</mo></math></td>"
+        f"<td>{right}{f' <span>({escape(note)})</span>' if note else ''}</td></tr>"
+        for left, right, note in lines
     )
-    return f'<math display="block"><mtable columnalign="right center left">{rows}</mtable></math>'
+    return f'<table class="equations"><tbody>{rows}</tbody></table>'
 
 
-def definition_lines(symbol: sp.Symbol, value: sp.Expr, walk: Walk) -> list[tuple[str, str]]:
-    """The MathML lines that define a named subexpression."""
-    return _lines(walk.markup.symbol(notation(str(symbol))), value, walk)
+def definition(symbol: sp.Symbol, value: sp.Expr, walk: Walk) -> Line:
+    """The line that defines a named subexpression."""
+    return walk.markup.symbol(notation(str(symbol))), folding(value, walk, LINE), ""
 
 
-def equation_lines(about: Quantity, equation: Equation, walk: Walk) -> list[tuple[str, str]]:
-    """The MathML lines of one equation of a closed form."""
-    left = _left(about, equation)
-    if isinstance(equation.value, sp.MatrixBase):
-        return [(left, matrix(equation.value, walk))]
-    return _lines(left, equation.value, walk)
+def step(symbol: sp.Expr, value: sp.Expr, either: sp.Expr | None, note: str, walk: Walk) -> Line:
+    """The line ``symbol = value``, or with two roots ``symbol = value ± either``, and its remark."""
+    if either is None:
+        return walk.write(symbol), _folding_angle(value, walk), note
+    root = _folding_angle(either, walk, f'<mo form="{"infix" if value else "prefix"}">±</mo>')
+    return walk.write(symbol), f"{_folding_angle(value, walk)}<wbr/>{root}" if value else root, note
+
+
+def _folding_angle(value: sp.Expr, walk: Walk, sign: str = "") -> str:
+    """The MathML of ``value``; if it is an arctangent of two arguments, a browser can break the line within them.
+
+    ``sign`` stands before it.
+    """
+    angle = -value if isinstance(-value, sp.atan2) else value
+    if not isinstance(angle, sp.atan2):
+        return f"<math>{sign}{walk.write(value)}</math>" if sign else folding(value, walk, LINE)
+    head = sign + ("" if angle is value else "<mo>−</mo>")
+    y, x = (folding(argument, walk, LINE) for argument in angle.args)
+    joined = "\u2060"  # no line break here
+    return (
+        f"<math>{head}<mi>atan2</mi><mo>(</mo></math>{joined}{y}{joined}<math><mo>,</mo></math><wbr/>"
+        f"{x}{joined}<math><mo>)</mo></math>"
+    )
+
+
+def equation(about: Quantity, written: Equation, walk: Walk) -> Line:
+    """The line of one equation of a closed form."""
+    left = _left(about, written)
+    if isinstance(written.value, sp.MatrixBase):
+        return left, f"<math>{matrix(written.value, walk)}</math>", ""
+    return left, folding(written.value, walk, LINE), ""
 
 
 def matrix(value: sp.MatrixBase, walk: Walk) -> str:
@@ -154,12 +193,3 @@ def _left(about: Quantity, equation: Equation) -> str:
         return _with_subscript(letter, below)
     arguments = "<mo>,</mo>".join(_dotted(chr(_BOLD_SMALL + 16), len(a) - 1) for a in about.arguments)
     return f"{_with_subscript(letter, below)}<mo>(</mo>{arguments}<mo>)</mo>"
-
-
-def _lines(left: str, value: sp.Expr, walk: Walk, width: int = LINE) -> list[tuple[str, str]]:
-    first, *others = break_sum(value, walk, width)
-    lines = [(left, f"<mrow>{sum_of(first)}</mrow>")]
-    for row in others:
-        sign = "" if row[0][0] else "<mo>+</mo>"
-        lines.append(("", f"<mrow>{sign}{sum_of(row)}</mrow>"))
-    return lines

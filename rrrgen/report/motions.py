@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ SAMPLES = 2000
 """Largest number of samples of a motion on the page, which interpolates between them: about 100 kB for six joints."""
 
 DIGITS = 5  # decimals of positions (rad, m) and times (s) on the page: 0.01 mm
+
+PIXELS_PER_POINT = 1.45
+"""Size of figures on the page: 4/3 is that of print; text of 8 points, the smallest there, has 12 pixels."""
 
 LARGEST_DRAWING = 400_000
 """Size in bytes from which the PNG of a figure is taken instead of its SVG: clouds of points make large drawings."""
@@ -45,10 +49,14 @@ class Motion:
 
 @dataclass(frozen=True)
 class Illustration:
-    """A figure on the page: ``caption``, and the whole image as a ``data:`` address, so that nothing is fetched."""
+    """A figure on the page: ``caption``, and the whole image as a ``data:`` address, so that nothing is fetched.
+
+    ``width`` is the width in pixels at which its text has the size of the page's notes; None where it is not known.
+    """
 
     caption: str
     address: str
+    width: int | None = None
 
 
 def illustrations(folder: Path) -> list[Illustration]:
@@ -64,4 +72,12 @@ def _illustration(folder: Path, drawing: Path) -> Illustration:
     large = drawing.stat().st_size > LARGEST_DRAWING and pixels.exists()
     kind, file = ("image/png", pixels) if large else ("image/svg+xml", drawing)
     content = base64.b64encode(file.read_bytes()).decode("ascii")
-    return Illustration(f"{folder.name}: {drawing.stem.replace('_', ' ')}", f"data:{kind};base64,{content}")
+    caption = f"{folder.name}: {drawing.stem.replace('_', ' ')}"
+    return Illustration(caption, f"data:{kind};base64,{content}", _width(drawing))
+
+
+def _width(drawing: Path) -> int | None:
+    """Width in pixels at which a figure is shown, from the width in points (1/72 inch) that its SVG states."""
+    with drawing.open(encoding="utf-8") as text:
+        stated = re.search(r'<svg[^>]*\swidth="([\d.]+)pt"', text.read(4000))
+    return round(PIXELS_PER_POINT * float(stated[1])) if stated else None

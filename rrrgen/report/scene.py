@@ -35,9 +35,9 @@ def scene(model: DerivedModel) -> dict[str, Any]:
     """The data of the view: geometry at nominal parameters (SI units), joint ranges, configurations of equal tip pose.
 
     ``joints`` holds per joint name, type, alpha, a, d, theta and the ends of its slider: the limits of the robot file,
-    else one turn or the reach. In a mechanism, ``rows`` holds the Denavit-Hartenberg rows instead, each with the number
-    of the row that carries it and the factors of q in its displacement. ``poses`` holds lists of configurations ``q``
-    with the names of their branches.
+    else one turn or the reach; ``limited`` says for both ends whether the file states them. In a mechanism, ``rows``
+    holds the Denavit-Hartenberg rows instead, each with the number of the row that carries it and the factors of q in
+    its displacement. ``poses`` holds lists of configurations ``q`` with the names of their branches.
     """
     spec = model.spec
     base, stages, tip = zero_pose(spec)
@@ -51,7 +51,13 @@ def scene(model: DerivedModel) -> dict[str, Any]:
         dict(zip(("alpha", "a", "d", "theta"), (_short(v) for v in row[1:]), strict=True)) for row in spec.dh_table()
     ]
     joints: list[dict[str, Any]] = [
-        {"name": joint.name, "revolute": joint.is_revolute, "lower": _short(lower), "upper": _short(upper)}
+        {
+            "name": joint.name,
+            "revolute": joint.is_revolute,
+            "lower": _short(lower),
+            "upper": _short(upper),
+            "limited": [joint.limits.lower is not None, joint.limits.upper is not None],
+        }
         for joint, (lower, upper) in zip(spec.joints, ends, strict=True)
     ]
     if spec.mechanism is None:

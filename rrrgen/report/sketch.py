@@ -15,7 +15,8 @@ AZIMUTH, ELEVATION = radians(-52.0), radians(22.0)  # direction of view; no axis
 _AXIS_CLASSES = ("x", "y", "z")
 _TRIAD = 34.0  # length of the axes of a frame, px
 _REACH = 58.0  # length of the positive side of a joint axis, px
-_LABEL = 14.0  # labels closer than this, px, are written as one
+_LABEL = 21.0  # labels closer than this, px, are written as one: the height of a line on a phone
+_LETTER = 11.0  # width of a character there, px
 _COINCIDENT = 1e-9  # m
 
 
@@ -153,7 +154,7 @@ def _apart(labels: Sequence[Label]) -> list[str]:
     boxes: list[tuple[float, float, float]] = []  # middle, half width
     texts = []
     for name, (x, y), kind in labels:
-        half = 4.0 * len(name)
+        half = _LETTER / 2 * len(name)
         while any(abs(x - u) < half + w and abs(y - v) < _LABEL for u, v, w in boxes):
             y += 1.0
         boxes.append((x, y, half))

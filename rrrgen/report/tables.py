@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, isfinite
 from typing import TYPE_CHECKING
 
 import sympy as sp
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from rrrgen.backends.latex import Walk
 from rrrgen.model.drive_text import coupling_equations, motor_facts
@@ -109,13 +110,22 @@ def stated(spec: RobotSpec) -> list[tuple[str, Table]]:
     return found
 
 
+def typeset(text: str) -> Markup:
+    """Set a sentence about link parameters with subscripts: ``Ixy`` becomes I with the subscript xy."""
+    text = str(escape(text)).replace("-integral of x*y dm", "−∫ <i>x y</i> d<i>m</i>")
+    text = text.replace("integral of r r&#39; dm", "∫ <i>r rᵀ</i> d<i>m</i>").replace("mi*(", "mi (")
+    text = re.sub(r"\b([IJ])([xyz]{2})(i?)\b", lambda m: f"<i>{m[1]}<sub>{m[2]}{',i' * bool(m[3])}</sub></i>", text)
+    return Markup(re.sub(r"\b(m[xyz]?|[xyz])i\b", r"<i>\1<sub>i</sub></i>", text))
+
+
 def drives(spec: RobotSpec) -> tuple[Table, Table] | None:
     """The tables of coupled drives, or None: joint speeds as sums of drive speeds, and the motors of the robot file."""
     if spec.drives is None:
         return None
     equations = tuple((equation.replace("-", "−"),) for equation in coupling_equations(spec))
-    motors = tuple((motor.name, motor_facts(motor)) for motor in spec.drives.motors)
-    return Table(("speed of the joint from those of the drives",), equations), Table(("motor", "at its shaft"), motors)
+    shafts = {motor.name: motor_facts(motor).replace("^2", "²").replace("-", "−") for motor in spec.drives.motors}
+    speeds = Table(("speed of the joint from those of the drives",), equations)
+    return speeds, Table(("motor", "at its shaft"), tuple(shafts.items()))
 
 
 def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
@@ -132,11 +142,16 @@ def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
 
 def regrouping(model: DerivedModel) -> Table:
     """The table of regrouping: how each standard parameter enters the base parameters, and why."""
-    rows = tuple((item.parameter, item.formula, item.reason) for item in model.regrouping)
+    rows = tuple((item.parameter, _formula(item.formula), item.reason) for item in model.regrouping)
     return Table(("standard parameter", "regrouped into", "reason"), rows)
 
 
-_COUNTS = ("multiplications", "additions", "divisions", "roots", "sine and cosine pairs", "other", "total")
+def _formula(text: str) -> str:
+    """Print a formula of plain text with raised exponents and signs of mathematics."""
+    return text.replace("**2", "²").replace("**3", "³").replace("*", "·").replace("-", "−")
+
+
+_COUNTS = ("total", "multiplications", "additions", "divisions", "roots", "sine and cosine pairs", "other")
 
 
 def operations(model: DerivedModel) -> Table:
@@ -146,7 +161,7 @@ def operations(model: DerivedModel) -> Table:
 
 
 def _counts(count: OperationCount) -> tuple[str, ...]:
-    values = (count.mul, count.add, count.div, count.sqrt, count.sincos, count.other, count.total)
+    values = (count.total, count.mul, count.add, count.div, count.sqrt, count.sincos, count.other)
     return tuple(str(value) for value in values)
 
 

@@ -4,7 +4,7 @@
   const scene = JSON.parse(document.getElementById("scene").textContent);
   const canvas = document.getElementById("view");
   const paint = canvas.getContext("2d");
-  const root = document.getElementById("viewer");
+  const root = document.getElementById("viewer"), page = document.documentElement;
   const n = scene.joints.length;
   const start = scene.joints.map((joint) => Math.min(Math.max(0, joint.lower), joint.upper));
   const state = { q: start.slice(), azimuth: -0.9, elevation: 0.38, zoom: 1, frames: true, others: [], trace: [] };
@@ -82,13 +82,17 @@
     return { middle: middle, radius: Math.max(0.4 * scene.reach, ...points.map((p) => size(plus(p, middle, -1)))) };
   })();
 
-  function look() {
+  /* Set the view so that the points `shown` are in it. */
+  function look(shown) {
     const ca = Math.cos(state.azimuth), sa = Math.sin(state.azimuth);
     const ce = Math.cos(state.elevation), se = Math.sin(state.elevation);
     eye = {
       right: [-sa, ca, 0], up: [-se * ca, -se * sa, ce], back: [ce * ca, ce * sa, se], middle: room.middle,
-      scale: state.zoom * 0.43 * Math.min(width, height) / room.radius, far: 5 * scene.reach,
+      scale: 0.5 * Math.min(width, height) / room.radius, far: 5 * scene.reach,
     };
+    const excess = shown.map(project).map((p) => Math.max(
+      Math.abs(p[0] - width / 2) / (width / 2 - 36), Math.abs(p[1] - height / 2) / (height / 2 - 36)));
+    eye.scale *= state.zoom / Math.max(1, ...excess);  // no part of the arm is out of view unless the view is enlarged
   }
   function project(p) {
     const r = plus(p, eye.middle, -1), depth = dot(r, eye.back), f = eye.scale * eye.far / (eye.far - depth);
@@ -190,7 +194,7 @@
     });
   }
   function draw() {
-    const ratio = window.devicePixelRatio || 1;
+    const ratio = page.classList.contains("paper") ? 3 : window.devicePixelRatio || 1;
     width = canvas.clientWidth;
     height = canvas.clientHeight;
     canvas.width = Math.round(width * ratio);
@@ -198,8 +202,8 @@
     paint.setTransform(ratio, 0, 0, ratio, 0, 0);
     paint.clearRect(0, 0, width, height);
     paint.lineCap = "round";
-    look();
     const colors = palette(), arm = pose(state.q), facets = [], thick = 0.026 * scene.reach;
+    look([origin(scene.base), origin(arm.tip)].concat(...arm.lines, ...state.others.map((q) => pose(q).lines.flat())));
     ground(colors);
     state.others.forEach((q) => {
       pose(q).lines.forEach((ends) => line(ends[0], ends[1], colors.ghost, 2));
@@ -246,9 +250,13 @@
     document.getElementById("tip").textContent =
       "Tip: x " + p[0] + ", y " + p[1] + ", z " + p[2] + " mm; roll " + a[0] + ", pitch " + a[1] + ", yaw " + a[2] + "\u00b0";
   }
-  function value(i) {
-    const q = state.q[i];
-    return scene.joints[i].revolute ? fixed(q * 180 / Math.PI, 1) + "\u00b0" : fixed(q * 1000, 1) + " mm";
+  function written(i, q, digits) {
+    return scene.joints[i].revolute ? fixed(q * 180 / Math.PI, digits) + "\u00b0" : fixed(q * 1000, digits) + " mm";
+  }
+  function value(i) { return written(i, state.q[i], 1); }
+  function end(row, i, k) {  // the value at one end of a slider, in brackets where the robot file states no limit
+    const joint = scene.joints[i], text = written(i, [joint.lower, joint.upper][k], 1).replace(/\.0(?!\d)/, "");
+    element("small", row, joint.limited[k] ? text : "(" + text + ")");
   }
 
   /* -- controls -------------------------------------------------------------------------------------------------------- */
@@ -264,6 +272,7 @@
     sliders.forEach((slider, i) => {
       slider.input.value = state.q[i];
       slider.output.textContent = value(i);
+      slider.input.setAttribute("aria-valuetext", value(i));
     });
     draw();
   }
@@ -294,19 +303,23 @@
   scene.joints.forEach((joint, i) => {
     const row = element("label", list, "", { className: "slider" });
     element("span", row, joint.name);
-    const input = element("input", row, "", { type: "range", min: joint.lower, max: joint.upper, step: "any", value: start[i] });
     const output = element("output", row, value(i));
+    end(row, i, 0);
+    const input = element("input", row, "", { type: "range", min: joint.lower, max: joint.upper, step: "any", value: start[i] });
+    end(row, i, 1);
     input.addEventListener("input", () => {
       cancelAnimationFrame(motion);
       release();
       state.q[i] = Number(input.value);
       output.textContent = value(i);
+      input.setAttribute("aria-valuetext", value(i));
       draw();
     });
     sliders.push({ input: input, output: output });
   });
   const buttons = document.getElementById("actions");
-  element("button", buttons, "Zero pose", { type: "button" }).addEventListener("click", () => { release(); move(start); });
+  const zero = start.every((q) => q === 0) ? "Zero pose" : "Within limits, nearest to zero";
+  element("button", buttons, zero, { type: "button" }).addEventListener("click", () => { release(); move(start); });
   const toggle = element("button", buttons, "Frames", { type: "button" });
   toggle.setAttribute("aria-pressed", "true");
   toggle.addEventListener("click", () => {
@@ -415,9 +428,25 @@
     } else return;
     draw();
   });
-  window.addEventListener("resize", draw);
+  function reachable() {  // what scrolls can be scrolled with the keys
+    document.querySelectorAll(".wide").forEach((each) => {
+      if (each.scrollWidth > each.clientWidth) each.tabIndex = 0; else each.removeAttribute("tabindex");
+    });
+  }
+  window.addEventListener("resize", () => { draw(); reachable(); });
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-  window.addEventListener("beforeprint", draw);
+  const closed = [];  // what is folded on the screen is written out on paper
+  window.addEventListener("beforeprint", () => {
+    page.classList.add("paper");
+    document.querySelectorAll("details:not([open])").forEach((each) => { each.open = true; closed.push(each); });
+    draw();
+  });
+  window.addEventListener("afterprint", () => {
+    page.classList.remove("paper");
+    closed.splice(0).forEach((each) => { each.open = false; });
+    draw();
+  });
   root.classList.add("alive");
   draw();
+  reachable();
 })();

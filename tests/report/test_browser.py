@@ -9,6 +9,7 @@ import subprocess
 from itertools import combinations
 from math import radians
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import closed_form
 from rrrgen.program import evaluate
 from rrrgen.report import html_report
-from rrrgen.report.motions import Motion
+from rrrgen.report.motions import Illustration, Motion
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
@@ -31,8 +32,9 @@ QUIET = (
 )  # fmt: skip
 
 ANGLES = (0.4, -1.1, 0.9, -0.3, 0.7, 0.2)
+DRAWN = 800  # width of a plot, px
 PLAYED = np.array([0.2, -0.9, 0.5, 0.3, -0.6, 0.1])
-PROBE = """
+PROBE = r"""
 <script>
 const found = { width: innerWidth, scroll: document.documentElement.scrollWidth, outside: [], tip: "" };
 const scrolls = (e) => e !== document.body &&
@@ -41,29 +43,57 @@ document.querySelectorAll("body *").forEach((e) => {
   const box = e.getBoundingClientRect();
   if (box.width && box.right > innerWidth + 1 && !scrolls(e)) found.outside.push(e.tagName + "." + e.className);
 });
+const tone = (text) => {
+  const [r, g, b, a] = text.match(/[\d.]+/g).map(Number);
+  const part = (v) => (v / 255 <= 0.03928 ? v / 255 / 12.92 : ((v / 255 + 0.055) / 1.055) ** 2.4);
+  return { light: 0.2126 * part(r) + 0.7152 * part(g) + 0.0722 * part(b), clear: a === 0 };
+};
+const ground = (e) => {
+  const found = tone(getComputedStyle(e).backgroundColor);
+  return found.clear ? ground(e.parentElement) : found.light;
+};
+found.pale = [];  // text with too little contrast to its ground
+document.querySelectorAll("body *").forEach((e) => {
+  if (!e.getClientRects().length || ![...e.childNodes].some((n) => n.nodeType === 3 && n.data.trim())) return;
+  if (e.classList.contains("halo")) return;
+  const style = getComputedStyle(e), svg = e instanceof SVGElement;
+  const [dark, light] = [tone(svg ? style.fill : style.color).light, ground(e)].sort((a, b) => a - b);
+  if ((light + 0.05) / (dark + 0.05) < 4.5) found.pale.push(e.tagName + " " + e.textContent.slice(0, 30));
+});
+found.dark = matchMedia("(prefers-color-scheme: dark)").matches;
+found.plot = document.querySelector(".plot img").offsetWidth;
 const labels = [], fill = CanvasRenderingContext2D.prototype.fillText;
 CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
   labels.push([text, x, y, x + this.measureText(text).width]);
   fill.call(this, text, x, y);
 };
-document.querySelectorAll("#joints input").forEach((input, i) => {
+const view = document.getElementById("view"), seen = new Set();
+const shown = () => Array.from(document.querySelectorAll("#joints output")).map((e) => e.textContent);
+const set = (input, value) => { input.value = value; input.dispatchEvent(new Event("input")); };
+const sliders = document.querySelectorAll("#joints input");
+found.ends = [];
+["min", "max"].forEach((end) => sliders.forEach((input) => {
   labels.length = 0;
-  input.value = ANGLES[i];
-  input.dispatchEvent(new Event("input"));
+  set(input, input[end]);
+  found.ends.push([end, input.value, ...labels.map((l) =>
+    l[1] > 0 && l[1] < view.clientWidth && l[2] > 0 && l[2] < view.clientHeight)]);
+}));
+sliders.forEach((input, i) => {
+  labels.length = 0;
+  set(input, ANGLES[i]);
 });
 found.labels = labels.slice();
 found.tip = document.getElementById("tip").textContent;
-const time = document.querySelector("#player input");
-time.value = 2;
-time.dispatchEvent(new Event("input"));
-found.played = Array.from(document.querySelectorAll("#joints output")).map((e) => e.textContent);
-const view = document.getElementById("view"), seen = new Set();
+found.played = Array.from(document.querySelectorAll("#player input")).map((time) => { set(time, 2); return shown(); });
 const pixels = view.getContext("2d").getImageData(0, 0, view.width, view.height).data;
 for (let k = 0; k < pixels.length; k += 4) seen.add(pixels[k] + "," + pixels[k + 1] + "," + pixels[k + 2]);
 found.colors = seen.size;
 document.querySelectorAll("#configurations .choice button")[1].click();
 found.branch = document.getElementById("branch").textContent;
-found.chosen = Array.from(document.querySelectorAll("#joints output")).map((e) => e.textContent);
+found.chosen = shown();
+labels.length = 0;
+[...document.querySelectorAll("#actions button")].find((button) => button.textContent === "Frames").click();
+found.unframed = labels.map((label) => label[0]);
 parent.postMessage(JSON.stringify(found), "*");
 </script>
 """
@@ -79,17 +109,21 @@ FRAME = """<pre id="found"></pre>
 def page() -> str:
     model = bundled("ur10e")
     forms = {name: closed_form(prepare(model.spec), name).readable() for name in ("forward_kinematics", "gravity")}
-    motion = Motion("recording " + 60 * "x", np.array([0.0, 1.0, 3.0]), np.array([np.zeros(6), np.ones(6), PLAYED]))
-    return html_report(model, forms, notice=f"Written from model {64 * 'a'}.", motions=[motion])
+    recording = Motion("recording " + 60 * "x", np.array([0.0, 1.0, 3.0]), np.array([np.zeros(6), np.ones(6), PLAYED]))
+    trajectory = Motion("trajectory", np.array([0.0, 2.0]), np.array([np.zeros(6), PLAYED]))
+    drawing = f"<svg xmlns='http://www.w3.org/2000/svg' width='{DRAWN}' height='90'/>"
+    figure = Illustration("a plot", f"data:image/svg+xml,{quote(drawing)}", DRAWN)
+    motions = [recording, trajectory]
+    return html_report(model, forms, notice=f"Written from model {64 * 'a'}.", motions=motions, figures=[figure])
 
 
-def opened(text: str, width: int, folder: Path) -> tuple[dict, str]:
+def opened(text: str, width: int, folder: Path, *options: str) -> tuple[dict, str]:
     """What the probe found on the page of this width, and what the browser said on its console."""
     file = folder / "report.html"
     file.write_text(text.replace("</body>", PROBE.replace("ANGLES", json.dumps(ANGLES)) + "</body>"), encoding="utf-8")
     frame = folder / "frame.html"
     frame.write_text(FRAME.replace("WIDTH", str(width)), encoding="utf-8")
-    command = [CHROMIUM, *QUIET, f"--user-data-dir={folder / 'profile'}", f"--window-size={width + 100},1000"]
+    command = [CHROMIUM, *QUIET, *options, f"--user-data-dir={folder / 'profile'}", f"--window-size={width + 100},1000"]
     done = subprocess.run(
         [*command, "--dump-dom", frame.as_uri()], capture_output=True, text=True, timeout=120, check=True
     )
@@ -107,8 +141,12 @@ def laptop(page: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, s
 
 @pytest.mark.parametrize("width", [390, 1280, 1920])
 def test_report_is_whole_at_every_width(page: str, laptop: tuple[dict, str], width: int, tmp_path: Path) -> None:
-    found, console = laptop if width == 1280 else opened(page, width, tmp_path)
+    dark = ["--force-dark-mode"] if width == 1920 else []
+    found, console = laptop if width == 1280 else opened(page, width, tmp_path, *dark)
     assert found["width"] == width
+    assert found["dark"] == bool(dark)
+    assert found["pale"] == [], "text has too little contrast"
+    assert found["plot"] == DRAWN, "the text of plots is smaller than they were drawn"
     assert console == ""
     assert found["scroll"] <= found["width"], "the page scrolls sideways"
     assert found["outside"] == [], "elements stand out of the page"
@@ -120,11 +158,24 @@ def test_report_is_whole_at_every_width(page: str, laptop: tuple[dict, str], wid
         assert end < other or abs(y - level) > 11, "names of frames overlap"
 
 
+def test_sliders_reach_the_limits_with_the_arm_in_view(laptop: tuple[dict, str]) -> None:
+    found, _ = laptop
+    limits = [(joint.limits.lower, joint.limits.upper) for joint in bundled("ur10e").spec.joints]
+    reached = [float(value) for _, value, *_ in found["ends"]]
+    np.testing.assert_allclose(np.reshape(reached, (2, 6)).T, np.array(limits, float), atol=1e-8)
+    assert all(len(inside) > 0 and all(inside) for _, _, *inside in found["ends"])
+
+
+def test_frames_are_hidden_by_a_click(laptop: tuple[dict, str]) -> None:
+    found, _ = laptop
+    assert found["unframed"] == ["tip"]
+
+
 def test_paper_needs_no_scrolling(page: str, tmp_path: Path) -> None:
     """What is printed, at the width of a page of paper: nothing stands out, and nothing scrolls."""
     found, console = opened(page.replace("@media print", "@media all"), 718, tmp_path)
     assert console == ""
-    assert found["scroll"] <= 718
+    assert found["scroll"] <= 718, found["outside"]
     assert found["outside"] == []
 
 
@@ -138,11 +189,12 @@ def test_a_click_shows_a_configuration_of_the_same_tip(page: str, laptop: tuple[
     assert re.fullmatch(r"\w+ \d(, \w+ \d)+", found["branch"])
 
 
-def test_a_motion_is_interpolated_between_its_samples(laptop: tuple[dict, str]) -> None:
+def test_motions_are_interpolated_between_their_samples(laptop: tuple[dict, str]) -> None:
     found, console = laptop
-    shown = [float(text.replace("−", "-").rstrip("°")) for text in found["played"]]
     assert console == ""
-    np.testing.assert_allclose(shown, np.degrees((np.ones(6) + PLAYED) / 2), atol=0.051)
+    recorded, designed = ([float(text.replace("−", "-").rstrip("°")) for text in each] for each in found["played"])
+    np.testing.assert_allclose(recorded, np.degrees((np.ones(6) + PLAYED) / 2), atol=0.051)
+    np.testing.assert_allclose(designed, np.degrees(PLAYED), atol=0.051)
 
 
 def test_view_computes_the_pose_of_the_tip(laptop: tuple[dict, str]) -> None:

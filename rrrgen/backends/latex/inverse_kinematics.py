@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
+from rrrgen.backends.latex.walk import decimal_text
 from rrrgen.errors import DerivationError
 from rrrgen.ik.answers import most_rows
 from rrrgen.ik.classify import plan as make_plan
@@ -71,21 +72,24 @@ class ClosedForm:
 
     def text(self) -> str:
         """The whole closed form as plain text."""
-        most = most_rows(self.plan) if self.plan.coupling else self.plan.max_solutions
-        head = [f"inverse kinematics: {self.plan.title}", f"at most {most} solutions"]
-        if self.plan.coupling:
-            slides = "" if self.plan.chain.types.count("P") < 1 else " (slides of a telescope count as one)"
-            head.append(f"y_i: the displacement of row i between base and tip{slides}; q_k: joint position k")
-        if self.plan.redundancy:
-            head.append(f"redundancy parameter: {self.plan.redundancy}")
-        if self.plan.incomplete:
-            head.append(f"incomplete: {self.plan.incomplete}")
-        if self.plan.approach:
-            head.append(self.plan.approach)
+        head = [f"inverse kinematics: {self.plan.title}", *self.remarks()]
         head += [f"singular: {_said(singularity)}" for singularity in self.singularities]
         if self.values:
-            head.append("with " + ", ".join(f"{symbol} = {value}" for symbol, value in self.values))
+            head.append("with " + ", ".join(f"{symbol} = {_number(value)}" for symbol, value in self.values))
         return "\n".join([*head, *(f"  {step.text()}" for step in self.steps)])
+
+    def remarks(self) -> list[str]:
+        """Clauses with the number of solutions, the meaning of symbols, and what the closed form leaves out."""
+        most = most_rows(self.plan) if self.plan.coupling else self.plan.max_solutions
+        said = ["at most one solution" if most == 1 else f"at most {most} solutions"]
+        if self.plan.coupling:
+            slides = "" if self.plan.chain.types.count("P") < 1 else " (slides of a telescope count as one)"
+            said.append(f"y_i: the displacement of row i between base and tip{slides}; q_k: joint position k")
+        if self.plan.redundancy:
+            said.append(f"redundancy parameter: {self.plan.redundancy}")
+        if self.plan.incomplete:
+            said.append(f"incomplete: {self.plan.incomplete}")
+        return [*said, self.plan.approach] if self.plan.approach else said
 
     def latex(self) -> str:
         """The steps as one LaTeX ``align*`` environment."""
@@ -93,6 +97,11 @@ class ClosedForm:
         if not lines:
             raise DerivationError(f"{self.plan.title}: there are no closed-form steps to print")
         return "\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}"
+
+
+def _number(value: sp.Expr) -> str:
+    """Print a length or angle as decimals, as robot files do, or as it is where it has none."""
+    return (decimal_text(value) if value.is_Rational else None) or str(value)
 
 
 def _said(singularity: Singularity) -> str:

@@ -100,9 +100,14 @@ def _shared(entries: list[sp.Expr]) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ..
 
 
 def trig_abbreviates(closed_forms: Mapping[str, Form]) -> bool:
-    """Whether c2, s23, ... may abbreviate cosines and sines, because no symbol of the formulas has such a name."""
+    """Whether c2, s23, ... abbreviate cosines and sines: the formulas hold some, and no symbol has such a name."""
     names = {str(symbol) for value in closed_forms.values() for symbol in value.free_symbols}
-    return not any(re.fullmatch(r"[cs]_?[1-9]+", name) for name in names)
+    taken = any(re.fullmatch(r"[cs]_?[1-9]+", name) for name in names)
+    return not taken and any(part.has(sp.sin, sp.cos) for value in closed_forms.values() for part in _parts(value))
+
+
+def _parts(form: Form) -> list[sp.Basic]:
+    return [form.matrix, *(value for _, value in form.definitions)] if isinstance(form, SharedForm) else [form]
 
 
 def _entrywise(letter: str, matrix: sp.MatrixBase) -> tuple[tuple[Equation, ...], tuple[str, ...]]:

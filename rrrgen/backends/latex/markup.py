@@ -67,6 +67,10 @@ class LatexMarkup:
         raised = f"^{{{exponent}}}" if exponent else ""
         return rf"{command}{raised}\left({argument}\right)"
 
+    def listed(self, arguments: Sequence[str]) -> str:
+        """The markup of the arguments of a function, separated by commas."""
+        return ", ".join(arguments)
+
     def group(self, content: str) -> str:
         """The markup of an expression in parentheses."""
         return rf"\left({content}\right)"
@@ -78,7 +82,8 @@ class TextMarkup:
     def symbol(self, parts: Notation) -> str:
         """The name of a symbol as one word."""
         last = parts.subscript[-1] if parts.subscript else ""
-        joint = "_" if len(last) > 1 and not last.removesuffix("R").isdigit() else ""
+        word = len(last) > 1 or len(parts.subscript) > 1
+        joint = "_" if word and not last.removesuffix("R").isdigit() else ""
         return "d" * parts.dots + parts.base + "".join(parts.subscript[:-1]) + joint + last
 
     def number(self, text: str) -> str:
@@ -108,6 +113,10 @@ class TextMarkup:
     def function(self, name: str, argument: str, exponent: str) -> str:
         """The text of ``name(argument)``, followed by ``^exponent`` unless that is empty."""
         return f"{name}({argument})" + (f"^{_enclosed(exponent, ' */-')}" if exponent else "")
+
+    def listed(self, arguments: Sequence[str]) -> str:
+        """The markup of the arguments of a function, separated by commas."""
+        return ", ".join(arguments)
 
     def group(self, content: str) -> str:
         """The markup of an expression in parentheses."""

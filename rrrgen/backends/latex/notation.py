@@ -21,7 +21,7 @@ _JOINT = re.compile(r"(d{0,2})q_?(\d+)")
 _INERTIAL = re.compile(r"([IJ]|h|m)([xyz]{1,2})_?(\d+R?)")
 _DRIVE = re.compile(r"(I|f)([avco])_?(\d+)")
 _NUMBERED = re.compile(r"([A-Za-z]+?)_?(\d+R?)")
-_WORDED = re.compile(r"([A-Za-z]+)_(\w+)")
+_WORDED = re.compile(r"([A-Za-z]+)(\d*)_(\w+)")
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def notation(name: str) -> Notation:
     if match := _NUMBERED.fullmatch(name):
         return Notation(match[1], (match[2],))
     if match := _WORDED.fullmatch(name):
-        return Notation(match[1], (match[2],))
+        return Notation(match[1], (match[2], match[3]) if match[2] else (match[3],))
     return Notation(name)
 
 

@@ -13,6 +13,11 @@ from rrrgen.errors import BackendError
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 
+_ARGUMENTS = dict.fromkeys(("sin", "cos", "tan", "asin", "acos", "atan", "sign", "Abs", "exp", "tanh"), 1) | {
+    "atan2": 2
+}
+"""Number of arguments of every function that has a notation."""
+
 
 class Markup(Protocol):
     """The interface of a markup language: one method per kind of formula, given the text of its parts."""
@@ -47,6 +52,10 @@ class Markup(Protocol):
 
     def function(self, name: str, argument: str, exponent: str) -> str:
         """The markup of ``name(argument)``, to the power ``exponent`` unless that is empty."""
+        ...
+
+    def listed(self, arguments: Sequence[str]) -> str:
+        """The markup of the arguments of a function, separated by commas."""
         ...
 
     def group(self, content: str) -> str:
@@ -186,11 +195,12 @@ class Walk:
 
     def _function(self, e: sp.Expr, exponent: str) -> str:
         name = e.func.__name__
-        if name not in ("sin", "cos", "tan", "sign", "Abs", "exp", "tanh", "atan2") or len(e.args) != 1:
+        if len(e.args) != _ARGUMENTS.get(name, 0):
             raise BackendError(f"no notation for the function {name} in a closed form")
-        argument = sp.expand(e.args[0])
-        short = short_angle(argument) if self.short_trig and name in ("sin", "cos") else None
+        arguments = [sp.expand(argument) for argument in e.args]
+        short = short_angle(arguments[0]) if self.short_trig and name in ("sin", "cos") else None
         if short is None:
-            return self.markup.function({"sign": "sgn", "Abs": "abs"}.get(name, name), self.write(argument), exponent)
+            text = self.markup.listed([self.write(argument) for argument in arguments])
+            return self.markup.function({"sign": "sgn", "Abs": "abs"}.get(name, name), text, exponent)
         letter = self.markup.symbol(Notation(name[0], (short,)))
         return self.markup.power(letter, exponent) if exponent else letter
