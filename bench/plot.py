@@ -38,7 +38,7 @@ def plot(results: Results, directory: Path) -> None:
             for k, function in enumerate(("inverse_dynamics", "mass_matrix")):
                 _lines(figure.add_subplot(grid[rows - 1, k]), results, function, unit)
         figure.savefig(directory / "benchmark.svg", metadata={"Date": None})
-        figure.savefig(directory / "benchmark.png", dpi=110)
+        figure.savefig(directory / "benchmark.png", dpi=300)
         plt.close(figure)
 
 
@@ -55,7 +55,7 @@ def _bars(axes: Any, results: Results, robot: str, unit: str, legend: bool) -> N
     names = [
         SHORT.get(name, TITLES[name]).replace(" ", "\n", 1) if name not in SHORT else SHORT[name] for name in SHOWN
     ]
-    axes.set_xticks(range(len(SHOWN)), names, fontsize=7.5)
+    axes.set_xticks(range(len(SHOWN)), names, fontsize=8)
     axes.set_title(robot, loc="left", fontweight="bold")
     axes.set_ylabel(unit)
     if legend:

@@ -48,7 +48,7 @@ def plot_experiment(found: FrictionEstimate, units: tuple[str, str] = ("rad/s", 
     model[~data.sliding[part]] = np.nan
     axes[0].plot(t, data.u[part], color="0.7", linewidth=1.6, label="measured")
     axes[0].plot(t, model, color="C3", linewidth=0.8, label=f"model, {law.name}")
-    axes[0].legend(loc="upper right", fontsize=7)
+    axes[0].legend(loc="upper right", fontsize=8)
     style_axes(axes[0], "", f"torque [{units[1]}]")
     axes[2].plot(t, dq, linewidth=0.8)
     style_axes(axes[2], "t [s]", f"speed [{units[0]}]")
@@ -72,7 +72,7 @@ def _draw_friction(axes: Any, found: FrictionEstimate, units: tuple[str, str]) -
         axis.set_xlim(-1.05 * limit, 1.05 * limit)
     axes[0].set_title(f"joint {found.data.name}; grey: torque - J ddq - gravity while sliding", fontsize=9, loc="left")
     axes[1].set_title("low speeds", fontsize=9, loc="left")
-    axes[0].legend(loc="lower right", fontsize=7)
+    axes[0].legend(loc="lower right", fontsize=8)
 
 
 def _cloud(found: FrictionEstimate) -> tuple[Array, Array]:

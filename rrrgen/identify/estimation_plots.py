@@ -93,14 +93,15 @@ def plot_convergence(
             room = 0.05 * (high - low)
             axis.set_ylim(min(low, truth[i] - room), max(high, truth[i] + room))
         name = settling.names[i]
-        unit = f" [{units[i]}]" if units else ""
-        axis.set_title((name if len(name) <= 28 else name[:25] + "...") + unit, fontsize=7)
+        unit = f" [{units[i].replace('^2', '²')}]" if units else ""
+        axis.set_title((name if len(name) <= 28 else name[:25] + "...") + unit, fontsize=8)
         style_axes(axis, "samples" if i >= p - columns else "", "")
         axis.set_xlim(0, settling.samples[-1])
-        axis.tick_params(labelsize=6)
-        axis.xaxis.label.set_fontsize(7)
+        axis.locator_params(axis="y", nbins=4)
+        axis.tick_params(labelsize=8)
+        axis.xaxis.label.set_fontsize(8)
     if truth is not None:
-        axes[0].legend(loc="best", fontsize=6)
+        axes[0].legend(loc="best", fontsize=8)
     return figure
 
 
@@ -113,5 +114,5 @@ def plot_whiteness(whiteness: Sequence[Whiteness], joints: Sequence[str]) -> Fig
     band = 1.96 / math.sqrt(max(1, min((w.samples for w in whiteness), default=1)))
     axes[0].axhspan(-band, band, color="0.88", zorder=0)
     style_axes(axes[0], "lag [samples]", "autocorrelation of the residual")
-    axes[0].legend(fontsize=7, ncols=3)
+    axes[0].legend(fontsize=8, ncols=3)
     return figure

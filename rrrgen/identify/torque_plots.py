@@ -156,7 +156,7 @@ def plot_friction(
             axis.plot(v[:, i], law, color="C0", linewidth=1.4, label="identified law" if a < 0.0 else None)
         unit, speeds = ("N m", "rad/s") if revolute[i] else ("N", "m/s")
         style_axes(axis, f"speed of {joints[i]} [{speeds}]", f"friction [{unit}]")
-    axes[0].legend(loc="upper left", fontsize=7)
+    axes[0].legend(loc="upper left", fontsize=8)
     return figure
 
 

@@ -74,7 +74,7 @@ def _with_range(figure: Figure) -> Figure:
         f"grey: {ANGLES[0]:g} to {ANGLES[1]:g} rad, the range of the chapter's figure",
         (0.01, 0.03),
         xycoords="axes fraction",
-        fontsize=7,
+        fontsize=8,
     )
     return figure
 

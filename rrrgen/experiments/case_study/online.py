@@ -98,8 +98,8 @@ def _filtered(study: CaseStudy) -> tuple[Array, Array, Array]:
 def _small(axis: Any, lowest: bool) -> None:
     """Give one panel a grid and small labels; the lowest panel of a column also labels the time axis."""
     style_axes(axis, "t [s]" if lowest else "", "")
-    axis.tick_params(labelsize=6)
-    axis.xaxis.label.set_fontsize(7)
+    axis.tick_params(labelsize=8)
+    axis.xaxis.label.set_fontsize(8)
 
 
 def plot_online_estimates(found: tuple[OnlineEstimates, ...], truth: Array) -> Figure:
