@@ -98,7 +98,7 @@ def plot_convergence(
         style_axes(axis, "samples" if i >= p - columns else "", "")
         axis.set_xlim(0, settling.samples[-1])
         axis.locator_params(axis="y", nbins=4)
-        axis.tick_params(labelsize=8)
+        axis.tick_params(labelsize=8, labelbottom=i >= p - columns)
         axis.xaxis.label.set_fontsize(8)
     if truth is not None:
         axes[0].legend(loc="best", fontsize=8)
