@@ -6,6 +6,7 @@ all slow poles do at a high sampling rate. With a block of its own, each mode ke
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +67,25 @@ def realize(numerator: Array, denominator: Array) -> StateSpace:
         total[start : start + len(part), start : start + len(part)] = part
         start += len(part)
     return StateSpace(total, np.concatenate([b for _, b, _ in blocks]), np.concatenate([c for _, _, c in blocks]), D)
+
+
+def in_parallel(parts: Sequence[StateSpace], delay: int = 0) -> StateSpace:
+    """Sum of the outputs of ``parts``, all with the same input, which is late by ``delay`` samples."""
+    sizes = [delay, *(len(part.B) for part in parts)]
+    ends = np.cumsum(sizes)
+    A, B, C = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1]), np.zeros(ends[-1])
+    D = float(sum(part.D for part in parts))
+    A[:delay, :delay] = np.eye(delay, k=-1)
+    for part, start, end in zip(parts, ends[:-1], ends[1:], strict=True):
+        A[start:end, start:end] = part.A
+        C[start:end] = part.C
+        if delay:
+            A[start:end, delay - 1] = part.B
+        else:
+            B[start:end] = part.B
+    if delay:
+        B[0], C[delay - 1], D = 1.0, D, 0.0
+    return StateSpace(A, B, C, D)
 
 
 _Block = tuple[Array, Array, Array]

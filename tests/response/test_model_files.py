@@ -225,3 +225,25 @@ def test_measured_arm_at_its_own_order(tmp_path):
     assert fit["free_run_with_state_from_fitted_rows"] >= 95.5
     weak = [2 * np.pi * mode["frequency"] for mode in found["resonances"] if mode["damping"] < 0.01]
     assert weak == pytest.approx([0.365, 0.796], rel=5e-3)
+
+
+def test_many_slow_poles_keep_their_precision_in_state_space():
+    """A free joint with a slow mode: a and b in double precision cannot hold its poles at 1 kHz, the fractions do."""
+    modes = [(0.7, 0.4), (28.0, 0.1), (73.0, 0.015), (89.0, 0.03), (98.0, 0.2)]
+    factors, numerators = [np.array([1.0, -2.0, 1.0])], [np.array([5e-7, 5e-7])]
+    for f, damping in modes:
+        omega = 2.0 * np.pi * f * 1e-3
+        radius, angle = np.exp(-damping * omega), omega * np.sqrt(1.0 - damping**2)
+        factors.append(np.array([1.0, -2.0 * radius * np.cos(angle), radius**2]))
+        numerators.append(np.array([3e-7, 1e-7]))
+    for delay in (0, 1, 3):
+        whole = [np.zeros(1), np.ones(1)]
+        for c, d in zip(numerators, factors, strict=True):
+            whole = [np.polyadd(np.convolve(whole[0], d), np.convolve(c, whole[1])), np.convolve(whole[1], d)]
+        fractions = tuple(zip(numerators, factors, strict=True))
+        model = ResponseModel("modes", -whole[1][1:], whole[0], delay, 1e-3, fractions=fractions)
+        states, f = model.state_space(), np.array([0.3, 0.5, 1.0, 30.0, 200.0])
+        z = np.exp(2j * np.pi * f * 1e-3)
+        found = [states.C @ np.linalg.solve(x * np.eye(len(states.B)) - states.A, states.B) + states.D for x in z]
+        assert np.allclose(found, model.response(f), rtol=1e-7, atol=0.0)
+        assert len(states.B) == 12 + max(delay - 1, 0)

@@ -271,6 +271,7 @@ def _model(
         resonances=tuple(sorted(resonances, key=lambda each: each.frequency)),
         table=table,
         name=response.name,
+        fractions=tuple(zip(best.numerators.reshape(-1, 2), factors, strict=True)),
     )
     relative = np.abs(model.response(used) / lines.P - 1.0)
     model.fit.update(

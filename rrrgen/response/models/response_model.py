@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.control.state_space import StateSpace, realize
+from rrrgen.control.state_space import StateSpace, in_parallel, realize
 from rrrgen.errors import InputError
 from rrrgen.extras import require
 from rrrgen.response.controller import Complex
@@ -55,7 +55,9 @@ class ResponseModel:
 
     ``method`` names the kind of fit, ``delay`` is in samples, ``period`` in s. ``fit`` holds the scores of the model
     and says how they were computed; ``table`` has one row for each model that was compared; ``name`` is that of the
-    recording or posture.
+    recording or posture. ``fractions`` are the terms ``c/d`` of which the model is the sum, after its delay, each as
+    its coefficients c and d in ascending powers of z^-1; empty where only the difference equation is known. They keep
+    the precision that a and b lose where many poles are near z = 1.
     """
 
     method: str
@@ -67,6 +69,7 @@ class ResponseModel:
     fit: dict[str, Any] = field(default_factory=dict)
     table: tuple[dict[str, Any], ...] = ()
     name: str = ""
+    fractions: tuple[tuple[Array, Array], ...] = ()
 
     @property
     def denominator(self) -> Array:
@@ -82,6 +85,8 @@ class ResponseModel:
         """Response of the model, complex (L,), at ``frequency`` (L,) in Hz."""
         z = np.exp(-2j * np.pi * np.asarray(frequency) * self.period)
         powers = np.polynomial.polynomial.polyval
+        if self.fractions:
+            return np.asarray(z**self.delay * sum(powers(z, c) / powers(z, d) for c, d in self.fractions))
         return np.asarray(powers(z, self.numerator) / powers(z, self.denominator))
 
     @property
@@ -98,7 +103,11 @@ class ResponseModel:
 
     def state_space(self) -> StateSpace:
         """The model in state space, one block for each mode."""
-        return realize(self.numerator, self.denominator)
+        if not self.fractions:
+            return realize(self.numerator, self.denominator)
+        late = min(self.delay, 1)  # the first sample of delay needs no state of its own
+        parts = [realize(np.concatenate([np.zeros(late), c]), d) for c, d in self.fractions]
+        return in_parallel(parts, self.delay - late)
 
     def to_control(self) -> Any:
         """The model as a ``control.StateSpace`` of python-control (extra ``response``), with its sampling period.
@@ -124,6 +133,7 @@ class ResponseModel:
             "b": self.b,
             "delay": self.delay,
             "state_space": self.state_space().to_json(),
+            "fractions": [{"numerator": c, "denominator": d} for c, d in self.fractions],
             "resonances": [each.to_json() for each in self.resonances],
             "antiresonances": [vars(each) for each in self.antiresonances],
             "fit": self.fit,
@@ -164,6 +174,10 @@ def _of_json(found: dict[str, Any]) -> ResponseModel:
         ),
         fit=dict(found["fit"]),
         name=str(found["name"]),
+        fractions=tuple(
+            (np.array(each["numerator"], float), np.array(each["denominator"], float))
+            for each in found.get("fractions", ())
+        ),
     )
 
 
