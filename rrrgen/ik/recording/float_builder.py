@@ -189,13 +189,23 @@ def every_branch(run: Callable[[FloatBuilder], None], make: Callable[[list[int]]
             rows.append([builder.values[j] for j in sorted(builder.values)])
         except (NoRoot, ZeroDivisionError):
             pass
-        script = builder.script[: len(builder.counts)]
-        while script and script[-1] + 1 >= builder.counts[len(script) - 1]:
-            script.pop()
+        script = next_script(builder.script, builder.counts)
         if not script:
             break
-        script[-1] += 1
     return rows
+
+
+def next_script(script: Sequence[int], counts: Sequence[int]) -> list[int]:
+    """The indices of the roots on the branch after that of ``script``, which had ``counts`` roots at its choices.
+
+    The last choice changes first; later choices take their first root. Empty after the last branch.
+    """
+    following = list(script[: len(counts)])
+    while following and following[-1] + 1 >= counts[len(following) - 1]:
+        following.pop()
+    if following:
+        following[-1] += 1
+    return following
 
 
 def wrapped(x: float) -> float:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot, minus, square, total
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
-from rrrgen.ik.recording.float_builder import wrapped
+from rrrgen.ik.recording.float_builder import next_script, wrapped
 from rrrgen.ik.tolerances import SIZE_OF_NOTHING
 from rrrgen.runtime.evaluation.kernels import (
     FREE,
@@ -84,12 +84,9 @@ def candidates(plan: SolverPlan, query: Query, settings: Settings) -> tuple[list
             stage = max(stage, path.choices + 1)
         except (ZeroDivisionError, OverflowError):
             pass  # a domain error or overflow: in C such a candidate holds a NaN and is dropped
-        script = path.script[: len(path.counts)]
-        while script and script[-1] + 1 >= path.counts[len(script) - 1]:
-            script.pop()
+        script = next_script(path.script, path.counts)
         if not script:
             break
-        script[-1] += 1
     return rows, stage
 
 
