@@ -34,6 +34,9 @@ _RESERVED = frozenset(_WORDS.split())
 
 _LONGEST_LINE = 110
 
+LARGEST: dict[Real, str] = {"double": "1e150", "float": "1e15"}
+"""Larger numbers than this count as infinite in differential inverse kinematics."""
+
 _MATHS = {Op.SQRT: "F::sqrt", Op.ABS: "abs", Op.EXP: "F::exp", Op.TANH: "F::tanh"}
 _HELPERS = {"abs": Op.ABS, "sign": Op.SIGN}
 
@@ -42,17 +45,29 @@ class RustBackend:
     """Prints ``Cargo.toml`` and ``src/lib.rs`` in the folder ``rust``."""
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
-        """A single task, which prints the source file."""
-        return [partial(_source, model, identity, real)]
+        """Tasks that print the source files: the library, and a module of it where it has one."""
+        tasks: list[Callable[[], str]] = [partial(_source, model, identity, real)]
+        if _differential(model):
+            tasks.append(partial(render, "rust/differential_ik.rs.j2", largest=LARGEST[real]))
+        return tasks
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:
-        """The files of the crate: manifest and library."""
+        """The files of the crate: manifest, library, and differential inverse kinematics where it has it."""
         robot = model.spec.name
         cargo = render("rust/Cargo.toml.j2", robot=robot, crate=crate_name(robot), identity=identity)
-        return {"rust/Cargo.toml": cargo, "rust/src/lib.rs": results[0]}
+        names = ("lib.rs", "differential_ik.rs")
+        return {
+            "rust/Cargo.toml": cargo,
+            **{f"rust/src/{name}": text for name, text in zip(names, results, strict=False)},
+        }
 
 
 BACKEND: Backend = RustBackend()
+
+
+def _differential(model: DerivedModel) -> bool:
+    """Whether the crate has differential inverse kinematics: where the model has the control laws."""
+    return "computed_torque" in model.programs and not model.spec.gravity_input
 
 
 def crate_name(robot: str) -> str:
@@ -138,6 +153,7 @@ def _source(model: DerivedModel, identity: Identity, real: Real) -> str:
         b=model.b,
         opening=_opening(model, identity, large_angles(programs, real)),
         failures=list(failures.items()),
+        differential=_differential(model),
         helpers=[name for name, op in _HELPERS.items() if op in used],
         functions=[_function(program, _Rust(real)) for program in programs.values()],
     )

@@ -17,9 +17,11 @@ from pages.test_pages import ROOT, blocks
 from pipeline.optimized import bundled
 from rrrgen import pipeline
 from rrrgen.backends.description import programs_of
-from rrrgen.backends.rust import RustBackend, _function, _Rust
+from rrrgen.backends.rust import LARGEST, RustBackend, _function, _Rust
 from rrrgen.errors import BackendError
 from rrrgen.program import Builder, Port
+from rrrgen.resources import render
+from rrrgen.runtime.online.differential_ik import compiled_solver
 
 RUSTC = shutil.which("rustc") or shutil.which("rustc", path=Path.home() / ".cargo" / "bin")
 needs_rustc = pytest.mark.skipif(RUSTC is None, reason="rustc is not installed")
@@ -173,3 +175,64 @@ def crate_of(model, files) -> str:
     (text,) = [task() for task in backend.tasks(model, identify(model.spec), "double")]
     assert '"rust/src/lib.rs"' in files["manifest.json"]
     return text
+
+
+DIFFERENTIAL = """
+#![allow(non_snake_case)]
+pub type Real = f64;
+pub const N: usize = 7;
+pub trait Math { fn sqrt(x: Real) -> Real; }
+pub struct Std;
+impl Math for Std { fn sqrt(x: Real) -> Real { x.sqrt() } }
+pub mod differential_ik;
+use differential_ik::{differential_ik, Limits, Task};
+
+fn take<const M: usize>(from: &mut dyn Iterator<Item = Real>) -> [Real; M] {
+    let mut row = [0.0; M];
+    row.iter_mut().for_each(|x| *x = from.next().unwrap());
+    row
+}
+
+fn main() {
+    let text = std::fs::read_to_string(std::env::args().nth(1).unwrap()).unwrap();
+    for line in text.lines() {
+        let from: &mut dyn Iterator<Item = Real> = &mut line.split(' ').map(|x| x.parse().unwrap());
+        let (q, last) = (take::<N>(from), take::<N>(from));
+        let J = [take::<N>(from), take::<N>(from), take::<N>(from), take::<N>(from), take::<N>(from), take::<N>(from)];
+        let (V, weight, dq_ref, damping) = (take::<6>(from), take::<6>(from), take::<N>(from), take::<1>(from)[0]);
+        let (q_min, q_max, dq_max, ddq_max) = (take::<N>(from), take::<N>(from), take::<N>(from), take::<N>(from));
+        let (task, Ts) = (Task { V, weight, dq_ref, damping }, take::<1>(from)[0]);
+        let limits = Limits { q_min, q_max, dq_max, ddq_max };
+        println!("{:?}", differential_ik::<Std>(&q, &last, &J, &task, &limits, Ts));
+    }
+}
+"""
+
+
+@needs_rustc
+def test_differential_inverse_kinematics_is_that_of_the_c(tmp_path):
+    """Random problems: limits that are met, touched, infinite, or not to be kept, and unusable inputs."""
+    text = render("rust/differential_ik.rs.j2", largest=LARGEST["double"])
+    (tmp_path / "differential_ik.rs").write_text(text, encoding="utf-8")
+    (tmp_path / "main.rs").write_text(DIFFERENTIAL, encoding="utf-8")
+    compiled(tmp_path, "main.rs")
+    rng, n = np.random.default_rng(2), 7
+    rows, expected, solve = [], [], compiled_solver("arm", n, "double")
+    for k in range(300):
+        J = rng.normal(size=(6, n)) * (1 if k % 2 else np.array([[1], [1], [1], [1], [1], [0.01]]))
+        fastest = np.full(n, 10.0 ** rng.uniform(-2, 2))
+        values = [
+            *(rng.uniform(-1, 1, n), rng.uniform(-0.5, 0.5, n), J, rng.normal(size=6), rng.uniform(0, 2, 6)),
+            *(0.1 * rng.normal(size=n), np.array(0.02 if k % 50 else 0.0), np.full(n, -1.2)),
+            *(np.full(n, 1.2 if k % 7 else np.inf), fastest, 100 * fastest, np.array(1e-3)),
+        ]
+        dq = np.empty(n)
+        expected.append((solve(values, dq), dq))
+        rows.append(" ".join(repr(float(x)) for value in values for x in np.ravel(value)))
+    (tmp_path / "problems").write_text("\n".join(rows), encoding="utf-8")
+    ran = subprocess.run([tmp_path / "main", tmp_path / "problems"], capture_output=True, text=True, check=True)
+    words = {0: "Best", 1: "Limits", 2: "Stopped", 3: "Invalid"}
+    assert {status for status, _ in expected} >= {0, 1, 3}
+    for line, (status, dq) in zip(ran.stdout.splitlines(), expected, strict=True):
+        assert line.startswith(f"({words[status]}, ")
+        np.testing.assert_allclose(numbers(line), dq, rtol=1e-9, atol=1e-9)

@@ -103,14 +103,18 @@ def test_gravity_and_control(tmp_path, real):
 
 
 def test_gravity_in_rust_is_a_crate_of_its_own(tmp_path):
-    output = generate(tmp_path, PENDULUM, "--with", "gravity,rust")
+    output = generate(tmp_path, PENDULUM, "--with", "control,gravity,rust")
     source = output / "rust_any_gravity" / "src" / "lib.rs"
     assert "gravity: &[Real; 3]" in source.read_text()
     assert 'name = "swing_any_gravity_model"' in (output / "rust_any_gravity" / "Cargo.toml").read_text()
     assert "gravity: &[" not in (output / "rust" / "src" / "lib.rs").read_text()
-    if shutil.which("rustc"):
-        command = ["rustc", "--edition", "2018", "--crate-type", "lib", "-D", "warnings", "--out-dir", tmp_path, source]
-        subprocess.run(command, check=True)
+    assert not (source.parent / "differential_ik.rs").exists()
+    for crate in ("rust", "rust_any_gravity") if shutil.which("rustc") else ():
+        flags = ["--edition", "2018", "--crate-type", "lib", "-D", "warnings", "--cfg", 'feature="std"']
+        subprocess.run(
+            ["rustc", *flags, "--emit", "metadata", "--out-dir", tmp_path, output / crate / "src/lib.rs"], check=True
+        )
+    assert "pub mod differential_ik;" in (output / "rust/src/lib.rs").read_text()
 
 
 def test_the_robot_file_asks_like_the_option(tmp_path):
