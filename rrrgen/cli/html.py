@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.cli.arguments import USUAL, F
+from rrrgen.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -43,9 +44,14 @@ def write_html(
 
     identity = identify(model.spec)
     derivation = prepare(model.spec)
-    forms = {name: closed_form(derivation, name).readable() for name in USUAL}
     notice = f"Written by rrrgen {identity.tool_version} from model {identity.model_hash}."
-    write_file(file, html_report(model, forms, report, notice, motions, figures))
+    forms = {}
+    with progress_bar() as tell:
+        for k, name in enumerate(USUAL):
+            tell(k, len(USUAL) + 1, f"closed form of {name}")
+            forms[name] = closed_form(derivation, name).readable()
+        tell(len(USUAL), len(USUAL) + 1, "writing the page")
+        write_file(file, html_report(model, forms, report, notice, motions, figures))
     click.echo(f"{file} written", err=True)
 
 

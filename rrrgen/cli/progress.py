@@ -29,7 +29,10 @@ def progress_bar(in_processes: bool = False) -> Iterator[Tell]:
         TimeElapsedColumn(),
     )
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, auto_refresh=not in_processes) as bar:
+    kept = not sys.stdout.isatty()  # what is written to a file or a pipe goes there, not above the bar
+    with Progress(
+        *columns, console=console, transient=True, auto_refresh=not in_processes, redirect_stdout=not kept
+    ) as bar:
         task = bar.add_task("", total=None)
 
         def tell(done: int, total: int, message: str) -> None:
@@ -38,3 +41,11 @@ def progress_bar(in_processes: bool = False) -> Iterator[Tell]:
                 bar.refresh()
 
         yield tell
+
+
+@contextmanager
+def working(message: str) -> Iterator[None]:
+    """Show on a terminal that ``message`` is being done, for work of some seconds whose end is not known."""
+    with progress_bar() as tell:
+        tell(0, 0, message)
+        yield

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import inspect
+import io
+import sys
 from contextlib import contextmanager
 
+import click
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from bench import session
 from rrrgen.cli.identification import reconstruct
 from rrrgen.cli.main import cli
 from rrrgen.cli.model import show
+from rrrgen.cli.progress import working
 from rrrgen.recordings.logs import Log
 from samples.recordings import fourier_motion, write_log
 
@@ -54,3 +60,31 @@ def test_the_benchmark_tells_every_step(monkeypatch):
     plan = session.Plan(robots=("rrr", "puma560"), parts=frozenset({"functions", "control"}))
     session.bench(plan, lambda *step: told.append(step))
     assert told == [(0, 3, "rrr"), (1, 3, "puma560"), (2, 3, "control")]
+
+
+LONG = (
+    "case-study", "calibrate", "contact-thresholds", "drive-gains", "excite", "export", "frf", "friction", "generate",
+    "identify", "ik", "linearise", "payload", "reconstruct", "response-model", "show", "simulate", "validate", "verify",
+)  # fmt: skip
+"""Commands that may take seconds."""
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_commands_that_take_seconds_draw_a_bar(name):
+    command = cli.get_command(click.Context(cli), name)
+    names = set(vars(inspect.getmodule(inspect.unwrap(command.callback))))
+    assert names & {"progress_bar", "working"}
+
+
+def test_a_terminal_sees_what_is_done_and_a_file_gets_what_is_printed(monkeypatch, capsys):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with working("estimating the geometry"):
+        print("a result")
+    assert "estimating the geometry" in terminal.getvalue()
+    assert "a result" not in terminal.getvalue()
+    assert capsys.readouterr().out == "a result\n"

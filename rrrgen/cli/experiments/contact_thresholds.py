@@ -15,6 +15,7 @@ from rrrgen.cli.identification.workflow import (
     print_repairs,
     truncated_option,
 )
+from rrrgen.cli.progress import working
 from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
@@ -75,7 +76,10 @@ def contact_thresholds(robot: str, logs: tuple[Path, ...], output: Path, as_json
     names = ("gain", "width", "seconds_per_alarm", "block", "force")
     settings = {name: options[name] for name in (*names, "skip_truncated_line")}
     inputs = input_files(robot, logs, mappings) | ({"tuning": options["tuning"]} if options["tuning"] else {})
-    with RunFolder(output, "contact-thresholds", inputs, settings, 0, options["fresh"]) as folder:
+    with (
+        RunFolder(output, "contact-thresholds", inputs, settings, 0, options["fresh"]) as folder,
+        working("finding thresholds"),
+    ):
         recordings = [load_stream(LogStream(mapping)) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
         tuning = _tuning(options["tuning"], spec.n)

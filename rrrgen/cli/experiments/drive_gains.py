@@ -17,6 +17,7 @@ from rrrgen.cli.identification.workflow import (
     processing_options,
     truncated_option,
 )
+from rrrgen.cli.progress import working
 from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
@@ -86,7 +87,10 @@ def drive_gains(
     inputs = input_files(robot, logs, mappings[: len(logs)])
     inputs |= input_files("", loaded, mappings[len(logs) :], "loaded")
     body = standard_of(options["mass"], np.array(options["com"]), np.array(options["inertia"]))
-    with RunFolder(output, "drive-gains", inputs, settings, 0, options["fresh"]) as folder:
+    with (
+        RunFolder(output, "drive-gains", inputs, settings, 0, options["fresh"]) as folder,
+        working("estimating drive gains"),
+    ):
         recordings = [LogStream(mapping) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
         empty, carrying = recordings[: len(logs)], recordings[len(logs) :]

@@ -16,6 +16,7 @@ from rrrgen.cli.identification.workflow import (
     print_repairs,
     truncated_option,
 )
+from rrrgen.cli.progress import working
 from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
@@ -64,7 +65,10 @@ def linearise(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, *
     mappings = [open_log(log, skip_truncated=options["skip_truncated_line"]) for log in logs]
     inputs = {**input_files(robot, logs, mappings), "response": options["response"]}
     settings = {"runs": list(names), "skip_truncated_line": options["skip_truncated_line"]}
-    with RunFolder(output, "linearise", inputs, settings, 0, options["fresh"]) as folder:
+    with (
+        RunFolder(output, "linearise", inputs, settings, 0, options["fresh"]) as folder,
+        working("subtracting the rigid body"),
+    ):
         recordings = [load_stream(LogStream(mapping)) for mapping in mappings]
         print_repairs([recording.repairs for recording in recordings], as_json)
         model = pipeline.compile(spec)

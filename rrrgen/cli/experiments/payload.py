@@ -17,6 +17,7 @@ from rrrgen.cli.identification.workflow import (
     processing_options,
     truncated_option,
 )
+from rrrgen.cli.progress import working
 from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
@@ -59,7 +60,10 @@ def payload(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **o
     processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
     settings = {**processing.settings(), "keep_friction": options["keep_friction"], "skip_truncated_line": skip}
     inputs = input_files(robot, logs, mappings)
-    with RunFolder(output, "payload", inputs, settings, 0, options["fresh"]) as folder:
+    with (
+        RunFolder(output, "payload", inputs, settings, 0, options["fresh"]) as folder,
+        working("estimating the payload"),
+    ):
         recordings = [LogStream(mapping) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
         found = identify_payload(pipeline.compile(spec), recordings, processing, not options["keep_friction"])

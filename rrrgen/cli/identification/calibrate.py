@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.cli.arguments import print_json, read_with_warnings, robot_argument
+from rrrgen.cli.progress import working
 from rrrgen.errors import Fault, InputError
 
 if TYPE_CHECKING:
@@ -88,7 +89,8 @@ def calibrate(
         return
     assert poses is not None
     measured = read_measurements(poses, [joint.name for joint in spec.joints], sigma, sigma_angle)
-    found = estimate(nominal, measured, robust)
+    with working("estimating the geometry"):
+        found = estimate(nominal, measured, robust)
     if as_json:
         print_json(to_data(found, measured))
     else:

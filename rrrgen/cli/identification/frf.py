@@ -9,6 +9,7 @@ import click
 
 from rrrgen.cli.arguments import json_option, print_json
 from rrrgen.cli.identification.workflow import output_option
+from rrrgen.cli.progress import working
 from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
@@ -50,7 +51,8 @@ def frf(log: Path, output: Path, method: str, fresh: bool, as_json: bool) -> int
     from rrrgen.runs.run_folder import RunFolder, plain
 
     response = load_response(log)
-    found = estimate_responses(response, method)
+    with working("estimating the frequency response"):
+        found = estimate_responses(response, method)
     inputs = {"log": str(log)} | {f"file {source.name}": str(source.path) for source in response.files}
     with RunFolder(output, "frf", inputs, {"method": method}, 0, fresh) as folder:
         record: dict[str, Any] = found[0].to_json()

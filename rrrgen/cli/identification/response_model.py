@@ -10,6 +10,7 @@ import click
 
 from rrrgen.cli.arguments import json_option, print_json, real_option
 from rrrgen.cli.identification.workflow import output_option
+from rrrgen.cli.progress import working
 from rrrgen.cli.terminal import say, terminal_width
 from rrrgen.extras import require
 from rrrgen.text_table import text_table
@@ -81,11 +82,13 @@ def response_model(log: Path, output: Path, as_json: bool, **options: Any) -> in
 
         if rows is not None or method not in ("auto", "modes"):
             raise click.UsageError("a frequency response has no rows, and takes --method modes")
-        found = fit_responses(read_responses(log))
+        with working("fitting the model"):
+            found = fit_responses(read_responses(log))
     else:
         response = load_response(log)
         inputs |= {f"file {source.name}": str(source.path) for source in response.files}
-        found = fit_recordings(response, rows, method)
+        with working("fitting the model"):
+            found = fit_recordings(response, rows, method)
     settings = {"fit_rows": rows, "method": method, "real": options["real"]}
     record = found.to_json()
     if computed is not None:

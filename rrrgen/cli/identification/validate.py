@@ -20,6 +20,7 @@ from rrrgen.cli.identification.workflow import (
     processing_options,
     truncated_option,
 )
+from rrrgen.cli.progress import working
 from rrrgen.cli.terminal import say, terminal_width
 from rrrgen.extras import require
 
@@ -105,7 +106,8 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     for mapping in mappings:
         check_robot(mapping, spec)
     processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
-    model = pipeline.compile(spec)
+    with working("compiling the model"):
+        model = pipeline.compile(spec)
     if model.beta is None:
         raise click.UsageError(f"{robot} has no links: there are no torques to score")
     named = [path for path in options["fitted_on"] if path != NO_RECORDING]
@@ -122,7 +124,7 @@ def validate(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     settings["skip_truncated_line"] = skip
     settings["fitted_on"] = [str(path) for path in options["fitted_on"]]
     inputs = input_files(robot, logs, mappings) | input_files("", tuple(named), fitted, "fitted") | more_inputs
-    with RunFolder(output, "validate", inputs, settings, 0, options["fresh"]) as folder:
+    with RunFolder(output, "validate", inputs, settings, 0, options["fresh"]) as folder, working("comparing torques"):
         recordings = [LogStream(mapping) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
         causes = diagnose_recordings(spec, recordings)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.cli.arguments import read_with_warnings, real_option, robot_argument, words
+from rrrgen.cli.progress import working
 from rrrgen.cli.terminal import say
 from rrrgen.errors import Fault, InputError
 from rrrgen.robotfile.keys import EMIT
@@ -88,7 +89,8 @@ def export(
 
     spec = read_with_warnings(robot)
     options = ExportOptions(real, platforms, further)
-    found = export_robot(spec, target, _read_beta(beta) if beta is not None else None, options)
+    with working(f"writing files for {target}"):
+        found = export_robot(spec, target, _read_beta(beta) if beta is not None else None, options)
     if exporters()[target].one_file:
         ((name, contents),) = found.files.items()
         path = output or Path(name)

@@ -9,6 +9,7 @@ import click
 
 from rrrgen.cli.arguments import ik_option, json_option, print_json, read_with_warnings, robot_argument
 from rrrgen.cli.colour import doubtful
+from rrrgen.cli.progress import working
 from rrrgen.cli.terminal import say, terminal_width
 from rrrgen.text_table import text_table
 
@@ -64,7 +65,8 @@ def ik(
 
     spec = read_with_warnings(robot)
     spec = spec if method is None else replace(spec, ik=method)
-    solver = load_solver(spec, backend=backend)
+    with working("compiling the solver"):
+        solver = load_solver(spec, backend=backend)
     target = _target(pose)
     reference = None if near is None else _numbers(near, "--near", (solver.n,))
     chosen = {"limits": options["limits"], "redundancy": options["redundancy"]}
