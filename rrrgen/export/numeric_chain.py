@@ -23,7 +23,8 @@ class NumericBody:
     ``parent`` is the number (from 0) of the body that carries the joint, -1 for the base. ``place`` (4, 4) is the pose
     of the joint's frame in the frame of that body, at q = 0. ``mass`` (kg), ``com`` (3,) and ``tensor`` (3, 3) about it
     are in the joint's frame; None where the robot file has no links. ``follows`` are the joints that this one follows,
-    with their factors; empty for one with a drive.
+    with their factors; empty for one with a drive. ``direction`` is -1 for a joint of a mechanism that is stated with
+    ``sign: -1``.
     """
 
     joint: JointSpec
@@ -33,6 +34,12 @@ class NumericBody:
     com: Array
     tensor: Array
     follows: tuple[tuple[str, float], ...] = ()
+    direction: int = 1
+
+    @property
+    def axis(self) -> str:
+        """The axis of the joint in the frame of the body, along which its position counts, as text."""
+        return f"0 0 {self.direction}"
 
 
 @dataclass(frozen=True)
@@ -51,7 +58,7 @@ class NumericChain:
 def numeric_chain(spec: RobotSpec) -> NumericChain:
     """Numeric kinematic chain of ``spec`` at its nominal parameter values.
 
-    Raises DerivationError for a joint that has a drive and follows another one: its position is no coordinate.
+    Raises DerivationError for a joint that has a drive and moves otherwise than with it: its position is no coordinate.
     """
     base = _matrix(spec, spec.base)
     bodies: list[NumericBody] = []
@@ -61,29 +68,29 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
         before = twist @ _screw(float(row.theta), float(row.d), 2)
         # a standard row turns by theta + q and shifts by d first: the constant part commutes with the motion
         inertia = _inertia(spec, i, after)
-        joint, follows = _motion(spec, i)
+        joint, follows, direction = _motion(spec, i)
         place = (base if parent < 0 else behind[parent]) @ before
-        bodies.append(NumericBody(joint, parent, _cleaned(place), *inertia, follows))
+        bodies.append(NumericBody(joint, parent, _cleaned(place), *inertia, follows, direction))
         behind.append(after)
     gravity = np.array([float(spec.nominal(g)) for g in spec.gravity])
     tip = _cleaned(behind[spec.tip_row] @ _matrix(spec, spec.tool))
     return NumericChain(tuple(bodies), tip, spec.tip_row, gravity)
 
 
-def _motion(spec: RobotSpec, i: int) -> tuple[JointSpec, tuple[tuple[str, float], ...]]:
-    """Joint of DH row ``i`` with its limits and drive, and the joints that it follows with their factors."""
+def _motion(spec: RobotSpec, i: int) -> tuple[JointSpec, tuple[tuple[str, float], ...], int]:
+    """Joint of DH row ``i`` with its limits and drive, the joints that it follows with their factors, and its sign."""
     if spec.mechanism is None:
-        return spec.joints[i], ()
+        return spec.joints[i], (), 1
     row = spec.rows[i]
     names = [joint.name for joint in spec.joints]
     factors = [(name, float(f)) for name, f in zip(names, spec.mechanism.matrix[i], strict=True) if f != 0]
     if row.name not in names:
-        return row, tuple(factors)
-    if factors != [(row.name, 1.0)]:
+        return row, tuple(factors), 1
+    if factors not in ([(row.name, 1.0)], [(row.name, -1.0)]):
         raise DerivationError(
             f"{spec.name}: the joint '{row.name}' has a drive and a coupling, which has no counterpart"
         )
-    return spec.joints[names.index(row.name)], ()
+    return spec.joints[names.index(row.name)], (), int(factors[0][1])
 
 
 def _inertia(spec: RobotSpec, i: int, after: Array) -> tuple[float | None, Array, Array]:

@@ -34,6 +34,14 @@ links:
 """
 
 
+REVERSED = (
+    MIMIC.replace("theta: 30, friction: {viscous: 0.3}", "theta: 30, sign: -1, limits: {lower: -60, upper: 115}, "
+                  "friction: {viscous: 0.3, coulomb: 0.2}, drive: {inertia: 0.4}")
+    + "base: {translation: [0.3, 0, 1], rpy: [0, 30, 0]}\ntool: {translation: [0.1, 0.02, -0.3], rpy: [20, 0, 10]}\n"
+)  # fmt: skip
+"""The leader turns the other way, with a motor and friction; the arm has a base and a tool."""
+
+
 def oracle(spec):
     return NewtonEuler(chain_of(spec), nominal_parameters(spec))
 
@@ -51,6 +59,48 @@ def test_mimic_joints_come_back_from_urdf_and_mjcf(target, tmp_path):
     assert np.abs(poses[0] - poses[1]).max() < 1e-9
     torques = [oracle(each).inverse_dynamics(*states) for each in (spec, back)]
     assert np.abs(torques[0] - torques[1]).max() < 1e-9 * np.abs(torques[0]).max()
+
+
+def test_a_reversed_leader_with_motor_and_friction_in_pinocchio():
+    """Pinocchio moves mimic joints with their leader: its coordinates are q."""
+    pin = pytest.importorskip("pinocchio")
+    spec = loads_spec(REVERSED)
+    exported = export_robot(spec, "urdf")
+    assert any("drive inertia is left out" in note for note in exported.notes)
+    model = pin.buildModelFromXML(exported.files["gripper_arm.urdf"], mimic=True)
+    assert (model.nv, model.nq, model.upperPositionLimit[1]) == (2, 2, pytest.approx(np.radians(115)))
+    data, ours, inertia = model.createData(), oracle(spec), chain_of(spec).drive_inertia
+    for q, dq, ddq in np.random.default_rng(7).uniform(-1, 1, (4, 3, 2)):
+        torque = ours.inverse_dynamics(q[None], dq[None], ddq[None])[0] - inertia @ ddq
+        np.testing.assert_allclose(pin.rnea(model, data, q, dq, ddq), torque, rtol=1e-12, atol=1e-12)
+        pin.framesForwardKinematics(model, data, q)
+        tip = data.oMf[model.getFrameId("tip")].homogeneous
+        np.testing.assert_allclose(tip, ours.forward_kinematics(q[None])[0], atol=1e-14)
+
+
+def test_a_reversed_leader_with_motor_and_friction_in_mujoco(tmp_path):
+    mujoco = pytest.importorskip("mujoco")
+    spec = loads_spec(REVERSED)
+    text = export_robot(spec, "mjcf").files["gripper_arm.xml"]
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data, ours = mujoco.MjData(model), oracle(spec)
+    S = np.array([[1, 0], [0, 1], [0, -1.5]])
+    assert [model.joint(k).name for k in range(3)] == [row.name for row in spec.rows]
+    assert model.dof_frictionloss[1] == 0.2
+    for q, dq, ddq in np.random.default_rng(8).uniform(-1, 1, (4, 3, 2)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = S @ q, S @ dq, S @ ddq
+        mujoco.mj_inverse(model, data)
+        torque = ours.inverse_dynamics(q[None], dq[None], ddq[None])[0] + [0, 0.3 * dq[1]]
+        np.testing.assert_allclose(S.T @ data.qfrc_inverse, torque, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(data.site("tip").xpos, ours.forward_kinematics(q[None])[0, :3, 3], atol=1e-14)
+    (tmp_path / "arm.xml").write_text(text, encoding="utf-8")
+    back = import_robot(tmp_path / "arm.xml", chain=ChainChoice(tip="tip")).spec
+    states = np.random.default_rng(9).uniform(-1, 1, (3, 4, 2))
+    torques = [oracle(each).inverse_dynamics(*states) for each in (spec, back)]
+    np.testing.assert_allclose(torques[1], torques[0], rtol=1e-9, atol=1e-9)
+    assert back.joints[1].friction == spec.joints[1].friction
+    assert (back.joints[1].limits.lower, back.joints[1].limits.upper) == pytest.approx(np.radians([-60, 115]))
 
 
 def test_the_palletiser_is_a_constrained_tree_in_mujoco():

@@ -68,7 +68,7 @@ def quaternion(R: Array) -> Array:
 def _body(name: str, body: NumericBody) -> Iterator[str]:
     joint = body.joint
     yield f'<body name="{name}" {_place(body.place)}>'
-    texts = [f'name="{joint.name}"', f'type="{"hinge" if joint.is_revolute else "slide"}"', 'axis="0 0 1"']
+    texts = [f'name="{joint.name}"', f'type="{"hinge" if joint.is_revolute else "slide"}"', f'axis="{body.axis}"']
     limits = joint.limits
     if limits.lower is not None and limits.upper is not None:
         texts.append(f'range="{number(limits.lower)} {number(limits.upper)}"')

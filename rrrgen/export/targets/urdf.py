@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -25,9 +25,10 @@ def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
     if spec.description:
         lines.append(f"  <!-- {escape(spec.description).replace('--', '-')} -->")
     lines += [f"  <!-- gravity in the frame of base: {g} m/s^2 -->", '  <link name="base"/>']
+    kinds = {body.joint.name: _kind(body.joint) for body in chain.bodies}
     for k, body in enumerate(chain.bodies, start=1):
         lines += _link(f"link{k}", body)
-        lines += _joint(body, f"link{body.parent + 1}" if body.parent >= 0 else "base", f"link{k}")
+        lines += _joint(body, f"link{body.parent + 1}" if body.parent >= 0 else "base", f"link{k}", kinds)
     lines += ['  <link name="tip"/>', '  <joint name="tip_fixed" type="fixed">', f"    {_origin(chain.tip)}"]
     lines += [f'    <parent link="link{chain.tip_body + 1}"/>', '    <child link="tip"/>', "  </joint>"]
     lines += _transmissions(spec)
@@ -68,16 +69,22 @@ def _link(name: str, body: NumericBody) -> list[str]:
     ]
 
 
-def _joint(body: NumericBody, parent: str, child: str) -> list[str]:
-    joint = body.joint
-    lines = [f'  <joint name="{joint.name}" type="{_kind(joint)}">', f"    {_origin(body.place)}"]
-    lines += [f'    <parent link="{parent}"/>', f'    <child link="{child}"/>', '    <axis xyz="0 0 1"/>']
+def _joint(body: NumericBody, parent: str, child: str, kinds: Mapping[str, str]) -> list[str]:
+    """XML lines of the joint of ``body``; ``kinds`` are the types of all joints.
+
+    A joint without limits that follows one with limits has the type of that one, as Pinocchio needs it.
+    """
+    joint, kind = body.joint, kinds[body.joint.name]
+    if kind == "continuous" and any(kinds[leader] == "revolute" for leader, _ in body.follows):
+        kind = "revolute"
+    lines = [f'  <joint name="{joint.name}" type="{kind}">', f"    {_origin(body.place)}"]
+    lines += [f'    <parent link="{parent}"/>', f'    <child link="{child}"/>', f'    <axis xyz="{body.axis}"/>']
     limits = joint.limits
     found = {"effort": limits.torque, "velocity": limits.velocity}
-    if _kind(joint) != "continuous":
+    if kind != "continuous":
         found = {"lower": limits.lower, "upper": limits.upper, **found}
     defaults = {"lower": f"-{NO_LIMIT}", **dict.fromkeys(("upper", "effort", "velocity"), NO_LIMIT)}
-    if _kind(joint) != "continuous" or any(value is not None for value in found.values()):
+    if kind != "continuous" or any(value is not None for value in found.values()):
         texts = [f'{key}="{defaults[key] if value is None else number(value)}"' for key, value in found.items()]
         lines.append(f"    <limit {' '.join(texts)}/>")
     if len(body.follows) > 1:
