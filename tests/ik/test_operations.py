@@ -10,10 +10,12 @@ import subprocess
 import numpy as np
 import pytest
 
+from ik.test_mechanisms import TEXTS
+from rrrgen.backends.c.solver.counting import coupling_operations
 from rrrgen.backends.c.solver.files import emit
 from rrrgen.ik.classify import plan
 from rrrgen.ik.families import parameter
-from rrrgen.robotfile import load_spec
+from rrrgen.robotfile import load_spec, loads_spec
 
 COMPILER = shutil.which("g++") or shutil.which("clang++")
 ARMS = ("rrr", "planar2r", "puma560", "scara", "stanford", "ur10e", "iiwa14", "gantry")
@@ -54,6 +56,40 @@ static Counted copysign(const Counted &a, const Counted &b)
     return made(std::copysign(a.x, b.x), a.known && b.known, none);
 }
 """
+
+
+COUPLED = ("geared", "sliding")
+
+
+def prepared(spec, folder, body):
+    """The program that runs ``body`` behind the emitted code with counting numbers: what it prints."""
+    files, M = emit(spec, plan(spec)).files, spec.name.upper()
+    (folder / f"{spec.name}_ik.h").write_text(files[f"{spec.name}_ik.h"])
+    text = COUNTING + f"#define {M}_REAL_DEFINED\ntypedef Counted {spec.name}_real;\n" + files[f"{spec.name}_ik.c"]
+    (folder / "count.cpp").write_text(text + f"int main() {{ {body} }}")
+    subprocess.run([COMPILER, "-w", "-std=c++11", "-o", "count", "count.cpp"], cwd=folder, check=True)
+    done = subprocess.run([folder / "count"], capture_output=True, text=True, check=True)
+    return map(int, done.stdout.split())
+
+
+@pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")
+@pytest.mark.parametrize("name", COUPLED)
+def test_operations_of_a_coupling(name, tmp_path):
+    """One solution of the chain, one way in which the drives can stand."""
+    spec = loads_spec(TEXTS[name])
+    coupling, types = (found := plan(spec)).coupling, found.chain.types
+    stem = f"{name}_ik"
+    body = f"""
+    Counted y[{len(types)}], q[{coupling.n}];
+    for (int i = 0; i < {len(types)}; ++i) {{ y[i] = made(0.1 * i, false, none); }}
+    {stem}_lead(y, 0, q);
+    (void){stem}_off(y, q);
+    std::printf("%ld %ld %ld", mul, add, dv);"""
+    stated = coupling_operations(coupling, 1, types)
+    mul, add, div = (each // coupling.count for each in (stated.mul, stated.add, stated.div))
+    turns = types.count("R")  # angles of less than half a turn are wrapped by 0, a constant
+    assert tuple(prepared(spec, tmp_path, body)) == (mul - turns, add - turns, div)
+    assert emit(spec, found).operations.mul > coupling_operations(coupling, found.max_solutions, types).mul
 
 
 @pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")

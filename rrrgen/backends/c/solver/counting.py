@@ -11,8 +11,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
 
 from rrrgen.program import Program, count_operations
+
+if TYPE_CHECKING:
+    from rrrgen.ik.coupling import Coupling
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,20 @@ def block_operations(program: Program, calls: Iterable[str], turns: int) -> Solv
     count = count_operations(program)
     own = SolverOperations(count.mul, count.add, count.div, count.sqrt, count.sincos)
     return sum_of([own, *(CALLS[name] for name in calls)]).times(turns)
+
+
+def coupling_operations(coupling: Coupling, solutions: int, types: str) -> SolverOperations:
+    """Operations by which ``solutions`` of a chain with joints of ``types`` become joint positions of its mechanism.
+
+    For each way in which the drives can stand: q from the displacements of n rows, and how far all rows are off it. The
+    pose at q, which is checked on the mechanism, is not counted.
+    """
+    n, turns = coupling.n, coupling.count
+    full = n if turns > 1 else 0  # turns that are added to the rows
+    lead = SolverOperations(mul=n * n, add=n * n + full)
+    off = SolverOperations(mul=len(types) * n, add=len(types) * (n + 1), div=types.count("P"))
+    wraps = [CALLS["wrap"]] * types.count("R")
+    return sum_of([lead, off, *wraps]).times(solutions * turns)
 
 
 def sum_of(counts: Iterable[SolverOperations]) -> SolverOperations:

@@ -12,7 +12,7 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.printer import CTarget
 from rrrgen.backends.c.solver.call_stack import stack_bounds
 from rrrgen.backends.c.solver.choices import CBuilder
-from rrrgen.backends.c.solver.counting import SolverOperations, sum_of
+from rrrgen.backends.c.solver.counting import SolverOperations, coupling_operations, sum_of
 from rrrgen.backends.c.solver.kernels import KernelDialect, Settings, kernel, specialize
 from rrrgen.backends.c.solver.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
 from rrrgen.backends.c.solver.parts.newton import newton_text
@@ -48,7 +48,7 @@ class Emitted:
     stack: dict[str, int]
     """Upper bound of the stack (bytes, callees included) of each function that returns solutions."""
     operations: SolverOperations | None
-    """Operations of one call that finds all solutions; None for mechanisms and for chains solved by elimination."""
+    """Operations of one call that finds all solutions; None for chains solved by elimination."""
 
 
 FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_status_string", "ik_reason")
@@ -64,8 +64,8 @@ def sources(spec: RobotSpec, real: Real = "double", redundancy: int | None = Non
 def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, Any]:
     """The entry of ``manifest.json`` about the inverse kinematics; its ``solver`` is false if there is none.
 
-    ``operations``: those of one call that finds all solutions; null where an elimination solves the chain numerically,
-    and for mechanisms.
+    ``operations``: those of one call that finds all solutions; null where an elimination solves the chain numerically.
+    Those of a mechanism are the equations of its chain, and of q for every way in which the drives can stand.
     ``tolerances``: the thresholds of the emitted code by name. ``stack``: the most bytes that each function takes,
     callees included.
     """
@@ -125,8 +125,9 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Seque
     dialect = Dialect(spec.name, real)
     bodies = [_body(plan, part, dialect, passes) for part in parts_of(plan)]
     counts = [body.operations for body in bodies if body is not None]
-    counted = len(counts) == len(bodies) and plan.coupling is None
-    operations = sum_of(counts) if counted else None  # those of a companion too
+    if plan.coupling is not None:
+        counts.append(coupling_operations(plan.coupling, plan.max_solutions, plan.chain.types))
+    operations = sum_of(counts) if all(body is not None for body in bodies) else None  # those of a companion too
     source, rows = _source(plan, bodies, dialect)
     chain = replace(plan, coupling=None)
     stack = stack_bounds(source, spec.name, real, {"ik": (plan.n, rows), "ik_chain": (chain.n, most_rows(chain))})

@@ -77,9 +77,9 @@ def opening(spec: RobotSpec, plan: SolverPlan, real: Real, counted: SolverOperat
     for singularity in plan.singularities:
         lines += textwrap.wrap(f"Singular: {singularity.words}", 116)
     if counted is not None:
+        checks = "target and limits" if plan.coupling is None else "target, limits and poses of the mechanism"
         lines += textwrap.wrap(
-            f"Operations of one call that returns all solutions, without the checks of target and limits: {counted}.",
-            116,
+            f"Operations of one call that returns all solutions, without the checks of {checks}: {counted}.", 116
         )
     lines += [
         "",
