@@ -58,7 +58,7 @@
  *   MATRIX, RATES, INVERSE, PIVOTS, TURNS, COMBINATIONS, PERIODS, FOLLOWERS, FOLLOWER_..., LOCKED_FACTOR, UNFIT_STAGE
  *                        tables of the coupling, described in coupling.c and coupled.c
  *   STEPS                most Gauss-Newton steps for a candidate
- *   LANES, BLOCK         solutions that the arm nearby may have, and how many of them are refined together
+ *   LANES                solutions that are refined together, at most as many as the arm nearby has
  *   OPEN_BITS, MERGED_BITS   inner flags of the joints that may be free; statements that set the bits of the branch number
  *                        which have no meaning while a joint is free
  *   FAR_STAGE, CHECK_STAGE, OUTSIDE_STAGE, REASONS, REASON_COUNT, STATUS_TEXTS, LAST_STATUS, UNKNOWN_STATUS
@@ -163,9 +163,9 @@ int ik_nearby(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL le
 int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions *found, ik_solutions *out);
 #if NOMINAL_FIRST
 void ik_newton(
-    const REAL *RESTRICT T, int first, REAL (*RESTRICT x)[LANES], REAL *RESTRICT error, REAL *RESTRICT moved,
+    const REAL *RESTRICT T, REAL (*RESTRICT x)[LANES], REAL *RESTRICT error, REAL *RESTRICT moved,
     REAL *RESTRICT inverse, REAL *RESTRICT det);
-void ik_missed(const REAL *RESTRICT T, int first, REAL (*RESTRICT x)[LANES], REAL *RESTRICT error);
+void ik_missed(const REAL *RESTRICT T, REAL (*RESTRICT x)[LANES], REAL *RESTRICT error);
 ik_status ik_answer(TARGET_PARAMETER const REAL *q_ref, unsigned options, ik_solutions *out);
 #endif
 /* rows.c, or coupling.c; order.c */

@@ -23,9 +23,7 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
     for (step = 0; step < VALUE_NEWTON_STEPS; ++step) {
         REAL worst = (REAL)0;
         int met = 1;
-        for (i = 0; i < rows; i += BLOCK) {
-            ik_newton(T, i, x, error, moved, inverse, det);
-        }
+        ik_newton(T, x, error, moved, inverse, det);
         for (i = 0; i < rows; ++i) {
             doubt |= !(inverse[i] * moved[i] <= (REAL)VALUE_NEWTON_TURN) || !(inverse[i] <= (REAL)VALUE_MARGIN_INVERSE);
             worst = error[i] > worst ? error[i] : worst;
@@ -37,9 +35,7 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
             break;
         }
         if (worst <= (REAL)VALUE_NEWTON_NEAR) { /* the step may have been the last one */
-            for (i = 0; i < rows; i += BLOCK) {
-                ik_missed(T, i, x, error);
-            }
+            ik_missed(T, x, error);
             for (i = 0; i < rows; ++i) {
                 met &= error[i] <= (REAL)VALUE_NEWTON_MET;
             }

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.solver.kernels import Settings
-from rrrgen.backends.c.solver.parts.newton import block_of
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, Matrix
 from rrrgen.ik.plan import SolverPlan
@@ -110,8 +109,7 @@ def settings(
     }
     if plan.nominal_first is not None and plan.companion is not None:
         margins = nominal_margins(plan.nominal_first.deviation, dialect.real)
-        lanes = plan.companion.max_solutions
-        words |= {"LANES": str(lanes), "BLOCK": str(block_of(lanes))}
+        words |= {"LANES": str(plan.companion.max_solutions)}
         words |= {f"VALUE_{name.upper()}": repr(value) for name, value in margins.items()}
     if plan.general:
         more, tables = _general(plan, dialect)

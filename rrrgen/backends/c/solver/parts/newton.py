@@ -13,14 +13,6 @@ from rrrgen.ik.recording.newton import error_program, newton_program
 from rrrgen.program import Program
 from rrrgen.resources import render
 
-BLOCK = 4
-"""Branches that are refined together: a register of doubles of most processors."""
-
-
-def block_of(lanes: int) -> int:
-    """The number of branches that one call of the step refines, of at most ``lanes``, which it divides."""
-    return BLOCK if lanes % BLOCK == 0 else lanes
-
 
 def newton_text(plan: SolverPlan, dialect: Dialect, chosen: Settings) -> str:
     """The C functions ``ik_newton``, a Newton step of several configurations, and ``ik_missed``, their errors."""
@@ -33,7 +25,7 @@ def _body(program: Program, locked: int | None, dialect: Dialect) -> list[str]:
     """The statements of ``program`` for the configuration in lane i; a step is added to all joints but ``locked``."""
     target = CTarget(KernelDialect(dialect.prefix, dialect.real), LibmSinCos())
     inputs = ("x[{}][i]", "T[{}]")
-    names = Names(target.reserved, ("T", "x", "i", "first", "error", "moved", "inverse", "det"))
+    names = Names(target.reserved, ("T", "x", "i", "error", "moved", "inverse", "det"))
     printed = Statements(program, target, names, lambda port, element: inputs[port].format(element))
     printed.write()
     lines = list(printed.lines)
