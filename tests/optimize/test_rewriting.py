@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from optimize.programs import body, programs, recorded, same_values
 from rrrgen.optimize.expansion import CutSet
 from rrrgen.optimize.rewriting import ExpandAndFactor, SeenExpansions
-from rrrgen.program import Op, OperationCount, count_operations
+from rrrgen.program import Builder, Op, OperationCount, Port, Status, count_operations
 
 
 @pytest.mark.parametrize("cut_set", CutSet)
@@ -79,6 +79,17 @@ def test_what_is_too_large_is_left_alone():
     assert ExpandAndFactor(CutSet.NOTHING)(recorded(function)) is not None
     program = recorded(lambda *inputs: [function(*inputs)[0] * function(*inputs)[0] + 1])
     assert ExpandAndFactor(CutSet.NOTHING).attempt(program) is None
+
+
+def test_the_status_is_computed_before_the_other_outputs():
+    b = Builder()
+    x, y = b.input(Port("q", (2,)))
+    status = Status(1, "negative", "the product is negative", "x y < 0")
+    outputs = [(Port("sum", ()), [x * x + y]), (Port("status", ()), [x * y - y])]
+    result = ExpandAndFactor(CutSet.NOTHING)(b.program("f", outputs, status=status))
+    (total,), (failure,) = result.results
+    assert failure < total
+    assert result.status == status
 
 
 def test_the_options_bound_the_search():
