@@ -182,8 +182,14 @@ def test_the_code_is_strict_and_defined_for_all_inputs(tmp_path, real):
         for name, text in differential_ik_files("arm", n, real).items():
             (tmp_path / name).write_text(text)
         cpp = ["-x", "c++", "-std=c++11"]
-        for command in (["gcc", "-std=c99"], ["clang", "-std=c99"], ["g++", *cpp], ["clang++", *cpp]):
-            line = [*command, "-O2", *STRICT, "-c", "arm_differential_ik.c", "-o", "arm.o"]
+        parse = "-fsyntax-only"  # only gcc has warnings that need the optimizer
+        for command in (
+            ["gcc", "-std=c99", "-O2"],
+            ["clang", "-std=c99", parse],
+            ["g++", *cpp, parse],
+            ["clang++", *cpp, parse],
+        ):
+            line = [*command, *STRICT, "-c", "arm_differential_ik.c", "-o", "arm.o"]
             try:
                 done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
             except FileNotFoundError:
