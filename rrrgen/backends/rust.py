@@ -45,21 +45,14 @@ class RustBackend:
     """Prints ``Cargo.toml`` and ``src/lib.rs`` in the folder ``rust``."""
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
-        """Tasks that print the source files: the library, and a module of it where it has one."""
-        tasks: list[Callable[[], str]] = [partial(_source, model, identity, real)]
-        if _differential(model):
-            tasks.append(partial(render, "rust/differential_ik.rs.j2", largest=LARGEST[real]))
-        return tasks
+        """A single task, which prints the source file."""
+        return [partial(_source, model, identity, real)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:
-        """The files of the crate: manifest, library, and differential inverse kinematics where it has it."""
+        """The files of the crate: manifest and library."""
         robot = model.spec.name
         cargo = render("rust/Cargo.toml.j2", robot=robot, crate=crate_name(robot), identity=identity)
-        names = ("lib.rs", "differential_ik.rs")
-        return {
-            "rust/Cargo.toml": cargo,
-            **{f"rust/src/{name}": text for name, text in zip(names, results, strict=False)},
-        }
+        return {"rust/Cargo.toml": cargo, "rust/src/lib.rs": results[0]}
 
 
 BACKEND: Backend = RustBackend()
@@ -154,6 +147,7 @@ def _source(model: DerivedModel, identity: Identity, real: Real) -> str:
         opening=_opening(model, identity, large_angles(programs, real)),
         failures=list(failures.items()),
         differential=_differential(model),
+        largest=LARGEST[real],
         helpers=[name for name, op in _HELPERS.items() if op in used],
         functions=[_function(program, _Rust(real)) for program in programs.values()],
     )

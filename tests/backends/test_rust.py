@@ -20,7 +20,7 @@ from rrrgen.backends.description import programs_of
 from rrrgen.backends.rust import LARGEST, RustBackend, _function, _Rust
 from rrrgen.errors import BackendError
 from rrrgen.program import Builder, Port
-from rrrgen.resources import render
+from rrrgen.resources import template_text
 from rrrgen.runtime.online.differential_ik import compiled_solver
 
 RUSTC = shutil.which("rustc") or shutil.which("rustc", path=Path.home() / ".cargo" / "bin")
@@ -212,9 +212,9 @@ fn main() {
 @needs_rustc
 def test_differential_inverse_kinematics_is_that_of_the_c(tmp_path):
     """Random problems: limits that are met, touched, infinite, or not to be kept, and unusable inputs."""
-    text = render("rust/differential_ik.rs.j2", largest=LARGEST["double"])
-    (tmp_path / "differential_ik.rs").write_text(text, encoding="utf-8")
-    (tmp_path / "main.rs").write_text(DIFFERENTIAL, encoding="utf-8")
+    module = template_text("rust/lib.rs.j2").partition("\npub mod differential_ik")[2].rpartition("{% endif %}")[0]
+    text = DIFFERENTIAL.replace("pub mod differential_ik;", "pub mod differential_ik" + module)
+    (tmp_path / "main.rs").write_text(text.replace("{{ largest }}", LARGEST["double"]), encoding="utf-8")
     compiled(tmp_path, "main.rs")
     rng, n = np.random.default_rng(2), 7
     rows, expected, solve = [], [], compiled_solver("arm", n, "double")
