@@ -19,6 +19,8 @@ autodoc_typehints = "none"  # shapes and units are in the text; the signatures o
 autodoc_class_signature = "separated"
 napoleon_google_docstring = True
 
+smartquotes = False  # options such as --json stay as they are typed
+
 html_theme = "furo"
 html_title = f"rrrgen {VERSION}"
 html_static_path = ["_static"]
@@ -26,10 +28,26 @@ html_css_files = ["pages.css"]
 
 
 def escape_marks(app: object, context: object, lines: list[str]) -> None:
-    """Keep what help texts print literally from being read as markup: ``*.yaml``, `` `rrrgen frf` ``."""
-    lines[:] = [line.replace("*", r"\*").replace("`", "``") for line in lines]
+    """Keep what help texts print literally from being read as markup: ``*.yaml``, `` `rrrgen frf` ``, file:line:col.
+
+    Lines that a help text indents, such as its examples, become a literal block.
+    """
+    escaped: list[str] = []
+    literal = False
+    for line in lines:
+        if line.startswith("|   "):
+            escaped += [] if literal else ["", ".. code-block:: text", ""]
+            literal = True
+            escaped.append(line[2:])
+        else:
+            escaped += [""] if literal else []
+            literal = False
+            text = line.replace("*", r"\*").replace("`", "``")
+            escaped.append(text.replace("file:line:col", "``file:line:col``"))
+    lines[:] = escaped
 
 
 def setup(app):
     """Register the above for the text of every command."""
     app.connect("sphinx-click-process-description", escape_marks)
+    app.connect("sphinx-click-process-epilog", escape_marks)

@@ -31,6 +31,7 @@ def test_every_command_and_public_name_is_described(pages):
     commands = (pages / "commands.html").read_text(encoding="utf-8")
     for name in COMMANDS:
         assert f'id="rrrgen-{name}"' in commands, name
+    assert "rrrgen check --strict robots/*.yaml" in commands  # examples as they are typed
     python = (pages / "python.html").read_text(encoding="utf-8")
     for name in rrrgen.__all__:
         if not name.startswith("__"):

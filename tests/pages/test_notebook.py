@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -23,3 +24,9 @@ def test_every_cell_runs() -> None:
     assert sum("image/png" in kinds for kinds in shown) == 2
     assert sum("text/latex" in kinds for kinds in shown) == 2
     assert sum("text/html" in kinds for kinds in shown) == 2
+
+
+def test_links_lead_to_files() -> None:
+    links = re.findall(r"\]\(([^)#]+)\)", NOTEBOOK.read_text(encoding="utf-8"))
+    assert links
+    assert [link for link in links if "://" not in link and not (NOTEBOOK.parent / link).exists()] == []

@@ -44,12 +44,13 @@ def plot_arm(path: Array, frames: Array, ax: Any, title: str) -> Any:
     """Draw arms whose links pass ``path`` (k, p, 3) and the axes of ``frames`` (k, m, 4, 4); returns the axes."""
     ax = _axes(ax, path, title)
     size = 0.12 * _extent(path)[1]
-    for points, triads in zip(path, frames, strict=True):
-        ax.plot(*points.T, "-", color="0.45", linewidth=4, solid_capstyle="round", solid_joinstyle="round")
+    for k, (points, triads) in enumerate(zip(path, frames, strict=True)):
+        color = "0.45" if len(path) == 1 else f"C{k}"  # several configurations are told apart
+        ax.plot(*points.T, "-", color=color, linewidth=4, solid_capstyle="round", solid_joinstyle="round")
         for T in triads:
-            for axis, color in enumerate(COLORS):
+            for axis, tone in enumerate(COLORS):
                 ends = np.stack([T[:3, 3], T[:3, 3] + size * T[:3, axis]])
-                ax.plot(*ends.T, "-", color=color, linewidth=1.4)
+                ax.plot(*ends.T, "-", color=tone, linewidth=1.4)
     return ax
 
 

@@ -22,14 +22,14 @@ def html_summary(model: Model) -> str:
     ]
     values = [""] * len(model.base_parameters) if model.beta is None else [_number(value) for value in model.beta]
     parameters = [
-        (name, str(expression), value)
-        for name, expression, value in zip(model.base_parameter_names, model.base_parameters, values, strict=True)
+        (p.name, _mathematics(str(p.expression)), value, _mathematics(p.unit))
+        for p, value in zip(model.derived.base_parameters, values, strict=True)
     ]
     return (
         f"<p><b>{escape(model.name)}</b>: {model.n} joints, {len(parameters)} base parameters, "
         f"{escape(model.spec.convention)} Denavit-Hartenberg convention</p>"
         + _table(("joint", "type", "alpha (rad)", "a (m)", "d (m)", "theta (rad)", "limits of q"), joints)
-        + _table(("base parameter", "expression", "nominal value"), parameters)
+        + _table(("base parameter", "expression", "nominal value", "unit"), parameters)
     )
 
 
@@ -43,6 +43,11 @@ def _ends(model: Model) -> tuple[list[float], list[float]]:
         lower.append(float(model.limits.lower[k]) if k is not None else -np.inf if ends[0] is None else ends[0])
         upper.append(float(model.limits.upper[k]) if k is not None else np.inf if ends[1] is None else ends[1])
     return lower, upper
+
+
+def _mathematics(text: str) -> str:
+    """Raise exponents: ``kg m^2`` becomes kg m², ``a2**2*m3`` becomes a2²·m3."""
+    return text.replace("**2", "²").replace("^2", "²").replace("*", "·")
 
 
 def _number(value: float) -> str:
