@@ -145,11 +145,18 @@ def _read(path: Path) -> bytes | None:
 def write_file(file: Path, contents: Contents) -> None:
     """Write one file atomically, with the permissions of the umask; other files in the directory are not touched.
 
+    A symbolic link stays one: the file that it leads to is written. What is no file, such as a pipe or a device
+    (/dev/stdout), is written to and stays what it is.
+
     Raises OutputError if the file cannot be written, StorageError if the disk is full.
     """
     file = Path(os.path.abspath(file))
     if file.is_dir():
         raise OutputError(f"cannot write {file}: it is a directory")
+    if file.exists() and not file.is_file():
+        _write_into(file, contents)
+        return
+    file = Path(os.path.realpath(file))
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         remove_abandoned(file.parent, file.name)
@@ -168,6 +175,15 @@ def write_file(file: Path, contents: Contents) -> None:
         raise cannot_write(file, error) from error
     finally:
         staged.unlink(missing_ok=True)
+
+
+def _write_into(device: Path, contents: Contents) -> None:
+    """Write into a pipe or a device."""
+    try:
+        with device.open("wb") as stream:
+            stream.write(as_bytes(contents))
+    except OSError as error:
+        raise cannot_write(device, error) from error
 
 
 def differences(files: Mapping[str, Contents], directory: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 
 import pytest
 
@@ -148,3 +149,31 @@ def test_one_file_appears_whole_with_usual_permissions_or_not_at_all(tmp_path, m
     assert file.read_bytes() == "ü\n".encode()
     with pytest.raises(OutputError, match="is a directory"):
         write_file(tmp_path / "deep", "")
+
+
+def test_a_device_is_written_to_and_stays_a_device(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_file(pipe, "text")
+    assert os.read(reading, 100) == b"text"
+    os.close(reading)
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no device that is always full")
+def test_a_full_device_is_a_full_disk(tmp_path):
+    full = tmp_path / "full"
+    full.symlink_to("/dev/full")
+    with pytest.raises(StorageError, match="the disk is full"):
+        write_file(full, "text")
+    assert Path("/dev/full").is_char_device()
+
+
+def test_a_symbolic_link_stays_one(tmp_path):
+    (tmp_path / "link").symlink_to("file")
+    for text in ("first", "second"):
+        write_file(tmp_path / "link", text)
+        assert (tmp_path / "file").read_text(encoding="utf-8") == text
+    assert (tmp_path / "link").is_symlink()
