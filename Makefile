@@ -17,7 +17,7 @@ PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/
 unit python: export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := rrr
-.PHONY: rrr core setup test lint types unit python generated update bench docs machines clean help
+.PHONY: rrr core setup test lint types unit python generated update bench docs pages machines clean help
 
 rrr: core  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
 	$(BIN)/rrrgen generate rrr -o runs/rrr
@@ -66,6 +66,9 @@ bench: setup  ## measure emitted C side by side with other packages; the page an
 
 docs: setup  ## the documentation as web pages, in docs/_build/html
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+
+pages: setup  ## every command that the pages and the help texts print, as printed; it takes some minutes
+	$(BIN)/python tests/pages/every_command.py
 
 machines: setup  ## the self-tests of all robots on other processors (QEMU, Node), as far as their tools are installed
 	$(BIN)/python -m bench.machines

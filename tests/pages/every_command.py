@@ -1,0 +1,230 @@
+"""Run every command that the pages and the help texts print, as printed, beside the files that they presuppose.
+
+By hand, or ``make pages``: it takes some minutes. The recordings come from the virtual robot. The commands of README
+and of the tutorials are run by their own tests, those in ``ELSEWHERE`` by the tests that it names.
+
+    python tests/pages/every_command.py [--only WORD]
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import rrrgen
+from pages.test_pages import PAGES, ROOT, blocks, command
+from rrrgen.cli.commands import COMMANDS
+from rrrgen.cli.main import run
+from rrrgen.runs import figures
+
+TESTED = ("README.md", "CONTRIBUTING.md", "docs/first-")
+"""Pages whose commands their own tests run, or that are how to run the tests."""
+
+ELSEWHERE = {
+    "pip install": "tests/export/test_wheel.py installs a wheel; it needs an index for the dependencies of rrrgen",
+    "colcon": "needs ROS 2",
+    "examples/tx40": "needs measured data, which examples/README.md says where to get",
+    "rrrgen case-study": "tests/experiments/test_case_study.py",
+    "--presliding": "tests/friction_estimation/test_estimation.py",
+    "rrrgen linearise": "tests/experiments/test_response_experiment.py",
+    "make-robot": "tests/cli/test_cli.py",
+}
+"""Words of commands that are not run here, and why."""
+
+ROBOTS = ROOT / "rrrgen/robotfile/robots"
+FEW = "--harmonics 3 --starts 1 --duration 5"
+FOLLOW = "--trajectory runs/excitation/results/excitation.json --torque-noise 0.05"
+BEFORE = f"""
+rrrgen excite my_arm.yaml {FEW} -o runs/excitation
+rrrgen simulate my_arm.yaml {FOLLOW} -o runs/experiment
+rrrgen simulate my_arm.yaml {FOLLOW} --seed 1 -o s/other
+rrrgen simulate my_arm.yaml {FOLLOW} --duration 32 -o s/work
+rrrgen simulate loaded.yaml {FOLLOW} -o s/carrying
+rrrgen simulate rrr --writing --torque-noise 0.05 -o runs/writing
+rrrgen identify my_arm.yaml --log runs/experiment/results/log.yaml -o runs/identified
+rrrgen reconstruct runs/experiment/results/log.yaml --method kalman -o runs/motion
+rrrgen excite rrr --friction q3 -o runs/friction-motion
+rrrgen simulate rrr --trajectory runs/friction-motion/results/friction_motion.json --torque-noise 0.02 -o runs/joint3
+rrrgen excite rrr --response q1 -o runs/response-excitation
+rrrgen simulate rrr --response runs/response-excitation/results/response_excitation.json --base-mode 28 -o s/q1
+rrrgen frf s/q1/results/response.yaml -o runs/response
+rrrgen response-model runs/response/results/frf.json -o runs/model
+rrrgen export puma560 --to par -o RX90.par
+rrrgen export panda --to urdf
+rrrgen generate rrr -o generated/rrr
+"""
+"""Commands that make what the pages presuppose: recordings, run folders and files of other programs."""
+
+PAYLOAD = {
+    "mass: 1.2": "mass: 5.8",
+    "com: [-0.275, 0, 0.004]": "com: [-0.33/5.8, 0, 0.2348/5.8]",
+    "xx: 0.00422, yy: 0.1033": "xx: 0.01572, yy: 0.1148",
+}
+"""The last link without and with a point mass of 4.6 kg at 0 0 0.05."""
+
+LOGS = {
+    "log": "s/work",
+    "other": "s/other",
+    "empty": "runs/experiment",
+    "work": "s/work",
+    "carrying": "s/carrying",
+    "runs/log": "runs/experiment",
+    "runs/joint3/log": "runs/joint3",
+}
+"""Recordings of the pages, and the run folders that they come from."""
+
+CELL = """
+<mujoco><compiler angle="radian"/><worldbody><body name="cart"><joint name="rail" type="slide" axis="1 0 0"/>
+<geom size="0.1" mass="1"/><body name="arm" pos="0 0 0.5"><joint name="turn" axis="0 0 1"/><geom size="0.1" mass="1"/>
+<body name="tool" pos="0.4 0 0"><joint name="swing" axis="0 1 0"/><geom size="0.1" mass="1"/></body></body></body>
+</worldbody></mujoco>
+"""
+
+
+def presupposed(names: tuple[str, str, str]) -> None:
+    """Write the files that the pages presuppose into the working directory, for an arm with these joints."""
+    arm = (ROBOTS / "rrr.yaml").read_text(encoding="utf-8")
+    for old, new in zip(("q1", "q2", "q3"), names, strict=True):
+        arm = re.sub(rf"\b{old}\b", new, arm)
+    arm = arm.replace("drive: {enc", "friction: {viscous: 0.3, coulomb: 1}\n    drive: {enc")
+    arm = re.sub(r"^name: rrr$", "name: my_arm", arm, flags=re.M)
+    for name in ("my_arm", "my_robot", "elbow3", "robots/one"):
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(f"{name}.yaml").write_text(arm, encoding="utf-8")
+    loaded = arm
+    for empty, carrying in PAYLOAD.items():
+        assert empty in loaded
+        loaded = loaded.replace(empty, carrying)
+    Path("loaded.yaml").write_text(loaded, encoding="utf-8")
+    Path("panda.yaml").write_text((ROBOTS / "panda.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    Path("cell.xml").write_text(CELL, encoding="utf-8")
+    page = (ROOT / "docs/identification.md").read_text(encoding="utf-8")
+    (experiment,) = (text for text in blocks(page, "yaml") if text.startswith("schema: rrrgen-experiment/1"))
+    Path("experiment.yaml").write_text(experiment, encoding="utf-8")
+    Path("examples").symlink_to(ROOT / "examples")
+    model, rng = rrrgen.compile("ur10e"), np.random.default_rng(1)
+    rows = [",".join([*(f"q{i}" for i in range(1, 7)), "x", "y", "z", "roll", "pitch", "yaw"])]
+    for q in rng.uniform(-1.5, 1.5, (50, 6)):
+        T = model.forward_kinematics(q)
+        pitch = np.arctan2(-T[2, 0], np.hypot(T[0, 0], T[1, 0]))
+        angles = np.array([np.arctan2(T[2, 1], T[2, 2]), pitch, np.arctan2(T[1, 0], T[0, 0])])
+        pose = np.concatenate([T[:3, 3] + rng.normal(0, 5e-5, 3), angles + rng.normal(0, 1e-4, 3)])
+        rows.append(",".join(f"{value:.9f}" for value in (*q, *pose)))
+    Path("measured.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    for line in BEFORE.strip().splitlines():
+        code, said = printed(line)
+        if code:
+            raise SystemExit(f"exit code {code}: {line}\n{said}")
+    for name, source in LOGS.items():
+        folder = Path(source, "results")
+        text = (folder / "log.yaml").read_text(encoding="utf-8").replace("log.csv", Path(name).name + ".csv")
+        Path(f"{name}.yaml").write_text(text, encoding="utf-8")
+        shutil.copy(folder / "log.csv", f"{name}.csv")
+    for name in ("joint3", "slide"):
+        shutil.copy("runs/joint3/results/log.csv", f"{name}.csv")
+    shutil.copy("runs/experiment/results/log_controller.yaml", "controller.yaml")
+    for file in Path("s/q1/results").iterdir():
+        shutil.copy(file, "joint1.yaml" if file.name == "response.yaml" else file.name)
+    t = np.arange(2048) * 1e-3
+    u = rng.normal(size=2048)
+    y = np.zeros(2048)
+    for k in range(2, 2048):
+        y[k] = 1.9 * y[k - 1] - 0.95 * y[k - 2] + 0.01 * u[k - 1] + 1e-4 * rng.normal()
+    np.savetxt("arm.csv", np.column_stack([t, u, y]), delimiter=",", header="t,u,y", comments="")
+    response = "schema: rrrgen-response/1\nfiles: arm.csv\ntime: {column: t}\nexcitation: {column: u}\n"
+    Path("arm.yaml").write_text(response + "input: {column: u}\noutput: {column: y, unit: rad}\n", encoding="utf-8")
+
+
+def printed(line: str) -> tuple[int, str]:
+    """Run a line: rrrgen in this process, so that libraries are loaded once, everything else by the shell."""
+    out = io.StringIO()
+    words = re.sub(r"\s+(#|\().*$", "", line)
+    target = re.search(r" -o (\S+)", words)
+    if target and target[1].startswith("runs/"):  # alternatives on a page write to the same folder
+        shutil.rmtree(target[1], ignore_errors=True)
+    if words.startswith("rrrgen ") and not re.search(r"[|><*~]|&&", words):
+        import shlex
+
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
+            code = run(shlex.split(words)[1:])
+        return code, out.getvalue()
+    shell = f'rrrgen() {{ {sys.executable} -m rrrgen "$@"; }}\npython() {{ {sys.executable} "$@"; }}\n{words}'
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "HOME": os.getcwd()}
+    done = subprocess.run(["bash", "-ec", shell], capture_output=True, text=True, env=environment, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+def lines_of(text: str) -> list[str]:
+    """The commands in a block, continued lines joined."""
+    joined = re.sub(r"\\\n\s*", "", text)
+    return [line.strip() for line in joined.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+
+
+def sources() -> dict[str, list[str]]:
+    """The commands of every page and of every help text."""
+    found = {}
+    for page in PAGES:
+        name = str(page.relative_to(ROOT))
+        text = page.read_text(encoding="utf-8")
+        bare = [block for block in re.findall(r"^```\n(.*?)^```", text, re.S | re.M) if block.startswith("rrrgen ")]
+        lines = [line for block in (*blocks(text, "sh", "bash", "console"), *bare) for line in lines_of(block)]
+        if lines and not name.startswith(TESTED):
+            found[name] = lines
+    for name in COMMANDS:
+        examples = (command(name).help or "").partition("\b\n")[2]
+        found[f"rrrgen {name} --help"] = [line.strip() for line in examples.splitlines() if "rrrgen " in line]
+    return found
+
+
+def main() -> int:
+    """Run them; the exit code is 1 if one fails."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", default="", help="pages and commands with this word in their name")
+    only = parser.parse_args().only
+    figures.PRINT = 60
+    failed = []
+    with tempfile.TemporaryDirectory() as place:
+        bases = {}
+        for kind, names in (("page", ("shoulder", "elbow", "wrist")), ("help", ("q1", "q2", "q3"))):
+            bases[kind] = Path(place, kind)
+            bases[kind].mkdir()
+            os.chdir(bases[kind])
+            presupposed(names)
+        for number, (source, lines) in enumerate(sources().items()):
+            if only not in source:
+                continue
+            folder = Path(place, str(number))
+            for line in lines:
+                if reason := next((why for word, why in ELSEWHERE.items() if word in line), None):
+                    print(f"  left out  {source}: {line}  ({reason})")
+                    continue
+                if source.endswith("--help") or not folder.exists():
+                    shutil.rmtree(folder, ignore_errors=True)
+                    shutil.copytree(bases["help" if source.endswith("--help") else "page"], folder, symlinks=True)
+                os.chdir(folder)
+                start = time.perf_counter()
+                code, said = printed(line)
+                print(f"{time.perf_counter() - start:6.1f} s  {code}  {source}: {line}", flush=True)
+                if code:
+                    failed.append(line)
+                    print(said[-1500:])
+        os.chdir(ROOT)
+    print(f"{len(failed)} failed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
