@@ -61,7 +61,7 @@ joints: [q]
 @pytest.fixture(scope="module")
 def refined(tmp_path_factory):
     folder = tmp_path_factory.mktemp("joint")
-    found = record(TRUTH, duration=20.0, delay=1, substeps=5)
+    found = record(TRUTH, duration=15.0, delay=1, substeps=5)
     names = ("t", "q", "tau", "qr", "dqr")
     rows = np.column_stack([found[name] for name in names])
     np.savetxt(folder / "log.csv", rows, delimiter=",", header=",".join(names), comments="", fmt="%.12g")

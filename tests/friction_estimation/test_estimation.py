@@ -45,12 +45,12 @@ def write_log(path, found, joints=("q1", "q2", "q3"), moving="q3"):
     ("truth", "rival", "options"),
     [
         (Joint("stribeck", angle=0.4), "coulomb_viscous", {"torque_noise": 0.01, "centred": True}),
-        (Joint("asymmetric", coulomb_n=0.45, viscous_n=0.2), "coulomb_viscous", {"delay": 2}),
+        (Joint("asymmetric", coulomb_n=0.45, viscous_n=0.2), "coulomb_viscous", {"delay": 2, "duration": 15.0}),
     ],
     ids=["stribeck, torque noise, centred record", "asymmetric, delay of two samples"],
 )
 def test_a_hidden_joint_is_found(truth, rival, options, tmp_path, capsys):
-    log = write_log(tmp_path / "log.csv", record(truth, duration=20.0, seed=3, **options))
+    log = write_log(tmp_path / "log.csv", record(truth, **{"duration": 20.0, "seed": 3} | options))
     laws = ["--law", truth.law, "--law", rival]
     for level in (0.15, 0.3) if truth.law == "stribeck" else ():
         laws += ["--presliding", str(write_log(tmp_path / f"rest{level}.csv", below_break_away(level)))]
