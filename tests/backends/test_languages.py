@@ -18,12 +18,11 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_language_costs_four_files(language):
+def test_only_its_module_and_one_table_name_a_language(language):
     module = ROOT / "rrrgen" / "backends" / f"{language}.py"
-    templates = [path for path in (ROOT / "templates" / language).rglob("*") if path.is_file()]
     others = [path for path in (ROOT / "rrrgen").rglob("*.py") if path != module and names(path, language)]
     assert [path.name for path in others] == ["keys.py"]
-    assert len([module, *others, *templates]) <= 4
+    assert any((ROOT / "templates" / language).iterdir())
     assert language in EMIT
 
 
