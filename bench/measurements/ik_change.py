@@ -17,13 +17,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import click
-import numpy as np
 
+from bench.measurements.ik_targets import Task, mixed
 from bench.templates import render
 from rrrgen.backends.c.solver.passes import PASSES, Pass
 from rrrgen.robotfile import bundled_names, load_spec
-from rrrgen.verify.references.chain import Array, chain_of
-from rrrgen.verify.references.newton_euler import NewtonEuler
 
 TARGETS = 10_000
 CALLS = 200
@@ -60,33 +58,19 @@ def write(robot: str, folder: Path, passes: Sequence[Pass] = PASSES) -> None:
 def compared(robot: str, before: Path, after: Path, place: Path) -> str:
     """One line of the table."""
     targets = place / "targets"
-    _targets(robot).tofile(targets)
-    programs = [_built(robot, folder, place / f"{folder.name}-program") for folder in (before, after)]
+    mixed(Task.of(robot), TARGETS).tofile(targets)
+    programs = [built(robot, folder, place / f"{folder.name}-program") for folder in (before, after)]
     answers = [
         subprocess.run([program, targets, "print"], capture_output=True, check=True).stdout for program in programs
     ]
     lines = [answer.splitlines() for answer in answers]
     differ = sum(x != y for x, y in zip(*lines, strict=True))
     rows = [sum(int(line.split()[2]) for line in each) for each in lines]
-    counts = [_instructions(program, targets) for program in programs]
+    counts = [instructions(program, targets) for program in programs]
     return (
         f"{robot:9} {counts[0]:9.1f} -> {counts[1]:9.1f} instructions a call ({counts[1] / counts[0] - 1:+.1%}); "
         f"{rows[0]} -> {rows[1]} rows, {differ} of {len(lines[0])} targets differ"
     )
-
-
-def answers(robot: str, before: Path, after: Path, place: Path) -> tuple[Array, tuple[list[Array], list[Array]]]:
-    """The targets (TARGETS, 16), and for each the solutions (rows, n) of the files of two folders."""
-    targets = _targets(robot)
-    targets.tofile(place / "targets")
-    n = load_spec(robot).n
-    both = []
-    for folder in (before, after):
-        program = _built(robot, folder, place / f"{folder.name}-program")
-        said = subprocess.run([program, place / "targets", "print"], capture_output=True, text=True, check=True).stdout
-        rows = [[part.split()[:n] for part in line.split("|")[1:]] for line in said.splitlines()]
-        both.append([np.array([[float.fromhex(x) for x in row] for row in each]).reshape(-1, n) for each in rows])
-    return targets, (both[0], both[1])
 
 
 def machine_code(robot: str, folder: Path) -> int:
@@ -97,22 +81,8 @@ def machine_code(robot: str, folder: Path) -> int:
     return int(said.splitlines()[1].split()[0])
 
 
-def _targets(robot: str) -> Array:
-    """Poses (TARGETS, 16): two thirds of random configurations, the others at right angles or a little beside them."""
-    chain = chain_of(load_spec(robot))
-    rng = np.random.default_rng([7, chain.n])
-    slides = ~np.asarray(chain.revolute)
-    q = rng.uniform(-np.pi, np.pi, (TARGETS, chain.n))
-    special = slice(2 * TARGETS // 3, TARGETS)
-    q[special] = rng.integers(-4, 5, q[special].shape) * (np.pi / 4)
-    beside = slice(5 * TARGETS // 6, TARGETS)
-    q[beside] += rng.normal(size=q[beside].shape) * 10.0 ** rng.integers(-14, -2, (len(q[beside]), 1))
-    q[:, slides] *= 0.1
-    return NewtonEuler(chain, np.zeros((chain.n, 10))).forward_kinematics(q).reshape(TARGETS, 16)
-
-
-def _built(robot: str, folder: Path, program: Path) -> Path:
-    """The driver with the files of one folder."""
+def built(robot: str, folder: Path, program: Path) -> Path:
+    """The program of ``bench/templates/ik_change.c.j2`` with the solver of one folder."""
     header = (folder / f"{robot}_ik.h").read_text(encoding="utf-8")
     arguments = header.split(f"{robot}_inverse_kinematics(", 1)[1].split(")", 1)[0]
     source = program.with_suffix(".c")
@@ -129,22 +99,15 @@ def _built(robot: str, folder: Path, program: Path) -> Path:
     return program
 
 
-def _instructions(program: Path, targets: Path) -> float:
+def instructions(program: Path, targets: Path, calls: int = CALLS, options: int = 0) -> float:
     """Instructions of one call by callgrind: those of a run, without those of reading the targets."""
     totals = []
-    for what in ("read", "solve"):
-        command = [
-            "valgrind",
-            "--tool=callgrind",
-            "--callgrind-out-file=/dev/null",
-            str(program),
-            str(targets),
-            what,
-            str(CALLS),
-        ]
+    for what in ("nothing", "solve"):
+        tool = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
+        command = [*tool, str(program), str(targets), what, str(calls), str(options)]
         said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
         totals.append(int(said.rsplit("Collected :", 1)[1].split()[0]))
-    return (totals[1] - totals[0]) / CALLS
+    return (totals[1] - totals[0]) / calls
 
 
 if __name__ == "__main__":

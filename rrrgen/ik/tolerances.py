@@ -281,6 +281,13 @@ SEARCH = (
         "small_turn", "0.9", "0.9", "cosine of the rotation error above which its sine is used in place of the angle"
     ),
     Tolerance("newton", "0.01", "0.01", "longest Newton step on a root of a quartic that Aberth's iteration has found"),
+    Tolerance(
+        "path_steps", "16", "16", "of a path between two solutions with a free joint; each turns it by 0.2 rad or less"
+    ),
+    Tolerance("path_corrections", "4", "4", "most Gauss-Newton steps of the other joints after each of these steps"),
+    Tolerance(
+        "path_move", "0.5", "0.5", "largest move of a joint (rad, reaches) in a step of such a path; else it is broken"
+    ),
     Tolerance("band_2", "1e-3", "1e-3", "factor on `band` in the second attempt; nearby arms differ by 1e-6 to 1e-2"),
     Tolerance("band_3", "1e-6", "1e-6", "factor on `band` in the third attempt"),
 )

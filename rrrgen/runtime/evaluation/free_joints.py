@@ -13,7 +13,7 @@ from math import pi
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.runtime.evaluation.branches import Query, Row, candidates
-from rrrgen.runtime.evaluation.kernels import FREE, MULTIPLE, TOLERANCE, Settings
+from rrrgen.runtime.evaluation.kernels import FREE, MULTIPLE, SEARCH, TOLERANCE, Settings
 from rrrgen.runtime.evaluation.limits import Limits
 from rrrgen.runtime.evaluation.task import USUAL, Task
 
@@ -59,15 +59,53 @@ class FreeJoints:
                 wide.q, wide.residual = self._task.refine(wide.q, *USUAL, held)
                 if wide.residual > self._tolerance:
                     continue
-                for row in same:
-                    row.flags = GONE
                 pending -= len(same)
+                same = self._replaced(same, wide.q, held)
+                if not same:
+                    continue
                 if self._limits is not None and self._limits.outside(wide.q, TOLERANCE["limit"]) > 0.0:
                     self._fit(wide, held, least)
                 first = same[0]
                 first.q, first.branch, first.residual = wide.q, wide.branch, wide.residual
                 first.flags = (wide.flags & MULTIPLE) | FREE | FIXED
             least *= 10.0
+
+    def _replaced(self, rows: list[Row], q: Sequence[float], held: int) -> list[Row]:
+        """The ``rows`` on the continuum of the solution ``q``, which replaces them; they are marked as GONE.
+
+        A row that is on another continuum stays, and stands for it: others that are on it too are marked as GONE.
+        """
+        gone: list[Row] = []
+        aside: Row | None = None
+        for row in rows:
+            if self._joined(row.q, q, held):
+                row.flags = GONE
+                gone.append(row)
+            elif aside is not None and self._joined(row.q, aside.q, held):
+                row.flags = GONE
+            else:
+                row.flags &= 0xFFFF
+                aside = row
+        return gone
+
+    def _joined(self, q: Sequence[float], to: Sequence[float], held: int) -> bool:
+        """Whether the configurations ``q`` and ``to`` lie on one path of configurations that meet the target.
+
+        If all configurations straight between them do not, the free joints ``held`` (bit mask) go straight to their
+        values in ``to``, and the other joints follow. For a prescribed arm angle all joints go straight, because joints
+        that follow might change it.
+        """
+        task, goal = self._task, self._tolerance
+        if task.apart(q, to) < TOLERANCE["same"]:
+            return True
+        if all(task.reaches(task.between(q, to, part), goal, 0, held) for part in (0.25, 0.5, 0.75)):
+            return True
+        for left in range(int(SEARCH["path_steps"]) if self._plan.locked != ARM_ANGLE else 0, 0, -1):
+            x = task.reaches(task.between(q, to, 1.0 / left), goal, int(SEARCH["path_corrections"]), held)
+            if x is None or task.apart(x, q) > SEARCH["path_move"]:
+                return False
+            q = x
+        return self._plan.locked != ARM_ANGLE
 
     def _same_branch(self, rows: list[Row], wide: Row) -> list[Row]:
         held = held_joints(wide)
@@ -91,8 +129,8 @@ class FreeJoints:
                 if (row.flags >> (8 + j)) & ~(held >> j) & 1:
                     q = list(row.q)
                     q[j] += side * TOLERANCE["turn"]
-                    q, error = self._task.refine(q, *USUAL, 1 << j)
-                    if error <= self._accuracy**2 and self._stands(row.q, q, j):
+                    turned = self._task.reaches(q, self._accuracy**2, USUAL[0], 1 << j)
+                    if turned is not None and self._stands(row.q, turned, j):
                         held |= 1 << j
         if held:
             row.flags |= held << 16 | FREE

@@ -84,6 +84,32 @@ class Task:
                     cost = float(e @ e)
         return [float(value) for value in found], best
 
+    def reaches(self, q: Sequence[float], goal: float, steps: int, held: int) -> list[float] | None:
+        """A configuration near ``q`` with the joints in ``held`` (bit mask) where they are that meets the target.
+
+        Its squared task error is at most ``goal``. None if ``steps`` damped Gauss-Newton steps do not find it, or two
+        of them do not halve the error.
+        """
+        x, cost, before = np.array(q), 0.0, 0.0
+        while True:
+            earlier, before = before, cost
+            e, J = self.error(x, held)
+            cost = float(e @ e)
+            if cost <= goal:
+                return [float(value) for value in x]
+            if steps == 0 or (earlier > 0.0 and not 4.0 * cost < earlier):
+                return None
+            d = _step(J, e, SEARCH["damping"] * cost**0.5 + TOLERANCE["eps"])
+            x = x + d / max(1.0, float(np.abs(d).max(initial=0.0))) * self._units
+            steps -= 1
+
+    def between(self, a: Sequence[float], b: Sequence[float], part: float) -> list[float]:
+        """The configuration a + part (b - a), with differences of angles by at most pi."""
+        return [
+            x + part * (wrapped(y - x) if turning else y - x)
+            for x, y, turning in zip(a, b, self._revolute, strict=True)
+        ]
+
     def apart(self, a: Sequence[float], b: Sequence[float]) -> float:
         """Largest difference of two configurations: angles in rad, modulo full turns, displacements over the reach."""
         return max(

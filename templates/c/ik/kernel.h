@@ -187,6 +187,9 @@ REAL ik_clamped(REAL x, int j);
 int ik_shift(const REAL *T, REAL *q, int j, const REAL *ref);
 void ik_take(const ik_solutions *from, int i, ik_solutions *out, int to);
 unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i);
+int ik_reaches(const REAL *T, REAL *x, REAL goal, int steps, unsigned held);
+void ik_between(const REAL *from, const REAL *to, REAL part, REAL *x);
+int ik_joined(const REAL *T, const REAL *from, const REAL *to, unsigned held, REAL goal);
 void ik_reopen_branches(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows);
 void ik_reopen_nearby(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows);
 /* settle.c, finish.c */

@@ -1,5 +1,5 @@
 /* Joints that the target leaves undetermined (free), part 1: finding them, and moving them to their reference inside the joint
- * limits. Needs refine.c. */
+ * limits. Needs refine.c and rows.c. */
 #include "kernel.h"
 #if LIMITED
 
@@ -108,6 +108,37 @@ LOCAL void ik_take(const ik_solutions *from, int i, ik_solutions *out, int to)
     out->residual[to] = from->residual[i];
 }
 
+/* Moves x to a configuration with the joints `held` (bits) where they are that meets the target up to the squared error `goal`, by
+ * at most `steps` damped Gauss-Newton steps. Gives up where two steps do not halve the error, and returns 0. */
+LOCAL int ik_reaches(const REAL *T, REAL *x, REAL goal, int steps, unsigned held)
+{
+    REAL e[ERRORS], J[ERRORS][JOINTS], d[JOINTS], cost = (REAL)0, before = (REAL)0;
+    int i;
+    for (;; --steps) {
+        const REAL earlier = before;
+        REAL most = (REAL)1;
+        before = cost;
+        cost = ik_error(T, x, e, J, held);
+        if (cost <= goal) {
+            return 1;
+        }
+        if (steps == 0 || (earlier > (REAL)0 && !((REAL)4 * cost < earlier))) {
+            return 0;
+        }
+        ik_step(J, e, (REAL)VALUE_DAMPING * SQRT(cost) + IK_TOL_EPS, d);
+        for (i = 0; i < JOINTS; ++i) {
+            most = FABS(d[i]) > most ? FABS(d[i]) : most;
+        }
+        for (i = 0; i < JOINTS; ++i) {
+#if SLIDES
+            x[i] += d[i] / most * (((SLIDING >> i) & 1u) != 0u ? IK_TOL_REACH : (REAL)1);
+#else
+            x[i] += d[i] / most;
+#endif
+        }
+    }
+}
+
 #if REDUNDANT && !LOCKED
 /* Whether two configurations differ only in joint j and at most one other joint, up to the sum `most` of all further differences.
  * If more joints differ, the arm meets the target with another value of the redundancy parameter (such as the arm angle), which
@@ -140,15 +171,63 @@ LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i
             for (k = 0; k < JOINTS; ++k) {
                 q[k] = found->q[i][k] + (k == j ? (REAL)side * (REAL)VALUE_TURN : (REAL)0);
             }
+            if (ik_reaches(T, q, accuracy * accuracy, VALUE_STEPS, 1u << j)) {
 #if REDUNDANT && !LOCKED
-            if (ik_refine(T, q, VALUE_STEPS, (REAL)VALUE_DAMPING, 1u << j) <= accuracy * accuracy) {
                 held |= ik_stands(found->q[i], q, j, (REAL)64 * accuracy) ? 1u << j : 0u;
-            }
 #else
-            held |= ik_refine(T, q, VALUE_STEPS, (REAL)VALUE_DAMPING, 1u << j) <= accuracy * accuracy ? 1u << j : 0u;
+                held |= 1u << j;
 #endif
+            }
         }
     }
     found->flags[i] |= held != 0u ? (held << 16) | (unsigned)IK_FREE : 0u;
     return held;
+}
+
+/* x = from + part (to - from), angles by at most pi. */
+LOCAL void ik_between(const REAL *from, const REAL *to, REAL part, REAL *x)
+{
+    int i;
+    for (i = 0; i < JOINTS; ++i) {
+#if SLIDES
+        x[i] = from[i] + part * (((SLIDING >> i) & 1u) != 0u ? to[i] - from[i] : ik_wrap(to[i] - from[i]));
+#else
+        x[i] = from[i] + part * ik_wrap(to[i] - from[i]);
+#endif
+    }
+}
+
+/* Whether the configurations `from` and `to` lie on one path of configurations that meet the target up to the squared error
+ * `goal`. If all configurations straight between them do not, the free joints `held` (bits) go straight to their values in `to`, and
+ * the other joints follow. For a prescribed arm angle all joints go straight, because joints that follow might change it. */
+LOCAL int ik_joined(const REAL *T, const REAL *from, const REAL *to, unsigned held, REAL goal)
+{
+    REAL x[JOINTS], last[JOINTS];
+    int straight = 1, left, i;
+    if (ik_apart(from, to) < IK_TOL_SAME) {
+        return 1;
+    }
+    for (i = 1; i < 4 && straight; ++i) {
+        ik_between(from, to, (REAL)0.25 * (REAL)i, x);
+        straight = ik_reaches(T, x, goal, 0, held);
+    }
+#if REDUNDANT && !LOCKED
+    (void)last;
+    (void)left;
+    return straight;
+#else
+    for (i = 0; i < JOINTS; ++i) {
+        last[i] = from[i];
+    }
+    for (left = straight ? 0 : VALUE_PATH_STEPS; left > 0; --left) {
+        ik_between(last, to, (REAL)1 / (REAL)left, x);
+        if (!ik_reaches(T, x, goal, VALUE_PATH_CORRECTIONS, held) || ik_apart(x, last) > (REAL)VALUE_PATH_MOVE) {
+            return 0;
+        }
+        for (i = 0; i < JOINTS; ++i) {
+            last[i] = x[i];
+        }
+    }
+    return 1;
+#endif
 }

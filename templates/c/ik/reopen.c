@@ -129,7 +129,9 @@ LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REA
 /* Replaces candidates in which the target leaves a joint free, but whose equations have computed its value from the direction of a
  * very short vector, mostly from rounding errors. The replacement is the solution with that joint at its reference (with limits: at
  * the nearest value for which all joints are inside), if it meets the target. It is computed by the same equations, with the
- * length `least` below which a vector counts as zero raised tenfold at a time until they treat exactly those joints as free. */
+ * length `least` below which a vector counts as zero raised tenfold at a time until they treat exactly those joints as free.
+ * Beside two singular configurations at once, a candidate may be no part of the replacement's continuum: it stays, and stands for
+ * its own one. */
 LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows)
 {
     const REAL own = (REAL)16 * accuracy * accuracy, tolerance = own > IK_TOL_ACCEPT ? own : IK_TOL_ACCEPT;
@@ -144,7 +146,7 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
         const int count = ik_candidates(T, at LOCK, IK_TOL_SLACK, least NO_BAND, &wide, &stage);
         for (w = 0; w < count; ++w) {
             const unsigned held = IK_HELD(wide.flags[w]), other = ~ik_merged(held);
-            int first = -1, fits = -1;
+            int first = -1, aside = -1, fits = -1;
             for (i = 0; i < rows; ++i) {
                 if (held != 0u && IK_HELD(found->flags[i]) == held && ((found->branch[i] ^ wide.branch[w]) & other) == 0u) {
                     if (fits < 0) {
@@ -152,9 +154,16 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
                         fits = wide.residual[w] <= tolerance;
                     }
                     if (fits > 0) {
-                        found->flags[i] = IK_GONE;
-                        first = first < 0 ? i : first;
                         --pending;
+                        if (ik_joined(T, found->q[i], wide.q[w], held, tolerance)) {
+                            found->flags[i] = IK_GONE;
+                            first = first < 0 ? i : first;
+                        } else if (aside >= 0 && ik_joined(T, found->q[i], found->q[aside], held, tolerance)) {
+                            found->flags[i] = IK_GONE;
+                        } else { /* another continuum, which this replacement does not stand for */
+                            found->flags[i] &= 0xffffu; /* looked at: no longer among those with these free joints */
+                            aside = i;
+                        }
                     }
                 }
             }
