@@ -527,6 +527,33 @@ static void rrr_ik_take(const rrr_ik_solutions *from, int i, rrr_ik_solutions *o
     out->residual[to] = from->residual[i];
 }
 
+/* Moves x to a configuration with the joints `held` (bits) where they are that meets the target up to the squared error `goal`, by
+ * at most `steps` damped Gauss-Newton steps. Gives up where two steps do not halve the error, and returns 0. */
+static int rrr_ik_reaches(const rrr_real *T, rrr_real *x, rrr_real goal, int steps, unsigned held)
+{
+    rrr_real e[3], J[3][3], d[3], cost = (rrr_real)0, before = (rrr_real)0;
+    int i;
+    for (;; --steps) {
+        const rrr_real earlier = before;
+        rrr_real most = (rrr_real)1;
+        before = cost;
+        cost = rrr_ik_error(T, x, e, J, held);
+        if (cost <= goal) {
+            return 1;
+        }
+        if (steps == 0 || (earlier > (rrr_real)0 && !((rrr_real)4 * cost < earlier))) {
+            return 0;
+        }
+        rrr_ik_step(J, e, (rrr_real)0.01 * sqrt(cost) + RRR_IK_TOL_EPS, d);
+        for (i = 0; i < 3; ++i) {
+            most = fabs(d[i]) > most ? fabs(d[i]) : most;
+        }
+        for (i = 0; i < 3; ++i) {
+            x[i] += d[i] / most;
+        }
+    }
+}
+
 /* Finds the joints of solution i that the target leaves free; returns them as a bit mask. A joint is free if, after it is turned
  * by a small angle and held there, the other joints still meet the target to within `accuracy` (the error of its numbers). */
 static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_solutions *found, int i)
@@ -542,11 +569,51 @@ static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_soluti
             for (k = 0; k < 3; ++k) {
                 q[k] = found->q[i][k] + (k == j ? (rrr_real)side * (rrr_real)0.01 : (rrr_real)0);
             }
-            held |= rrr_ik_refine(T, q, 12, (rrr_real)0.01, 1u << j) <= accuracy * accuracy ? 1u << j : 0u;
+            if (rrr_ik_reaches(T, q, accuracy * accuracy, 12, 1u << j)) {
+                held |= 1u << j;
+            }
         }
     }
     found->flags[i] |= held != 0u ? (held << 16) | (unsigned)RRR_IK_FREE : 0u;
     return held;
+}
+
+/* x = from + part (to - from), angles by at most pi. */
+static void rrr_ik_between(const rrr_real *from, const rrr_real *to, rrr_real part, rrr_real *x)
+{
+    int i;
+    for (i = 0; i < 3; ++i) {
+        x[i] = from[i] + part * rrr_ik_wrap(to[i] - from[i]);
+    }
+}
+
+/* Whether the configurations `from` and `to` lie on one path of configurations that meet the target up to the squared error
+ * `goal`. If all configurations straight between them do not, the free joints `held` (bits) go straight to their values in `to`, and
+ * the other joints follow. For a prescribed arm angle all joints go straight, because joints that follow might change it. */
+static int rrr_ik_joined(const rrr_real *T, const rrr_real *from, const rrr_real *to, unsigned held, rrr_real goal)
+{
+    rrr_real x[3], last[3];
+    int straight = 1, left, i;
+    if (rrr_ik_apart(from, to) < RRR_IK_TOL_SAME) {
+        return 1;
+    }
+    for (i = 1; i < 4 && straight; ++i) {
+        rrr_ik_between(from, to, (rrr_real)0.25 * (rrr_real)i, x);
+        straight = rrr_ik_reaches(T, x, goal, 0, held);
+    }
+    for (i = 0; i < 3; ++i) {
+        last[i] = from[i];
+    }
+    for (left = straight ? 0 : 16; left > 0; --left) {
+        rrr_ik_between(last, to, (rrr_real)1 / (rrr_real)left, x);
+        if (!rrr_ik_reaches(T, x, goal, 4, held) || rrr_ik_apart(x, last) > (rrr_real)0.5) {
+            return 0;
+        }
+        for (i = 0; i < 3; ++i) {
+            last[i] = x[i];
+        }
+    }
+    return 1;
 }
 
 /* Bits of the branch number that have no meaning while the joints `held` are free, because those branches coincide. */
@@ -561,7 +628,9 @@ static unsigned rrr_ik_merged_branches(unsigned held)
 /* Replaces candidates in which the target leaves a joint free, but whose equations have computed its value from the direction of a
  * very short vector, mostly from rounding errors. The replacement is the solution with that joint at its reference (with limits: at
  * the nearest value for which all joints are inside), if it meets the target. It is computed by the same equations, with the
- * length `least` below which a vector counts as zero raised tenfold at a time until they treat exactly those joints as free. */
+ * length `least` below which a vector counts as zero raised tenfold at a time until they treat exactly those joints as free.
+ * Beside two singular configurations at once, a candidate may be no part of the replacement's continuum: it stays, and stands for
+ * its own one. */
 static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsigned options, rrr_real accuracy, rrr_ik_solutions *found, int rows)
 {
     const rrr_real own = (rrr_real)16 * accuracy * accuracy, tolerance = own > RRR_IK_TOL_ACCEPT ? own : RRR_IK_TOL_ACCEPT;
@@ -576,7 +645,7 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
         const int count = rrr_ik_branches(T, at, RRR_IK_TOL_SLACK, least, &wide, &stage);
         for (w = 0; w < count; ++w) {
             const unsigned held = RRR_IK_HELD(wide.flags[w]), other = ~rrr_ik_merged_branches(held);
-            int first = -1, fits = -1;
+            int first = -1, aside = -1, fits = -1;
             for (i = 0; i < rows; ++i) {
                 if (held != 0u && RRR_IK_HELD(found->flags[i]) == held && ((found->branch[i] ^ wide.branch[w]) & other) == 0u) {
                     if (fits < 0) {
@@ -584,9 +653,16 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
                         fits = wide.residual[w] <= tolerance;
                     }
                     if (fits > 0) {
-                        found->flags[i] = RRR_IK_GONE;
-                        first = first < 0 ? i : first;
                         --pending;
+                        if (rrr_ik_joined(T, found->q[i], wide.q[w], held, tolerance)) {
+                            found->flags[i] = RRR_IK_GONE;
+                            first = first < 0 ? i : first;
+                        } else if (aside >= 0 && rrr_ik_joined(T, found->q[i], found->q[aside], held, tolerance)) {
+                            found->flags[i] = RRR_IK_GONE;
+                        } else { /* another continuum, which this replacement does not stand for */
+                            found->flags[i] &= 0xffffu; /* looked at: no longer among those with these free joints */
+                            aside = i;
+                        }
                     }
                 }
             }
