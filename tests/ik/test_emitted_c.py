@@ -90,7 +90,7 @@ SEVEN_LIMIT = 36_000
 """The same where an elimination solves seven joints: refinement and elimination grow with the joint that slides."""
 
 
-NOMINAL_LIMIT = 64_000
+NOMINAL_LIMIT = 67_500
 """The same with the closed form of a special arm, its Newton step and the elimination."""
 
 
