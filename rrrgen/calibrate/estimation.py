@@ -17,6 +17,8 @@ CONVERGED = 1e-10  # of the standard deviations: a step this small ends the iter
 HUBER = 1.345  # tuning constant of Huber's weights: 95 % efficiency for normal errors
 TUKEY = 4.685
 REWEIGHTED = 30
+USED = 0.1  # least weight of a measurement that counts; the others are outliers
+STILL = 0.01  # rad or m: the range of a joint that has not moved
 WORST_CONDITION = 1e8  # of the scaled derivative; beyond it some parameter is not determined by these poses
 
 
@@ -24,58 +26,79 @@ WORST_CONDITION = 1e8  # of the scaled derivative; beyond it some parameter is n
 class Calibration:
     """The result of a calibration: ``geometry``, and the parameters of ``chosen`` with their changes and deviations.
 
-    ``change`` and ``deviation`` (p,) are estimated minus nominal values and their standard deviations, in m and rad.
+    ``change`` (p,) are estimated minus nominal values, ``covariance`` (p, p) that of their errors, in m and rad.
     ``residuals`` and ``before`` (N, components) are measured minus computed values after and before the calibration.
     ``weights`` (N,) are those of robust estimation (1 without it). ``chi2_per_dof`` is near 1 where the stated noise is
     right. ``condition`` is the condition number, and ``observability`` the geometric mean of the singular values over
-    sqrt(N), of the derivative of the measurements by the parameters, scaled by the noise.
+    sqrt(N), of the derivative of the measurements by the parameters, scaled by the noise. ``steps`` counts those of the
+    first least squares.
     """
 
     geometry: Geometry
     chosen: MinimalSet
     change: Array
-    deviation: Array
+    covariance: Array
     residuals: Array
     before: Array
     weights: Array
     chi2_per_dof: float
     condition: float
     observability: float
+    steps: int
+
+    @property
+    def deviation(self) -> Array:
+        """The standard deviations of the parameters (p,), in m and rad."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    def position_deviation(self, q: Array) -> Array:
+        """Expected error (N,) of the position of the tip at ``q`` (N, joints) in m: the root of its mean square."""
+        J = self.geometry.jacobian(q, self.chosen.kept)[:, :3]
+        return np.asarray(np.sqrt(np.einsum("nip,pk,nik->n", J, self.covariance, J, optimize=True)))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of measured numbers that were used, less the number of parameters."""
+        return int(np.sum(self.weights >= USED)) * int(self.residuals.shape[1]) - len(self.chosen.kept)
 
     @property
     def outliers(self) -> list[int]:
         """Numbers (from 0) of the measurements to which robust estimation gave (nearly) no weight."""
-        return [int(k) for k in np.flatnonzero(self.weights < 0.1)]
+        return [int(k) for k in np.flatnonzero(self.weights < USED)]
 
 
-def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False) -> Calibration:
+def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False, steps: int = STEPS) -> Calibration:
     """Estimate the geometry that fits ``measured`` best by weighted least squares, starting from ``nominal``.
 
     With ``robust``, measurements are reweighted by Huber's function and then, from that solution, by Tukey's, which
-    gives outliers no weight. Raises :class:`DerivationError` if there are fewer measured numbers than parameters, or if
-    the poses do not determine the parameters.
+    gives outliers no weight. At most ``steps`` steps are made from each set of weights. Raises
+    :class:`DerivationError` if there are fewer measured numbers than parameters, or if the poses do not determine the
+    parameters.
     """
     start = measured.with_fixtures(_aligned(nominal, measured))
     chosen = minimal_set(start, measured)
     count = measured.residuals(start).size
     if count <= len(chosen.kept):
+        each = count // len(measured.q)
+        needed, better = len(chosen.kept) // each + 1, -(-3 * len(chosen.kept) // each)
         raise DerivationError(
-            f"{count} measured numbers for {len(chosen.kept)} parameters; the more, the better: three times as many"
+            f"{len(measured.q)} measurements ({measured.kind}) are {count} numbers, for {len(chosen.kept)} parameters: "
+            f"at least {needed} measurements are needed, and {better} or more are advisable"
         )
     ones: Array = np.ones(len(measured.q))
-    geometry = _solve(start, measured, chosen.kept, ones)
+    geometry, made = _solve(start, measured, chosen.kept, ones, steps)
     weights = ones
     for law in (_huber, _tukey) if robust else ():
         for _ in range(REWEIGHTED):
             sizes = _sizes(geometry, measured)
             scale = 1.4826 * float(np.median(sizes)) / _MEDIAN[measured.residuals(geometry).shape[1]]
             weights = law(sizes / max(scale, 1e-12))
-            following = _solve(geometry, measured, chosen.kept, weights)
+            following, _ = _solve(geometry, measured, chosen.kept, weights, steps)
             moved = np.abs(following.forward(measured.q) - geometry.forward(measured.q)).max()
             geometry = following
             if moved < 1e-9:
                 break
-    return _judged(measured.with_fixtures(nominal), geometry, measured, chosen, weights)
+    return _judged(measured.with_fixtures(nominal), geometry, measured, chosen, weights, made)
 
 
 _MEDIAN = {1: 1.0, 3: 1.538 * 1.4826, 6: 2.313 * 1.4826}
@@ -125,11 +148,13 @@ def _system(
     return (J * scale[..., None]).reshape(-1, len(entries)), (measured.residuals(geometry) * scale).ravel()
 
 
-def _solve(start: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array) -> Geometry:
-    """Minimize the weighted squared residuals from ``start`` by Levenberg-Marquardt steps with scaled columns."""
+def _solve(
+    start: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array, steps: int
+) -> tuple[Geometry, int]:
+    """Minimize the weighted squared residuals from ``start`` by Levenberg-Marquardt steps; returns their number too."""
     geometry, damping = start, 1e-6
     A, r = _system(geometry, measured, entries, weights)
-    for _ in range(STEPS):
+    for number in range(1, steps + 1):
         scale = np.maximum(np.linalg.norm(A, axis=0), 1e-12)
         U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
         step = Vt.T @ (s / (s * s + damping * s[0] ** 2) * (U.T @ r))
@@ -138,16 +163,16 @@ def _solve(start: Geometry, measured: Measurements, entries: tuple[Entry, ...], 
         if after @ after <= r @ r * (1 + 1e-12):
             geometry, A, r, damping = trial, B, after, max(damping / 30, 1e-15)
             if float(np.linalg.norm(step)) < CONVERGED * max(1.0, float(np.linalg.norm(r))):
-                return geometry
+                return geometry, number
         elif damping < 1e6:
             damping = max(damping, 1e-12) * 30
         else:
-            return geometry
-    return geometry
+            return geometry, number
+    return geometry, steps
 
 
 def _judged(
-    nominal: Geometry, geometry: Geometry, measured: Measurements, chosen: MinimalSet, weights: Array
+    nominal: Geometry, geometry: Geometry, measured: Measurements, chosen: MinimalSet, weights: Array, steps: int
 ) -> Calibration:
     A, _ = _system(geometry, measured, chosen.kept, weights)
     scale = np.linalg.norm(A, axis=0)
@@ -156,27 +181,38 @@ def _judged(
     if condition > WORST_CONDITION:
         worst = int(np.argmax(np.abs(Vt[-1])))
         name = chosen.kept[worst].name
-        raise DerivationError(
-            f"these poses do not determine {name}: condition {condition:.0e}; vary all joints, and put the target off "
-            "the flange axis where only its position is measured"
-        )
+        raise DerivationError(f"these poses do not determine {name}: condition {condition:.0e}; {_why(measured)}")
     covariance = (Vt.T / s**2) @ Vt / np.outer(scale, scale)
     residuals = measured.residuals(geometry)
-    used = weights >= 0.1
+    used = weights >= USED
     squares = float(np.sum((residuals * measured.weights)[used] ** 2))
     dof = int(used.sum()) * residuals.shape[1] - len(chosen.kept)
     return Calibration(
         geometry=geometry,
         chosen=chosen,
         change=_changes(nominal, geometry, chosen.kept),
-        deviation=np.sqrt(np.diag(covariance)),
+        covariance=covariance,
         residuals=residuals,
         before=measured.residuals(measured.with_fixtures(_aligned(nominal, measured))),
         weights=weights,
         chi2_per_dof=squares / max(dof, 1),
         condition=condition,
         observability=float(np.exp(np.mean(np.log(s)))) / float(np.sqrt(len(measured.q))),
+        steps=steps,
     )
+
+
+def _why(measured: Measurements) -> str:
+    """What the joint positions lack."""
+    count = len(np.unique(np.round(measured.q, 4), axis=0))
+    if count < len(measured.q) / 2:
+        return f"there are only {count} different joint positions among the {len(measured.q)}"
+    still = [k + 1 for k, span in enumerate(np.ptp(measured.q, axis=0)) if span < STILL]
+    if still:
+        return f"joint {', '.join(map(str, still))} hardly moves"
+    if measured.kind == "pose":
+        return "vary all joints, independently of each other"
+    return "vary all joints, and put the target off the flange axis where only its position is measured"
 
 
 def _changes(nominal: Geometry, geometry: Geometry, entries: tuple[Entry, ...]) -> Array:

@@ -16,11 +16,12 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.calibrate.fixtures import KEYS, Fixture
-from rrrgen.errors import DerivationError
 from rrrgen.model.dh_rows import dh_rows
 from rrrgen.robotfile.robot_spec import FixedTransform, RobotSpec
 
 PARALLEL = 0.01  # rad; axes this near to parallel get a beta
+EXACT = 1e-12  # rad; axes this near to parallel are so but for rounding errors
+NEAR = 1e-3  # m; parallel axes this near have no certain direction from one to the other
 ROW = ("theta", "d", "a", "alpha", "beta")
 RIGID = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -84,6 +85,18 @@ class Geometry:
     def joints(self) -> int:
         """Number of measured joint positions q; in a mechanism there are fewer of them than rows."""
         return self.n if self.coupling is None else int(self.coupling.shape[1])
+
+    def with_exact_parallels(self) -> Geometry:
+        """A copy in which nearly parallel axes are parallel: the geometry that decides what can be told apart."""
+        rows = self.rows.copy()
+        for i in (i for i in range(self.n - 1) if self.is_parallel(i)):
+            rows[i, 3:] = np.pi * np.round(rows[i, 3] / np.pi), 0.0
+        return replace(self, rows=rows)
+
+    def turning(self) -> list[bool]:
+        """Whether each joint position is an angle, the one of the first row that it moves."""
+        moved = np.eye(self.n) if self.coupling is None else self.coupling
+        return [self.revolute[int(np.argmax(moved[:, j] != 0))] for j in range(self.joints)]
 
     def with_gains(self) -> Geometry:
         """A copy whose gains are parameters, 1 to begin with."""
@@ -155,7 +168,7 @@ class Geometry:
         factors = np.eye(self.n)[:, j] if self.coupling is None else self.coupling[:, j]
         keys = ["theta" if turns else "d" for turns in self.revolute]
         moving = [(factor, Entry("row", keys[i], i)) for i, factor in enumerate(factors) if factor != 0]
-        return np.asarray(sum(factor * _twist_of(entry, frames) for factor, entry in moving))
+        return sum((factor * _twist_of(entry, frames) for factor, entry in moving), np.zeros((len(frames[0]), 6)))
 
     def moved(self, entries: Sequence[Entry], step: Array) -> Geometry:
         """A copy with ``step`` (p,) added to the parameters ``entries``, in m and rad.
@@ -234,17 +247,21 @@ def rotation_vectors(R: Array) -> Array:
     return np.asarray(skew * scale[:, None])
 
 
+def path_to_tip(spec: RobotSpec) -> tuple[int, ...]:
+    """The numbers of the rows from base to tip; in a mechanism with branches others stand beside them."""
+    return tuple(range(spec.n)) if spec.mechanism is None else spec.mechanism.path(spec.mechanism.tip)
+
+
 def geometry_of(spec: RobotSpec) -> Geometry:
-    """The geometry of a robot file at its nominal parameters."""
-    beside = [
-        row.name for i, row in enumerate(spec.rows) if spec.mechanism and i not in spec.mechanism.path(spec.tip_row)
-    ]
-    if beside:
-        raise DerivationError(
-            f"{spec.name}: {', '.join(beside)} do not lie between base and tip: no measurement of the tip tells their "
-            "place, so that a mechanism with branches is not calibrated"
-        )
-    table = dh_rows(spec, nominal=True)
+    """The geometry of a robot file between base and tip, at its nominal parameters."""
+    found = geometry_of_table(spec)
+    return replace(found, rows=_hayati(found.rows))
+
+
+def geometry_of_table(spec: RobotSpec) -> Geometry:
+    """The same in the rows of the table, whose common perpendiculars of nearly parallel axes may be far away."""
+    path, every = path_to_tip(spec), dh_rows(spec, nominal=True)
+    table = [every[i] for i in path]
     rows = np.zeros((len(table), 5))
     for i, (row, following) in enumerate(zip(table, (*table[1:], None), strict=True)):
         rows[i, :2] = float(row.theta), float(row.d)
@@ -252,8 +269,38 @@ def geometry_of(spec: RobotSpec) -> Geometry:
             rows[i, 2:4] = [float(x + y) for x, y in zip(row.behind, following.before, strict=True)]
     base = _matrix(spec, spec.base) @ _twist(*map(float, table[0].before))
     tool = _twist(*map(float, table[-1].behind)) @ _matrix(spec, spec.tool)
-    coupling = None if spec.mechanism is None else np.array(spec.mechanism.matrix, dtype=float)
-    return Geometry(base, rows, tool, tuple(row.is_revolute for row in spec.rows), coupling)
+    coupling = None if spec.mechanism is None else np.array([spec.mechanism.matrix[i] for i in path], dtype=float)
+    return Geometry(base, rows, tool, tuple(row.revolute for row in table), coupling)
+
+
+def _hayati(rows: Array) -> Array:
+    """Rows of the same chain in which nearly parallel axes have no common perpendicular far away, but an angle beta.
+
+    The axis i+1 is met where it crosses the plane through the origin of frame i at right angles to axis i. The frame
+    there differs from the one of the table by a screw along its axis, which goes into the next theta and d.
+    """
+    rows = rows.copy()
+    for i in range(len(rows) - 1):
+        if not EXACT < abs(np.sin(rows[i, 3])) < PARALLEL or rows[i, 4] != 0.0:
+            continue
+        theta, d, a, alpha, _ = rows[i]
+        T = _screws(np.array([theta]), np.array([d]), 2)[0] @ _twist(a, alpha)
+        axis, origin = T[:3, 2], T[:3, 3]
+        met = origin - axis * (origin[2] / axis[2])
+        if float(np.hypot(met[0], met[1])) < NEAR:
+            continue  # the axes nearly coincide: there is no direction between them
+        turn, length = float(np.arctan2(met[1], met[0])), float(np.hypot(met[0], met[1]))
+        across = rotation(np.array([0.0, 0.0, -turn])) @ axis
+        tilt = np.array([np.arctan2(-across[1], across[2]), np.arcsin(across[0])])
+        rows[i] = turn, 0.0, length, *tilt
+        new = (
+            _screws(np.array([turn]), np.zeros(1), 2)[0]
+            @ _twist(length, tilt[0])
+            @ _screws(tilt[1:], np.zeros(1), 1)[0]
+        )
+        rest = np.linalg.solve(new, T)
+        rows[i + 1, :2] += np.arctan2(rest[1, 0], rest[0, 0]), rest[2, 3]
+    return rows
 
 
 def _twist(a: float, alpha: float) -> Array:

@@ -12,6 +12,7 @@ import csv
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -43,12 +44,44 @@ FORMS: tuple[tuple[Kind, tuple[str, ...]], ...] = (
 )
 
 
-def read_measurements(path: Path, joints: Sequence[str], sigma: float, sigma_angle: float) -> Measurements:
-    """Read the measurements of a file for a robot with the joints ``joints``.
+@dataclass(frozen=True)
+class MeasurementTable:
+    """The numbers of a file: ``values`` (N, columns) in SI units under the ``names`` of the columns.
 
-    ``sigma`` (m) and ``sigma_angle`` (rad) are the standard deviations of one measured component. Raises
-    :class:`InputError` with every fault.
+    ``joints`` are the columns of the joint positions, ``wanted`` the names of those that hold what was measured.
+    ``labels`` (N,) name the fixtures touched, and ``places`` are the lines of the file, the header's first.
     """
+
+    path: Path
+    names: tuple[str, ...]
+    values: Array
+    kind: Kind
+    joints: tuple[int, ...]
+    wanted: tuple[str, ...]
+    labels: tuple[str, ...]
+    places: tuple[int, ...]
+
+    def measurements(self, sigma: float, sigma_angle: float) -> Measurements:
+        """The measurements with the standard deviations ``sigma`` (m) and ``sigma_angle`` (rad) of one component.
+
+        Raises :class:`InputError` for quaternions and directions that have not the length one.
+        """
+        q, data = self.values[:, self.joints], self.values[:, [self.names.index(name) for name in self.wanted]]
+        if self.kind == "pose":
+            return Measurements("pose", q, _poses(data, self.places[1:], self.path), sigma, sigma_angle)
+        if self.kind == "point":
+            return Measurements("point", q, data, sigma, sigma_angle)
+        if self.kind not in FIXTURES:
+            normals = _units(data[:, :3], self.places[1:], self.path) if self.wanted[0] == "nx" else None
+            return Measurements(self.kind, q, data[:, -1], sigma, sigma_angle, normals)
+        fixtures = tuple(dict.fromkeys(self.labels))
+        numbers = np.array([fixtures.index(label) for label in self.labels])
+        lengths = data[:, 1] if len(self.wanted) > 1 else np.zeros(len(q))
+        return Measurements(self.kind, q, lengths, sigma, sigma_angle, fixture=numbers, names=fixtures)
+
+
+def read_table(path: Path, joints: Sequence[str]) -> MeasurementTable:
+    """Read the file of measurements of a robot with the joints ``joints``; InputError with every fault."""
     lines, places = _lines(path)
     names, factors = _header(lines[0], places[0], path)
     columns = _joint_columns(names, joints, path, places[0])
@@ -63,20 +96,8 @@ def read_measurements(path: Path, joints: Sequence[str], sigma: float, sigma_ang
     values = _numbers(lines[1:], places[1:], len(names), path, faults, words)
     if faults:
         raise InputError(faults)
-    table: Array = values * factors
-    q, data = table[:, columns], table[:, [names.index(name) for name in wanted]]
-    if kind == "pose":
-        return Measurements(kind, q, _poses(data, places[1:], path), sigma, sigma_angle)
-    if kind == "point":
-        return Measurements(kind, q, data, sigma, sigma_angle)
-    if words is None:
-        normals = _units(data[:, :3], places[1:], path) if wanted[0] == "nx" else None
-        return Measurements(kind, q, data[:, -1], sigma, sigma_angle, normals)
-    labels = [line[words] for line in lines[1:]]
-    fixtures = tuple(dict.fromkeys(labels))
-    numbers = np.array([fixtures.index(label) for label in labels])
-    lengths = data[:, 1] if len(wanted) > 1 else np.zeros(len(q))
-    return Measurements(kind, q, lengths, sigma, sigma_angle, fixture=numbers, names=fixtures)
+    labels = () if words is None else tuple(line[words] for line in lines[1:])
+    return MeasurementTable(path, tuple(names), values * factors, kind, tuple(columns), wanted, labels, tuple(places))
 
 
 def _lines(path: Path) -> tuple[list[list[str]], list[int]]:
@@ -100,6 +121,11 @@ def _lines(path: Path) -> tuple[list[list[str]], list[int]]:
 
 def _header(words: list[str], line: int, path: Path) -> tuple[list[str], Array]:
     names, factors = [], []
+    if len(words) == 1 and (other := next((each for each in ";\t" if each in words[0]), None)):
+        separator = "tabs" if other == "\t" else f"'{other}'"
+        hint = "separate them by commas, and write decimals with a point"
+        message = f"the columns are separated by {separator}, not by ','"
+        raise InputError([Fault(str(path), line, words[0].index(other) + 1, message, hint=hint)])
     for word in words:
         name, _, unit = word.replace("]", "").partition("[")
         if unit.strip() and unit.strip() not in UNITS:
@@ -163,7 +189,7 @@ def _numbers(
     return values
 
 
-def _units(data: Array, places: list[int], path: Path) -> Array:
+def _units(data: Array, places: Sequence[int], path: Path) -> Array:
     """Check unit vectors (N, 3) and bring them to the length one."""
     sizes = np.linalg.norm(data, axis=1)
     for size, line in zip(sizes, places, strict=True):
@@ -173,7 +199,7 @@ def _units(data: Array, places: list[int], path: Path) -> Array:
     return np.asarray(data / sizes[:, None])
 
 
-def _poses(data: Array, places: list[int], path: Path) -> Array:
+def _poses(data: Array, places: Sequence[int], path: Path) -> Array:
     """Convert positions with quaternions, or with roll, pitch and yaw, to poses (N, 4, 4)."""
     T = np.tile(np.eye(4), (len(data), 1, 1))
     T[:, :3, 3] = data[:, :3]

@@ -4,7 +4,8 @@ The derivative of the measurement by every parameter is stacked over random join
 a linear combination of those before it has the same effect as these together, and is left out. Since the positions are
 generic, no choice of poses can determine more parameters. The positions are moved until the computed measurements are
 those of the file, wherever there are enough joints: an arm that touches one point, or one unknown plane, in all its
-poses does not see its own size, though at other positions it would. The set is refused unless dependent and independent
+poses does not see its own size, though at other positions it would. Nearly parallel axes count as parallel: what tells
+parameters apart only by their tilt is hidden in the noise. The set is refused unless dependent and independent
 columns are clearly apart: their remainders must be below ``DEPENDENT`` or above ``INDEPENDENT``.
 """
 
@@ -29,6 +30,10 @@ STEPS = 60
 LONGEST = 0.3  # rad or m, of one joint in a Newton step
 
 
+class UnreachableError(DerivationError):
+    """The robot reaches hardly any of the measured values."""
+
+
 @dataclass(frozen=True)
 class MinimalSet:
     """The parameters ``kept`` for the calibration, and those that are ``left_out``.
@@ -44,8 +49,9 @@ def minimal_set(geometry: Geometry, measured: Measurements | Kind) -> MinimalSet
     """Find the parameters of ``geometry`` that the measurements, or any of that kind, determine.
 
     Raises :class:`DerivationError` where that cannot be decided, because some axes are nearly but not quite parallel,
-    and where the robot reaches hardly any of the measured values.
+    and :class:`UnreachableError` where the robot reaches hardly any of the measured values.
     """
+    geometry = geometry.with_exact_parallels()
     entries = geometry.entries()
     sample = _sample(geometry, measured)
     J = sample.jacobian(geometry, entries).reshape(-1, len(entries))
@@ -76,11 +82,10 @@ def _sample(geometry: Geometry, measured: Measurements | Kind) -> Measurements:
     if isinstance(measured, str):
         q = random.uniform(-np.pi, np.pi, (POSES, geometry.joints))
         return Measurements(measured, q, np.zeros(POSES), 1.0, 1.0)
-    q = random.uniform(-np.pi, np.pi, (3 * POSES, geometry.joints))
+    anywhere = measured.kind == "pose" or (measured.kind == "point" and geometry.joints <= COUNT["point"])
+    q = random.uniform(-np.pi, np.pi, (POSES if anywhere else 3 * POSES, geometry.joints))
     drawn = measured.of(random.integers(len(measured.q), size=len(q)), q)
-    if measured.kind == "pose" or (measured.kind == "point" and geometry.joints <= COUNT["point"]):
-        return drawn
-    return _moved_onto(geometry, drawn)
+    return drawn if anywhere else _moved_onto(geometry, drawn)
 
 
 def _moved_onto(geometry: Geometry, drawn: Measurements) -> Measurements:
@@ -101,10 +106,7 @@ def _moved_onto(geometry: Geometry, drawn: Measurements) -> Measurements:
         every = every[~arrived]
     q, every = (np.concatenate(parts) for parts in zip(*found, strict=True))
     if len(q) < POSES / 2:
-        raise DerivationError(
-            "the robot does not reach most of the measured values from where its base stands: compare their units, and "
-            "the base of the robot file, with the measuring device"
-        )
+        raise UnreachableError("the robot does not reach most of the measured values from where its base stands")
     return drawn.of(every[:POSES], q[:POSES])
 
 

@@ -25,13 +25,7 @@ def choose_poses(spec: RobotSpec, geometry: Geometry, kind: Kind, count: int, se
     fewer poses than the parameters need.
     """
     entries = minimal_set(geometry, kind).kept
-    random = np.random.default_rng(seed)
-    lower, upper = _limits(spec)
-    q = random.uniform(lower, upper, (CANDIDATES, spec.n))
-    for each in follower_limits(spec):  # rows of a mechanism that follow several joints
-        value = q @ np.array(each.factors)
-        least, most = (end if end is not None else side * np.inf for end, side in ((each.lower, -1), (each.upper, 1)))
-        q = q[(least <= value) & (value <= most)]
+    q = random_positions(spec, CANDIDATES, seed)
     candidates = Measurements(kind, q, q, *TYPICAL)
     J = candidates.jacobian(geometry, entries) * candidates.weights[:, None]
     needed = int(np.ceil(len(entries) / J.shape[1])) + 1
@@ -55,6 +49,17 @@ def choose_poses(spec: RobotSpec, geometry: Geometry, kind: Kind, count: int, se
             break
     gain = float(np.exp((np.linalg.slogdet(information)[1] - first) / (2 * len(entries))))
     return q[chosen], gain
+
+
+def random_positions(spec: RobotSpec, count: int, seed: int) -> Array:
+    """Random joint positions (N, n), at most ``count``, inside the limits of joints and of rows that follow several."""
+    lower, upper = _limits(spec)
+    q = np.random.default_rng(seed).uniform(lower, upper, (count, spec.n))
+    for each in follower_limits(spec):
+        value = q @ np.array(each.factors)
+        least, most = (end if end is not None else side * np.inf for end, side in ((each.lower, -1), (each.upper, 1)))
+        q = q[(least <= value) & (value <= most)]
+    return q
 
 
 def _limits(spec: RobotSpec) -> tuple[Array, Array]:

@@ -8,16 +8,23 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.calibrate.estimation import Calibration
+from rrrgen.calibrate.estimation import USED, Calibration
 from rrrgen.calibrate.measurements import COUNT, Measurements
 from rrrgen.runs.figures import new_figure, save_figure, style_axes
 
 PLAUSIBLE = (0.7, 1.4)
-"""Range of chi^2 per degree of freedom outside which the stated noise, or the model, must be wrong."""
+"""Range of chi^2 per degree of freedom outside which the stated noise, or the model, must be wrong; with few degrees of
+freedom it is widened by three standard deviations."""
+SPOILT = 8.0
+"""Largest over median residual above which a warning points to outliers; of 200 normal ones it is 2 to 4."""
 
 
-def to_data(found: Calibration, measured: Measurements) -> dict[str, Any]:
-    """Convert the result of a calibration to plain data for JSON, in m and rad."""
+def to_data(found: Calibration, measured: Measurements, inside: Array) -> dict[str, Any]:
+    """Convert the result of a calibration to plain data for JSON, in m and rad.
+
+    ``inside`` (N, joints) are joint positions inside the limits, at which the error of the tip is predicted.
+    """
+    expected = found.position_deviation(inside)
     kept = zip(found.chosen.kept, found.change, found.deviation, strict=True)
     return {
         "measured": measured.kind,
@@ -31,8 +38,9 @@ def to_data(found: Calibration, measured: Measurements) -> dict[str, Any]:
             for entry, change, deviation in kept
         },
         "left_out": found.chosen.left_out,
-        "rms": {key: float(value) for key, value in _rms(found.residuals[found.weights >= 0.1]).items()},
+        "rms": {key: float(value) for key, value in _rms(found.residuals[found.weights >= USED]).items()},
         "rms_before": {key: float(value) for key, value in _rms(found.before).items()},
+        "expected_error": {"rms": float(np.sqrt(np.mean(expected**2))), "largest": float(expected.max())},
         "chi2_per_dof": found.chi2_per_dof,
         "condition": found.condition,
         "observability": found.observability,
@@ -48,13 +56,13 @@ def _rms(residuals: Array) -> dict[str, Any]:
     return {"length": lengths, "angle": np.sqrt(np.mean(np.sum(residuals[:, 3:] ** 2, axis=1)))}
 
 
-def to_text(found: Calibration, measured: Measurements) -> str:
+def to_text(found: Calibration, measured: Measurements, inside: Array) -> str:
     """Print the result of a calibration as text.
 
-    It states the errors before and after, whether to trust them, the parameters with their standard deviations, and
-    which parameters were left out.
+    It states the errors before and after, whether to trust them, which error of the tip is to be expected at the joint
+    positions ``inside`` (N, joints), the parameters with their standard deviations, and which of them were left out.
     """
-    before, after = _rms(found.before), _rms(found.residuals[found.weights >= 0.1])
+    before, after = _rms(found.before), _rms(found.residuals[found.weights >= USED])
     lines = [f"{len(measured.q)} measurements ({measured.kind}), {len(found.chosen.kept)} parameters"]
     lines.append(f"rms error of length: {before['length'] * 1e3:.4g} mm before, {after['length'] * 1e3:.4g} mm after")
     if "angle" in before:
@@ -63,9 +71,10 @@ def to_text(found: Calibration, measured: Measurements) -> str:
         )
     lines.append(f"chi^2 per degree of freedom {found.chi2_per_dof:.3g}, condition {found.condition:.3g}, "
                  f"observability {found.observability:.3g}")  # fmt: skip
-    if not PLAUSIBLE[0] < found.chi2_per_dof < PLAUSIBLE[1]:
-        stated = f"--sigma {measured.sigma:g} m, --sigma-angle {measured.sigma_angle:g} rad"
-        lines.append(f"warning: the residuals do not fit the stated noise ({stated}); deviations scale with it")
+    expected = found.position_deviation(inside)
+    rms, most = 1e3 * np.sqrt(np.mean(expected**2)), 1e3 * expected.max()
+    lines.append(f"expected error of the tip inside the joint limits: {rms:.3g} mm rms, {most:.3g} mm at most")
+    lines += _doubts(found, measured)
     if found.outliers:
         lines.append(f"set aside as outliers: measurements {', '.join(str(k + 1) for k in found.outliers)}")
     lines += ["", f"{'parameter':<12}{'change':>12}{'deviation':>12}"]
@@ -75,6 +84,32 @@ def to_text(found: Calibration, measured: Measurements) -> str:
     lines += ["", "not told apart by these measurements, and left as they are:"]
     lines += [f"  {name}: {reason}" for name, reason in found.chosen.left_out.items()]
     return "\n".join(lines) + "\n"
+
+
+def _doubts(found: Calibration, measured: Measurements) -> list[str]:
+    """A warning if the residuals do not fit the stated noise, with what would mend it."""
+    widened = 3 * np.sqrt(2 / max(found.degrees_of_freedom, 1))
+    if PLAUSIBLE[0] - widened < found.chi2_per_dof < PLAUSIBLE[1] + widened:
+        return []
+    stated = f"--sigma {measured.sigma:g} m" + (
+        f", --sigma-angle {measured.sigma_angle:g} rad" * (measured.kind == "pose")
+    )
+    lines = [f"warning: the residuals do not fit the stated noise ({stated})"]
+    sizes = np.linalg.norm(found.residuals * measured.weights, axis=1)
+    sizes[found.weights < USED] = 0.0
+    worst = int(np.argmax(sizes))
+    if sizes[worst] > SPOILT * np.median(sizes[sizes > 0]):
+        length = np.linalg.norm(found.residuals[worst, :3])
+        return [*lines, f"  measurement {worst + 1} is off by {1e3 * length:.3g} mm; --robust sets outliers aside"]
+    used = found.residuals[found.weights >= USED]
+    share = np.sqrt(used.size / max(found.degrees_of_freedom, 1))
+    noise = f"--sigma {share * np.sqrt(np.mean(used[:, :3] ** 2)):.2g}"
+    if measured.kind == "pose":
+        noise += f" --sigma-angle {share * np.sqrt(np.mean(used[:, 3:] ** 2)):.2g}"
+    return [
+        *lines,
+        f"  {noise} would fit, if the device is no better; otherwise the arm has errors that no table states",
+    ]
 
 
 def plot_residuals(found: Calibration, measured: Measurements, stem: Path) -> list[Path]:

@@ -14,19 +14,22 @@ import numpy as np
 import sympy as sp
 
 from rrrgen.arrays import Array
-from rrrgen.calibrate.geometry import Geometry, geometry_of
+from rrrgen.calibrate.geometry import Geometry, geometry_of, geometry_of_table, path_to_tip
+from rrrgen.errors import DerivationError
 from rrrgen.robotfile.importers.trees.denavit_hartenberg import DenavitHartenberg, denavit_hartenberg
 from rrrgen.robotfile.importers.trees.exact_numbers import (
-    Array as Exact,
-)
-from rrrgen.robotfile.importers.trees.exact_numbers import (
+    HIGH,
     exact_angle,
     exact_length,
     identity,
+    inverse,
     number,
     rotation,
     transform,
     vector,
+)
+from rrrgen.robotfile.importers.trees.exact_numbers import (
+    Array as Exact,
 )
 from rrrgen.robotfile.importers.trees.serial_chain import ChainJoint, SerialChain
 from rrrgen.robotfile.importers.trees.tree import Inertia, TreeJoint
@@ -70,7 +73,7 @@ def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
     joints = []
     before = geometry_of(spec)
     standard = spec.convention == "standard"
-    for i, joint in enumerate(spec.rows):
+    for i, joint in enumerate(spec.rows[k] for k in path_to_tip(spec)):
         theta, d = geometry.rows[i, :2]
         changed = {"theta": _kept(joint.theta, spec, theta), "d": _kept(joint.d, spec, d)}
         row = i if standard else i - 1
@@ -89,16 +92,23 @@ def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
     return replace(_with_rows(spec, joints), base=_transform(base), tool=_transform(tool))
 
 
-def _with_rows(spec: RobotSpec, rows: list[JointSpec]) -> RobotSpec:
-    """Replace the rows of the Denavit-Hartenberg table by ``rows``.
+def _with_rows(spec: RobotSpec, found: list[JointSpec]) -> RobotSpec:
+    """Replace rows of the Denavit-Hartenberg table by those of the same names in ``found``; others become numbers.
 
     A mechanism stores its rows apart from its driven joints; there both are replaced.
     """
+    by_name = {row.name: row for row in found}
+
+    def changed(row: JointSpec) -> JointSpec:
+        source = by_name.get(row.name, row)
+        values = {key: spec.nominal(getattr(source, key)) for key in ("alpha", "a", "d", "theta")}
+        return replace(row, **values)
+
+    joints = tuple(changed(joint) for joint in spec.joints)
     if spec.mechanism is None:
-        return replace(spec, joints=tuple(rows))
-    geometry = {row.name: {key: getattr(row, key) for key in ("alpha", "a", "d", "theta")} for row in rows}
-    joints = tuple(replace(joint, **geometry[joint.name]) for joint in spec.joints)
-    return replace(spec, joints=joints, mechanism=replace(spec.mechanism, rows=tuple(rows)))
+        return replace(spec, joints=joints)
+    rows = tuple(changed(row) for row in spec.mechanism.rows)
+    return replace(spec, joints=joints, mechanism=replace(spec.mechanism, rows=rows))
 
 
 def _twisted(T: Array, spec: RobotSpec, nominal: Array, first: bool) -> Array:
@@ -124,18 +134,60 @@ def _transform(T: Array) -> FixedTransform:
 
 
 def _new_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
-    frames = _joint_frames(geometry)
+    frames, path = _joint_frames(geometry), path_to_tip(spec)
     table = denavit_hartenberg(_chain(spec, frames, geometry), spec.convention, 0.0)
     standard = spec.convention == "standard"
     joints: list[JointSpec] = []
-    for i, joint in enumerate(spec.rows):
+    for i, joint in enumerate(spec.rows[k] for k in path):
         row, twist = table.rows[i], table.rows[i if standard else i - 1]
         has_twist = standard or i > 0
         alpha, a = (exact_angle(twist.alpha), exact_length(twist.a)) if has_twist else (sp.S.Zero, sp.S.Zero)
         joints.append(replace(joint, alpha=alpha, a=a, d=exact_length(row.d), theta=exact_angle(row.theta)))
-    links = None if spec.links is None else tuple(_links(spec, geometry, frames, table))
+    joints += _branches(spec, geometry, table)
+    links = None if spec.links is None else tuple(_links(spec, frames, table))
     base, tool = fixed_transform(table.base), fixed_transform(table.tool)
     return replace(_with_rows(spec, joints), links=links, base=base, tool=tool)
+
+
+def _branches(spec: RobotSpec, geometry: Geometry, table: DenavitHartenberg) -> list[JointSpec]:
+    """Rows beside the path to the tip whose parent lies on it: they turn about the axis of the next row of the path.
+
+    The link frame of the parent has moved along and about that axis, by which their theta and d change. Raises
+    :class:`DerivationError` where a row cannot follow: in the modified convention, and beyond the tip.
+    """
+    path, found = path_to_tip(spec), []
+    before, after = _axis_frames(geometry_of(spec)), _axis_frames(geometry)
+    nominal = _link_frames(spec)
+    for i in (i for i in range(len(spec.rows)) if i not in path and spec.parents[i] in (-1, *path)):
+        row, parent = spec.rows[i], spec.parents[i]
+        following = path.index(parent) + 1 if parent >= 0 else 0
+        if spec.convention != "standard" or following == len(path):
+            where = "behind the tip" if following == len(path) else "in a table of the modified convention"
+            raise DerivationError(f"{spec.name}: {row.name} branches off {where}: its place cannot be kept")
+        new = table.link_frames[following - 1] if parent >= 0 else table.base
+        old = inverse(before[following]) @ nominal[following]
+        change = inverse(inverse(after[following]) @ new) @ old  # a screw along z
+        turn = HIGH.atan2(change[1, 0], change[0, 0])
+        theta, d = (number(float(spec.nominal(value))) for value in (row.theta, row.d))
+        found.append(replace(row, theta=exact_angle(theta + turn), d=exact_length(d + change[2, 3])))
+    return found
+
+
+def _axis_frames(geometry: Geometry) -> list[Exact]:
+    """The frames (4, 4) before the motion of each joint, at q = 0."""
+    moved = _joint_frames(geometry)
+    return [T @ inverse(_turn(2, theta, d)) for T, (theta, d, *_) in zip(moved, geometry.rows, strict=False)]
+
+
+def _link_frames(spec: RobotSpec) -> list[Exact]:
+    """The frames (4, 4) of base and links along the path to the tip at q = 0, in the standard convention."""
+    T = _exact(_matrix(spec.base, spec))
+    found = [T]
+    for joint in (spec.rows[i] for i in path_to_tip(spec)):
+        theta, d, a, alpha = (float(spec.nominal(v)) for v in (joint.theta, joint.d, joint.a, joint.alpha))
+        T = T @ _turn(2, theta, d) @ _turn(0, alpha, a)
+        found.append(T)
+    return found
 
 
 def _joint_frames(geometry: Geometry) -> list[Exact]:
@@ -164,22 +216,27 @@ def _turn(axis: int, angle: float, length: float) -> Exact:
 
 def _chain(spec: RobotSpec, frames: list[Exact], geometry: Geometry) -> SerialChain:
     joints = []
-    for joint, frame in zip(spec.rows, frames[:-1], strict=True):
+    for i, frame in zip(path_to_tip(spec), frames[:-1], strict=True):
+        joint = spec.rows[i]
         named = TreeJoint(joint.name, joint.type, "", "", identity(), vector((0, 0, 1)), Place())
         joints.append(ChainJoint(named, frame[:3, 3], frame[:3, 2], frame))
     nothing = (None,) * geometry.n
     return SerialChain("base", "tip", tuple(joints), nothing, frames[-1], vector((0, 0, 0)), {})
 
 
-def _links(spec: RobotSpec, geometry: Geometry, frames: list[Exact], table: DenavitHartenberg) -> list[LinkSpec]:
-    """Convert the links to the new link frames; each body is fixed to the frame on the axis of its joint."""
+def _links(spec: RobotSpec, frames: list[Exact], table: DenavitHartenberg) -> list[LinkSpec]:
+    """Convert the links to the new link frames; each body is fixed to the frame on the axis of its joint.
+
+    ``frames`` are the calibrated ones. Links of rows beside the path to the tip stay as they are.
+    """
     assert spec.links is not None
-    found = []
-    for i, link in enumerate(spec.links):
-        after = identity()
+    found = list(spec.links)
+    stated, nominal = _joint_frames(geometry_of_table(spec)), _joint_frames(geometry_of(spec))
+    for i, k in enumerate(path_to_tip(spec)):
+        link, after = spec.links[k], inverse(nominal[i]) @ stated[i]
         if spec.convention == "standard":
-            joint = spec.rows[i]
-            after = _turn(0, float(spec.nominal(joint.alpha)), float(spec.nominal(joint.a)))
+            joint = spec.rows[k]
+            after = after @ _turn(0, float(spec.nominal(joint.alpha)), float(spec.nominal(joint.a)))
         xx, yy, zz, xy, xz, yz = link.inertia_about_origin()
         m, com = number(link.mass), vector(link.com)
         tensor = np.array(
@@ -187,5 +244,5 @@ def _links(spec: RobotSpec, geometry: Geometry, frames: list[Exact], table: Dena
         )
         tensor = tensor - m * (sum(com * com) * identity(3) - np.outer(com, com))
         body = Inertia(m, com, tensor).moved(after).moved(frames[i])
-        found.append(link_in_frame(body, table.link_frames[i]))
+        found[k] = link_in_frame(body, table.link_frames[i])
     return found

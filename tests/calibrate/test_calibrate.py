@@ -14,7 +14,7 @@ from calibrate.virtual import NOISE, measure, off_the_table, positions, touching
 from rrrgen.calibrate.estimation import calibrate
 from rrrgen.calibrate.fixtures import Fixture
 from rrrgen.calibrate.geometry import Geometry, geometry_of, rigid, rotation_vectors
-from rrrgen.calibrate.measurement_file import read_measurements
+from rrrgen.calibrate.measurement_file import read_table
 from rrrgen.calibrate.measurements import Measurements
 from rrrgen.calibrate.minimal_set import minimal_set
 from rrrgen.calibrate.pose_choice import choose_poses
@@ -122,20 +122,31 @@ def held_out(found, true, spec, random):
 
 @pytest.mark.parametrize("name", ["ur10e", "puma560"])
 def test_held_out_errors_and_deviations(name):
-    spec, inside, total = load_spec(name), 0, 0
-    for seed in range(6):
+    spec, figures, scores, ratios = load_spec(name), [], [], []
+    chosen = None
+    if name == "ur10e":
+        chosen = choose_poses(spec, off_the_table(spec, np.random.default_rng(0))[0], "pose", 50, 0)[0]
+    for seed in range(4):
         random = np.random.default_rng(seed)
         nominal, true = off_the_table(spec, random)
-        found = calibrate(nominal, measure("pose", true, positions(spec, 50, random), random))
+        q = positions(spec, 50, random) if chosen is None else chosen
+        found = calibrate(nominal, measure("pose", true, q, random))
         errors = held_out(found, true, spec, random)
-        assert errors.mean() < 0.05e-3
-        assert errors.max() < 0.12e-3
-        assert 0.8 < found.chi2_per_dof < 1.2
-        exact = calibrate(nominal, measure("pose", true, positions(spec, 50, random), _Silent()))
+        figures.append((errors.mean(), errors.max(), found.chi2_per_dof))
+        ratios.append(np.mean(errors**2) / np.mean(found.position_deviation(positions(spec, 1000, random)) ** 2))
+        exact = calibrate(nominal, measure("pose", true, q, _Silent()))
         assert held_out(exact, true, spec, random).max() < 1e-9
-        score = np.abs(found.change - exact.change) / found.deviation
-        inside, total = inside + int(np.sum(score < 3)), total + len(score)
-    assert inside / total > 0.98
+        scores.append(np.abs(found.change - exact.change) / found.deviation)
+    mean, largest, chi2 = np.mean(figures, axis=0)
+    assert mean <= 0.04e-3
+    assert largest <= 0.09e-3
+    assert 0.85 <= chi2 <= 1.15
+    for errors in [] if chosen is None else figures:  # chosen poses keep the limits whatever the noise
+        assert errors[0] <= 0.04e-3
+        assert errors[1] <= 0.09e-3
+    assert 0.8 < np.sqrt(np.mean(ratios)) < 1.2
+    assert np.mean(np.concatenate(scores) < 3) >= 0.98
+    assert 0.9 < np.mean(np.concatenate(scores) < 1.96) < 0.99
 
 
 class _Silent:
@@ -160,7 +171,7 @@ def test_other_measurements(kind):
 
 PLANES = (([0.6, 0.0, 0.8], 0.35), ([0.0, 0.8, 0.6], 0.3), ([0.8, -0.6, 0.0], 0.25))
 TOUCHED = {
-    "plane": (PLANES, (0.0, 0.05, 0.1)),
+    "plane": (PLANES, (0.0, 0.05)),
     "contact": (([0.4, 0.3, 0.3], [-0.3, 0.4, 0.5]), (0.0,)),
     "wire": ((([0.5, 0.4, -0.3], 0.05), ([-0.6, 0.2, 0.3], -0.02)), (0.0,)),
 }
@@ -205,7 +216,7 @@ def test_outliers_are_set_aside():
     plain, robust = calibrate(nominal, spoilt), calibrate(nominal, spoilt, robust=True)
     errors = [held_out(each, true, spec, np.random.default_rng(9)).mean() for each in (clean, plain, robust)]
     assert errors[1] > 3 * errors[0]
-    assert errors[2] < 1.3 * errors[0]
+    assert errors[2] <= 1.2 * errors[0]
     assert robust.outliers == [0, 1, 2]
 
 
@@ -213,8 +224,9 @@ def test_it_converges_from_afar():
     spec, random = load_spec("puma560"), np.random.default_rng(5)
     nominal, true = off_the_table(spec, random, frames=0.05)
     true = Geometry(rigid([1, -0.5, 0.3, 0.4, -0.5, 1.3]) @ true.base, true.rows, true.tool, true.revolute)
-    found = calibrate(nominal, measure("pose", true, positions(spec, 40, random), random))
-    assert held_out(found, true, spec, random).mean() < 0.06e-3
+    found = calibrate(nominal, measure("pose", true, positions(spec, 50, random), random))
+    assert held_out(found, true, spec, random).mean() <= 0.04e-3
+    assert found.steps <= 6
 
 
 @pytest.mark.parametrize("name", ["rrr", "puma560", "ur10e", "panda", "stanford"])
@@ -261,9 +273,9 @@ def test_poses_that_do_not_determine_the_parameters_are_refused():
     nominal, true = off_the_table(spec, random)
     q = positions(spec, 40, random)
     q[:, 2] = 0.3
-    with pytest.raises(DerivationError, match="these poses do not determine"):
+    with pytest.raises(DerivationError, match=r"these poses do not determine .*; joint 3 hardly moves"):
         calibrate(nominal, measure("pose", true, q, random))
-    with pytest.raises(DerivationError, match="12 measured numbers for 30 parameters"):
+    with pytest.raises(DerivationError, match="12 numbers, for 30 parameters: at least 6 measurements"):
         calibrate(nominal, measure("pose", true, q[:2], random))
 
 
@@ -273,20 +285,24 @@ HEADER = "q1 [deg],q2,q3,x [mm],y [mm],z [mm]\n"
 def test_files_in_other_units(tmp_path):
     file = tmp_path / "m.csv"
     file.write_text("# laser tracker\n" + HEADER + "90,0.1,0.2,100,200,300\n\n")
-    found = read_measurements(file, ["a", "b", "c"], 1e-4, 1e-3)
+    found = read(file)
     np.testing.assert_allclose(found.q, [[np.pi / 2, 0.1, 0.2]])
     np.testing.assert_allclose(found.values, [[0.1, 0.2, 0.3]])
     half = np.sqrt(0.5)
     file.write_text(f"a,b,c,x,y,z,qw,qx,qy,qz\n0,0,0,1,2,3,{half},0,0,{half}\n")
-    quaternion = read_measurements(file, ["a", "b", "c"], 1e-4, 1e-3).values
+    quaternion = read(file).values
     file.write_text("a,b,c,plane,height [mm]\n0,0,0,table,20\n0,0,1,wall,0\n1,0,0,table,0\n")
-    planes = read_measurements(file, ["a", "b", "c"], 1e-4, 1e-3)
+    planes = read(file)
     assert (planes.kind, planes.names, planes.fixture.tolist()) == ("plane", ("table", "wall"), [0, 1, 0])
     np.testing.assert_allclose(planes.values, [0.02, 0, 0])
     file.write_text("a,b,c,nx,ny,nz,height\n0,0,0,0,0.6,0.8,0.3\n")
-    np.testing.assert_allclose(read_measurements(file, ["a", "b", "c"], 1e-4, 1e-3).normals, [[0, 0.6, 0.8]])
+    np.testing.assert_allclose(read(file).normals, [[0, 0.6, 0.8]])
     file.write_text("a,b,c,x,y,z,roll [deg],pitch,yaw [deg]\n0,0,0,1,2,3,0,0,90\n")
-    np.testing.assert_allclose(read_measurements(file, ["a", "b", "c"], 1e-4, 1e-3).values, quaternion, atol=1e-12)
+    np.testing.assert_allclose(read(file).values, quaternion, atol=1e-12)
+
+
+def read(file):
+    return read_table(file, ["a", "b", "c"]).measurements(1e-4, 1e-3)
 
 
 FAULTS = {
@@ -311,7 +327,7 @@ FAULTS = {
 def test_faults_of_files_are_located(case, tmp_path):
     (tmp_path / "m.csv").write_text(FAULTS[case][0])
     with pytest.raises(InputError) as caught:
-        read_measurements(tmp_path / "m.csv", ["q1", "q2", "q3"], 1e-4, 1e-3)
+        read_table(tmp_path / "m.csv", ["q1", "q2", "q3"]).measurements(1e-4, 1e-3)
     assert FAULTS[case][1] in str(caught.value)
 
 
@@ -385,7 +401,62 @@ def test_poses_of_a_mechanism_keep_rows_that_follow_in_their_range():
     assert gain > 1
 
 
-def test_branches_are_not_calibrated_and_named():
-    spec = load_spec(Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "robot.yaml")
-    with pytest.raises(DerivationError, match="elbow, rod do not lie between base and tip"):
-        geometry_of(spec)
+PALLETISER = Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "robot.yaml"
+
+
+def test_the_chain_of_a_parallelogram_is_calibrated_in_positions_of_its_drives():
+    spec, random = load_spec(PALLETISER), np.random.default_rng(8)
+    nominal, true = off_the_table(spec, random)
+    assert (nominal.n, nominal.joints) == (5, 4)
+    q = positions(spec, 50, random)
+    found = calibrate(nominal, measure("pose", true, q, random))
+    assert {"a1", "a2", "a3", "beta2", "beta3"} <= {entry.name for entry in found.chosen.kept}
+    assert "+1 a1" in found.chosen.left_out["a4"]  # the wrist stays level, so that its length looks like that of link 1
+    away = positions(spec, 300, random)
+    error = np.linalg.norm((found.geometry.forward(away) - true.forward(away))[:, :3, 3], axis=1)
+    assert error.mean() < 5e-5
+    told = loads_spec(dumps(calibrated_spec(spec, found.geometry, "measured")))
+    assert (told.parents, told.tip_row, told.mechanism.matrix) == (spec.parents, spec.tip_row, spec.mechanism.matrix)
+    reference = NewtonEuler(chain_of(told), nominal_parameters(told))
+    assert np.abs(reference.forward_kinematics(away) - found.geometry.forward(away)).max() < 1e-9
+    # crank and rod stay at the arm: with a table that is hardly off, all torques are those of the robot file
+    same = geometry_of(spec)
+    same = same.moved(same.entries(), np.full(len(same.entries()), 1e-5))
+    same = loads_spec(dumps(calibrated_spec(spec, same, "measured")))
+    assert abs(float(same.joints[1].d)) > 1e3
+    still = np.zeros_like(away)
+    torques = [
+        NewtonEuler(chain_of(each), nominal_parameters(each)).inverse_dynamics(away, still, away)
+        for each in (spec, same)
+    ]
+    np.testing.assert_allclose(torques[1], torques[0], atol=1e-4 * np.abs(torques[0]).max())
+
+
+def test_a_branch_that_cannot_follow_is_named():
+    spec = load_spec(PALLETISER)
+    geometry = geometry_of(spec)
+    moved = geometry.moved([entry for entry in geometry.entries() if entry.key == "beta"], np.full(2, 1e-3))
+    modified = replace(spec, convention="modified")
+    with pytest.raises(DerivationError, match="elbow branches off in a table of the modified convention"):
+        calibrated_spec(modified, moved, "measured")
+
+
+@pytest.mark.parametrize("name", ["ur10e", "puma560"])
+def test_a_calibrated_arm_is_calibrated_again(name):
+    """Common perpendiculars far away leave the parameters as certain as those of the nominal table."""
+    spec, random = load_spec(name), np.random.default_rng(9)
+    nominal, true = off_the_table(spec, random)
+    measured = measure("pose", true, positions(spec, 40, random), random)
+    first = calibrate(nominal, measured)
+    told = loads_spec(dumps(calibrated_spec(spec, first.geometry, "once")))
+    assert max(abs(float(joint.d)) for joint in told.joints) > 10
+    again = calibrate(geometry_of(told), measured)
+    assert [entry.name for entry in again.chosen.kept] == [entry.name for entry in first.chosen.kept]
+    assert np.abs(again.change).max() < 1e-8
+    assert again.deviation.max() < 2 * first.deviation.max()
+    twice = loads_spec(dumps(calibrated_spec(told, again.geometry, "twice")))
+    q, still = positions(spec, 20, random), np.zeros((20, spec.n))
+    models = [NewtonEuler(chain_of(each), nominal_parameters(each)) for each in (told, twice)]
+    np.testing.assert_allclose(*(each.forward_kinematics(q) for each in models), atol=1e-7)
+    torques = [each.inverse_dynamics(q, still, q) for each in models]
+    np.testing.assert_allclose(*torques, atol=1e-6 * np.abs(torques[0]).max())

@@ -65,9 +65,10 @@ def calibrate(
       rrrgen calibrate ur10e --choose 50 -o poses.csv
       rrrgen calibrate ur10e --poses measured.csv -o calibrated.yaml --figure errors
     """
-    from rrrgen.calibrate.estimation import calibrate as estimate
+    from rrrgen.calibrate.diagnosis import estimate_checked
     from rrrgen.calibrate.geometry import geometry_of
-    from rrrgen.calibrate.measurement_file import read_measurements
+    from rrrgen.calibrate.measurement_file import read_table
+    from rrrgen.calibrate.pose_choice import random_positions
     from rrrgen.calibrate.report import plot_residuals, to_data, to_text
     from rrrgen.calibrate.robot_file import calibrated_spec
     from rrrgen.extras import require
@@ -88,13 +89,15 @@ def calibrate(
         _choose(spec, nominal, kind, choose, seed, output)
         return
     assert poses is not None
-    measured = read_measurements(poses, [joint.name for joint in spec.joints], sigma, sigma_angle)
+    table = read_table(poses, [joint.name for joint in spec.joints])
+    measured = table.measurements(sigma, sigma_angle)
     with working("estimating the geometry"):
-        found = estimate(nominal, measured, robust)
+        found = estimate_checked(nominal, measured, table, robust)
+    inside = random_positions(spec, 1000, seed)
     if as_json:
-        print_json(to_data(found, measured))
+        print_json(to_data(found, measured, inside))
     else:
-        click.echo(to_text(found, measured), nl=False)
+        click.echo(to_text(found, measured, inside), nl=False)
     if figure is not None:
         plot_residuals(found, measured, figure)
     if output is not None:
