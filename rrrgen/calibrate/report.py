@@ -24,7 +24,7 @@ def to_data(found: Calibration, measured: Measurements, inside: Array) -> dict[s
 
     ``inside`` (N, joints) are joint positions inside the limits, at which the error of the tip is predicted.
     """
-    expected = found.position_deviation(inside)
+    rms, most = _expected(found, inside)
     kept = zip(found.chosen.kept, found.change, found.deviation, strict=True)
     return {
         "measured": measured.kind,
@@ -40,7 +40,7 @@ def to_data(found: Calibration, measured: Measurements, inside: Array) -> dict[s
         "left_out": found.chosen.left_out,
         "rms": {key: float(value) for key, value in _rms(found.residuals[found.weights >= USED]).items()},
         "rms_before": {key: float(value) for key, value in _rms(found.before).items()},
-        "expected_error": {"rms": float(np.sqrt(np.mean(expected**2))), "largest": float(expected.max())},
+        "expected_error": {"rms": rms, "largest": most},
         "chi2_per_dof": found.chi2_per_dof,
         "condition": found.condition,
         "observability": found.observability,
@@ -71,9 +71,10 @@ def to_text(found: Calibration, measured: Measurements, inside: Array) -> str:
         )
     lines.append(f"chi^2 per degree of freedom {found.chi2_per_dof:.3g}, condition {found.condition:.3g}, "
                  f"observability {found.observability:.3g}")  # fmt: skip
-    expected = found.position_deviation(inside)
-    rms, most = 1e3 * np.sqrt(np.mean(expected**2)), 1e3 * expected.max()
-    lines.append(f"expected error of the tip inside the joint limits: {rms:.3g} mm rms, {most:.3g} mm at most")
+    rms, most = _expected(found, inside)
+    lines.append(
+        f"expected error of the tip inside the joint limits: {1e3 * rms:.3g} mm rms, {1e3 * most:.3g} mm at most"
+    )
     lines += _doubts(found, measured)
     if found.outliers:
         lines.append(f"set aside as outliers: measurements {', '.join(str(k + 1) for k in found.outliers)}")
@@ -84,6 +85,12 @@ def to_text(found: Calibration, measured: Measurements, inside: Array) -> str:
     lines += ["", "not told apart by these measurements, and left as they are:"]
     lines += [f"  {name}: {reason}" for name, reason in found.chosen.left_out.items()]
     return "\n".join(lines) + "\n"
+
+
+def _expected(found: Calibration, inside: Array) -> tuple[float, float]:
+    """Expected rms and largest error of the tip at ``inside``, in m; residuals above the stated noise raise them."""
+    expected = found.position_deviation(inside) * np.sqrt(max(1.0, found.chi2_per_dof))
+    return float(np.sqrt(np.mean(expected**2))), float(expected.max())
 
 
 def _doubts(found: Calibration, measured: Measurements) -> list[str]:
@@ -113,18 +120,39 @@ def _doubts(found: Calibration, measured: Measurements) -> list[str]:
 
 
 def plot_residuals(found: Calibration, measured: Measurements, stem: Path) -> list[Path]:
-    """Plot the error of each measurement before and after calibration as SVG and PNG; returns the paths."""
-    parts = [("position error (mm)" if measured.kind in ("pose", "point") else "error (mm)", slice(0, 3))]
-    parts += [("orientation error (mrad)", slice(3, 6))] if measured.kind == "pose" else []
-    figure, axes = new_figure(len(parts), 1, 2.6 * len(parts) + 0.4)
+    """Plot the error of each measurement before and after calibration, and each parameter with its deviation.
+
+    Written as SVG and PNG; returns the paths.
+    """
+    parts = [("position error (mm)" if COUNT[measured.kind] >= 3 else "error (mm)", slice(0, 3), measured.sigma)]
+    if measured.kind == "pose":
+        parts += [("orientation error (mrad)", slice(3, 6), measured.sigma_angle)]
+    figure, axes = new_figure(len(parts) + 1, 1, 2.6 * len(parts) + 3.4)
     numbers = np.arange(1, len(measured.q) + 1)
-    for axis, (label, part) in zip(axes, parts, strict=True):
+    for axis, (label, part, noise) in zip(axes, parts, strict=False):
+        components = found.residuals[:, part].shape[1]
+        axis.axhline(
+            1e3 * noise * np.sqrt(components), linewidth=0.8, linestyle="--", color="0.5", label="stated noise"
+        )
         for residuals, name, mark in ((found.before, "before", "o"), (found.residuals, "after", ".")):
             axis.semilogy(numbers, np.linalg.norm(residuals[:, part], axis=1) * 1e3, mark, markersize=4, label=name)
         if found.outliers:
             places = [k + 1 for k in found.outliers]
             sizes = np.linalg.norm(found.residuals[found.outliers][:, part], axis=1) * 1e3
             axis.semilogy(places, sizes, "x", markersize=8, label="set aside")
-        style_axes(axis, "measurement" if axis is axes[-1] else "", label)
-    axes[0].legend(ncols=3, fontsize="small")
+        style_axes(axis, "measurement" if axis is axes[len(parts) - 1] else "", label)
+    _plot_parameters(found, axes[-1])
+    for axis in (axes[0], axes[-1]):
+        axis.legend(ncols=4, fontsize="small", frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0)
     return save_figure(figure, stem)
+
+
+def _plot_parameters(found: Calibration, axis: Any) -> None:
+    """Plot size of change and deviation of each parameter: one whose change is below its deviation is uncertain."""
+    names = [entry.name for entry in found.chosen.kept]
+    places = np.arange(len(names))
+    axis.semilogy(places, 1e3 * np.abs(found.change), "o", markersize=4, label="change")
+    axis.semilogy(places, 1e3 * found.deviation, "_", markersize=7, color="black", label="standard deviation")
+    axis.set_xticks(places, names, rotation=90, fontsize="small")
+    units = dict.fromkeys("1e-3" if entry.unit == "1" else f"m{entry.unit}" for entry in found.chosen.kept)
+    style_axes(axis, "", f"parameter ({', '.join(units)})")
