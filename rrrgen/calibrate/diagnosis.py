@@ -64,8 +64,8 @@ def _belongs(found: Calibration, nominal: Geometry, measured: Measurements) -> b
     """Whether residuals and corrected lengths are small against the arm."""
     squares = np.mean(found.residuals[found.weights >= USED] ** 2, axis=0)
     p = nominal.forward(measured.q)[:, :3, 3] - nominal.base[:3, 3]
-    reach = float(np.linalg.norm(p, axis=1).max())
-    longer = np.abs(found.geometry.rows - nominal.rows)[:, 1:3].max()
+    reach = float(np.max(np.linalg.norm(p, axis=1)))
+    longer = float(np.max(np.abs(found.geometry.rows - nominal.rows)[:, 1:3]))
     lengths, angles = np.sqrt(np.sum(squares[:3])), np.sqrt(np.sum(squares[3:]))
     return bool(lengths < LARGE * reach and angles < LARGE_ANGLE and longer < LONGER * reach)
 
