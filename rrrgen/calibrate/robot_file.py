@@ -89,7 +89,8 @@ def _same_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
         else _twisted(geometry.base, spec, before.base, first=True)
     )
     tool = _twisted(geometry.tool, spec, before.tool, first=False) if standard else geometry.tool
-    return replace(_with_rows(spec, joints), base=_transform(base), tool=_transform(tool))
+    tools = {name: _transform(_matrix(other, spec)) for name, other in spec.tools.items()}
+    return replace(_with_rows(spec, joints), base=_transform(base), tool=_transform(tool), tools=tools)
 
 
 def _with_rows(spec: RobotSpec, found: list[JointSpec]) -> RobotSpec:
@@ -144,9 +145,25 @@ def _new_rows(spec: RobotSpec, geometry: Geometry) -> RobotSpec:
         alpha, a = (exact_angle(twist.alpha), exact_length(twist.a)) if has_twist else (sp.S.Zero, sp.S.Zero)
         joints.append(replace(joint, alpha=alpha, a=a, d=exact_length(row.d), theta=exact_angle(row.theta)))
     joints += _branches(spec, geometry, table)
-    links = None if spec.links is None else tuple(_links(spec, frames, table))
+    bodies = [frame @ after for frame, after in zip(frames, _link_in_joint_frames(spec), strict=False)]
+    links = None if spec.links is None else tuple(_links(spec, bodies, table))
     base, tool = fixed_transform(table.base), fixed_transform(table.tool)
-    return replace(_with_rows(spec, joints), links=links, base=base, tool=tool)
+    flange = inverse(table.link_frames[-1]) @ bodies[-1]
+    tools = {name: fixed_transform(flange @ _exact(_matrix(other, spec))) for name, other in spec.tools.items()}
+    return replace(_with_rows(spec, joints), links=links, base=base, tool=tool, tools=tools)
+
+
+def _link_in_joint_frames(spec: RobotSpec) -> list[Exact]:
+    """The link frame (4, 4) of each row to the tip, in the frame after its joint, to which the body is fixed."""
+    stated, nominal = _joint_frames(geometry_of_table(spec)), _joint_frames(geometry_of(spec))
+    found = []
+    for i, k in enumerate(path_to_tip(spec)):
+        T = inverse(nominal[i]) @ stated[i]
+        if spec.convention == "standard":
+            joint = spec.rows[k]
+            T = T @ _turn(0, float(spec.nominal(joint.alpha)), float(spec.nominal(joint.a)))
+        found.append(T)
+    return found
 
 
 def _branches(spec: RobotSpec, geometry: Geometry, table: DenavitHartenberg) -> list[JointSpec]:
@@ -224,25 +241,21 @@ def _chain(spec: RobotSpec, frames: list[Exact], geometry: Geometry) -> SerialCh
     return SerialChain("base", "tip", tuple(joints), nothing, frames[-1], vector((0, 0, 0)), {})
 
 
-def _links(spec: RobotSpec, frames: list[Exact], table: DenavitHartenberg) -> list[LinkSpec]:
-    """Convert the links to the new link frames; each body is fixed to the frame on the axis of its joint.
+def _links(spec: RobotSpec, bodies: list[Exact], table: DenavitHartenberg) -> list[LinkSpec]:
+    """Convert the links to the new link frames; ``bodies`` (4, 4) are the frames that the old ones have become.
 
-    ``frames`` are the calibrated ones. Links of rows beside the path to the tip stay as they are.
+    Links of rows beside the path to the tip stay as they are.
     """
     assert spec.links is not None
     found = list(spec.links)
-    stated, nominal = _joint_frames(geometry_of_table(spec)), _joint_frames(geometry_of(spec))
     for i, k in enumerate(path_to_tip(spec)):
-        link, after = spec.links[k], inverse(nominal[i]) @ stated[i]
-        if spec.convention == "standard":
-            joint = spec.rows[k]
-            after = after @ _turn(0, float(spec.nominal(joint.alpha)), float(spec.nominal(joint.a)))
+        link = spec.links[k]
         xx, yy, zz, xy, xz, yz = link.inertia_about_origin()
         m, com = number(link.mass), vector(link.com)
         tensor = np.array(
             [[number(v) for v in row] for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))], dtype=object
         )
         tensor = tensor - m * (sum(com * com) * identity(3) - np.outer(com, com))
-        body = Inertia(m, com, tensor).moved(after).moved(frames[i])
+        body = Inertia(m, com, tensor).moved(bodies[i])
         found[k] = link_in_frame(body, table.link_frames[i])
     return found

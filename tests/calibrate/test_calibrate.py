@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sp
 from click.testing import CliRunner
 
 from calibrate.virtual import NOISE, measure, off_the_table, positions, touching
@@ -22,6 +23,7 @@ from rrrgen.calibrate.robot_file import calibrated_spec
 from rrrgen.cli.main import cli
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.robotfile import dumps, load_spec, loads_spec
+from rrrgen.robotfile.robot_spec import FixedTransform
 from rrrgen.verify.references.chain import chain_of, nominal_parameters
 from rrrgen.verify.references.newton_euler import NewtonEuler
 
@@ -248,6 +250,26 @@ def test_the_robot_file_has_the_calibrated_geometry_and_the_same_bodies(name):
     np.testing.assert_allclose(after, expected, atol=1e-9 * np.abs(expected).max())
     close = found.inverse_dynamics(q, still, q)  # bodies stay with their joints: torques change as little as the table
     np.testing.assert_allclose(close, expected, atol=0.03 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["scara", "rrr", "ur10e"])
+def test_other_tools_stay_at_the_last_link(name):
+    """Where the last axes are nearly parallel, the last link frame moves far along them."""
+    T = FixedTransform(FixedTransform().rotation, (sp.Rational(1, 10), sp.S.Zero, sp.Symbol("length", real=True)))
+    spec = load_spec(name)
+    parameters = {**spec.parameters, "length": sp.Rational(1, 5)}
+    spec = replace(
+        spec, tools={"gripper": T}, parameters=parameters, parameter_units={**spec.parameter_units, "length": "m"}
+    )
+    true = off_the_table(spec, np.random.default_rng(4))[1]
+    told = loads_spec(dumps(calibrated_spec(spec, replace(true, tool=geometry_of(spec).tool), "test")))
+    q = positions(spec, 20, np.random.default_rng(5))
+    before, after = (
+        NewtonEuler(chain_of(replace(each, tool=each.tools["gripper"])), np.zeros((spec.n, 10)))
+        for each in (spec, told)
+    )
+    moved = after.forward_kinematics(q)[:, :3, 3] - before.forward_kinematics(q)[:, :3, 3]
+    assert 1e-4 < np.abs(moved).max() < 0.03  # the errors of base and rows, and no more
 
 
 def test_chosen_poses_are_better_than_random_ones():
