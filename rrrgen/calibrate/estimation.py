@@ -63,7 +63,7 @@ class Calibration:
 
     @property
     def outliers(self) -> list[int]:
-        """Numbers (from 0) of the measurements to which robust estimation gave (nearly) no weight."""
+        """Numbers (from 0) of the measurements to which robust estimation gave hardly any weight."""
         return [int(k) for k in np.flatnonzero(self.weights < USED)]
 
 
