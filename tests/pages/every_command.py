@@ -39,6 +39,9 @@ ELSEWHERE = {
     "examples/tx40": "needs measured data, which examples/README.md says where to get",
     "rrrgen case-study": "tests/experiments/test_case_study.py",
     "--presliding": "tests/friction_estimation/test_estimation.py",
+    "rrrgen friction": "tests/friction_estimation/test_estimation.py, with the other joints locked",
+    "RX90.par": "tests/robotfile/test_import_symoro.py",
+    "panda_link8": "tests/robotfile/importers/test_real_urdf.py, with a URDF of the Panda",
     "rrrgen linearise": "tests/experiments/test_response_experiment.py",
     "make-robot": "tests/cli/test_cli.py",
 }
@@ -53,7 +56,7 @@ rrrgen simulate my_arm.yaml {FOLLOW} -o runs/experiment
 rrrgen simulate my_arm.yaml {FOLLOW} --seed 1 -o s/other
 rrrgen simulate my_arm.yaml {FOLLOW} --duration 32 -o s/work
 rrrgen simulate loaded.yaml {FOLLOW} -o s/carrying
-rrrgen simulate rrr --writing --torque-noise 0.05 -o runs/writing
+rrrgen simulate my_arm.yaml --writing --torque-noise 0.05 -o runs/writing
 rrrgen identify my_arm.yaml --log runs/experiment/results/log.yaml -o runs/identified
 rrrgen reconstruct runs/experiment/results/log.yaml --method kalman -o runs/motion
 rrrgen excite rrr --friction q3 -o runs/friction-motion
@@ -62,8 +65,6 @@ rrrgen excite rrr --response q1 -o runs/response-excitation
 rrrgen simulate rrr --response runs/response-excitation/results/response_excitation.json --base-mode 28 -o s/q1
 rrrgen frf s/q1/results/response.yaml -o runs/response
 rrrgen response-model runs/response/results/frf.json -o runs/model
-rrrgen export puma560 --to par -o RX90.par
-rrrgen export panda --to urdf
 rrrgen generate rrr -o generated/rrr
 """
 """Commands that make what the pages presuppose: recordings, run folders and files of other programs."""

@@ -106,7 +106,7 @@ def generate(
     Examples:
       rrrgen generate rrr -o generated/rrr
       rrrgen generate my_robot.yaml -o firmware/model --real float
-      rrrgen generate rrr -o generated/rrr --check      (in continuous integration)
+      rrrgen generate rrr -o generated/rrr --check    # in continuous integration
       rrrgen generate rrr -o generated/rrr --with rust,cpp
       rrrgen generate rrr -o generated/rrr --with gravity,control
       rrrgen generate rrr -o firmware --with control,observer --tuning runs/motion/results/tuning.json

@@ -33,8 +33,8 @@ def new(name: str, output: Path | None, joints: str, convention: str, bundled: s
 
     \b
     Examples:
-      rrrgen new elbow3                         elbow3.yaml with three revolute joints
-      rrrgen new arm6 --joints RRRRRR           a shoulder, an elbow and a spherical wrist
+      rrrgen new elbow3                     # elbow3.yaml with three revolute joints
+      rrrgen new arm6 --joints RRRRRR       # a shoulder, an elbow and a spherical wrist
       rrrgen new gantry2 --joints PP
       rrrgen new my_ur5 --from ur5
     """
