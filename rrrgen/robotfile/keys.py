@@ -12,6 +12,7 @@ HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 
 LANGUAGES = {
     "cpp": "a header of the functions for C++17 with std::array and matrices, Eigen maps on request",
+    "javascript": "a module for browsers and Node without dependencies, in double precision",
     "rust": "a crate without dependencies and standard library; closed-form inverse kinematics is in the C alone",
 }
 """Languages in which the model can be printed besides C and CasADi: for every word a module of that name in the room
