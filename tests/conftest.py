@@ -14,6 +14,8 @@ TESTS = Path(__file__).resolve().parent
 if str(TESTS) not in sys.path:  # import modes other than "prepend" do not do this
     sys.path.insert(0, str(TESTS))
 
+os.environ.pop("COLUMNS", None)  # processes of pytest-xdist have it: commands would fold what they print into a pipe
+
 # Robots are slow to draw and their evaluation time varies with n, so deadlines would only measure the machine's load.
 # "ci" is derandomised: a red run can be repeated; "explore" searches with fresh seeds.
 _common = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large]}

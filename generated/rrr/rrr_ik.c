@@ -245,7 +245,7 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
     }
     best = cost = rrr_ik_error(T, x, e, J, held);
     for (step = 0; step < steps && best > RRR_IK_TOL_DONE && damping < (rrr_real)1e6; ++step) {
-        rrr_real d[3], most = (rrr_real)1;
+        rrr_real d[3] = {(rrr_real)0}, most = (rrr_real)1;
         rrr_ik_step(J, e, damping * sqrt(cost) + RRR_IK_TOL_EPS, d);
         for (i = 0; i < 3; ++i) {
             most = fabs(d[i]) > most ? fabs(d[i]) : most;

@@ -286,9 +286,9 @@ def make_measurements(folder: Path) -> None:
 
 def read_poses(folder: Path) -> None:
     """Measurements for a calibration."""
-    from rrrgen.calibrate.measurement_file import read_measurements
+    from rrrgen.calibrate.measurement_file import read_table
 
-    read_measurements(folder / "poses.csv", ("q1", "q2", "q3"), 1e-4, 1e-4)
+    read_table(folder / "poses.csv", ("q1", "q2", "q3")).measurements(1e-4, 1e-4)
 
 
 def make_mapping(folder: Path) -> None:

@@ -70,7 +70,7 @@ def test_units_and_true_values_stand_in_the_panels(case):
     truth = result.estimate.x + 0.1
     figure = plot_convergence(settling, result.estimate.std, result.units, truth)
     for i, axis in enumerate(figure.axes[: len(result.names)]):
-        assert axis.get_title().endswith(f"[{result.units[i]}]")
+        assert axis.get_title().endswith(f"[{result.units[i].replace('^2', '²')}]")
         dashed = [line for line in axis.lines if line.get_linestyle() == "--"]
         assert dashed[0].get_ydata()[0] == truth[i]
         assert axis.get_ylim()[0] <= truth[i] <= axis.get_ylim()[1]

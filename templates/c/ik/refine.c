@@ -67,7 +67,7 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
     }
     best = cost = ik_error(T, x, e, J HELD);
     for (step = 0; step < steps && best > IK_TOL_DONE && damping < (REAL)VALUE_MOST_DAMPING; ++step) {
-        REAL d[JOINTS], most = (REAL)1;
+        REAL d[JOINTS] = {(REAL)0}, most = (REAL)1;
         ik_step(J, e, damping * SQRT(cost) + IK_TOL_EPS, d);
         for (i = 0; i < JOINTS; ++i) {
             most = FABS(d[i]) > most ? FABS(d[i]) : most;
