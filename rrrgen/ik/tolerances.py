@@ -288,6 +288,30 @@ SEARCH = (
     Tolerance(
         "path_move", "0.5", "0.5", "largest move of a joint (rad, reaches) in a step of such a path; else it is broken"
     ),
+    Tolerance(
+        "standing",
+        "64",
+        "64",
+        "sum of moves, in errors of the target, up to which the joints beside a free one stand",
+    ),
+    Tolerance(
+        "reopened",
+        "16",
+        "16",
+        "largest squared error, in those of the target, of a solution with a free joint at its reference",
+    ),
+    Tolerance(
+        "limit_step",
+        "0.04908738521234052",
+        "0.04908738521234052",
+        "pi/64: by such steps (rad) a free joint leaves its reference until the others are inside their limits",
+    ),
+    Tolerance("limit_steps", "128", "128", "of these steps a side: a whole turn"),
+    Tolerance(
+        "limit_dips", "8", "8", "so many minima of the excess over the limits between two steps are looked into a side"
+    ),
+    Tolerance("dip_steps", "24", "24", "of the ternary search for such a minimum: two steps shrink to 6e-6 rad"),
+    Tolerance("border_steps", "48", "48", "of the bisection for the value at a limit: down to rounding"),
     Tolerance("band_2", "1e-3", "1e-3", "factor on `band` in the second attempt; nearby arms differ by 1e-6 to 1e-2"),
     Tolerance("band_3", "1e-6", "1e-6", "factor on `band` in the third attempt"),
 )

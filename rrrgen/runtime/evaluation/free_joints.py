@@ -20,7 +20,6 @@ from rrrgen.runtime.evaluation.task import USUAL, Task
 GONE, FIXED = 32, 64
 """Internal flags: GONE if another candidate replaces this one, FIXED if it was refined with its free joint held."""
 
-_STEP = pi / 64
 _NO_ROW = 10.0
 
 
@@ -38,7 +37,7 @@ class FreeJoints:
         self._plan, self._task, self._query, self._settings = plan, task, query, settings
         self._accuracy, self._limits = accuracy, limits
         self._opens = plan.equations.opens
-        self._tolerance = max(16.0 * accuracy * accuracy, TOLERANCE["accept"])
+        self._tolerance = max(SEARCH["reopened"] * accuracy * accuracy, TOLERANCE["accept"])
 
     def reopen(self, rows: list[Row]) -> None:
         """Replace candidates that have a free joint by one in which this joint is at its reference value.
@@ -145,7 +144,7 @@ class FreeJoints:
         if self._plan.locked != ARM_ANGLE:
             return True
         moved = [abs(x - y) for k, (x, y) in enumerate(zip(before, after, strict=True)) if k != j]
-        return sum(moved) - max(moved) <= 64.0 * self._accuracy
+        return sum(moved) - max(moved) <= SEARCH["standing"] * self._accuracy
 
     # -- limits -------------------------------------------------------------------------------------------------------
 
@@ -253,11 +252,11 @@ class _Search:
         back = middle = start
         before = now = self._outside(start)
         dips = 0
-        for k in range(1, 129):
-            front = self._free.clamped(start + side * k * _STEP, self._joint)
+        for k in range(1, int(SEARCH["limit_steps"]) + 1):
+            front = self._free.clamped(start + side * k * SEARCH["limit_step"], self._joint)
             ahead = self._outside(front)
             bad, good, deep = middle, front, ahead
-            if ahead > 0.0 and k > 1 and now <= before and now <= ahead and dips < 8:
+            if ahead > 0.0 and k > 1 and now <= before and now <= ahead and dips < SEARCH["limit_dips"]:
                 dips += 1
                 good, deep = self._dip(back, front)
                 bad = back
@@ -272,7 +271,7 @@ class _Search:
         The search ends as soon as the excess is zero.
         """
         good, deep = b, 1.0
-        for _ in range(24):
+        for _ in range(int(SEARCH["dip_steps"])):
             u, v = a + (b - a) / 3, b - (b - a) / 3
             at_u, at_v = self._outside(u), self._outside(v)
             good, deep = (u, at_u) if at_u <= at_v else (v, at_v)
@@ -282,7 +281,7 @@ class _Search:
         return good, deep
 
     def _border(self, bad: float, good: float) -> float:
-        for _ in range(48):
+        for _ in range(int(SEARCH["border_steps"])):
             half = 0.5 * (bad + good)
             bad, good = (half, good) if self._outside(half) > 0.0 else (bad, half)
         return good

@@ -173,7 +173,7 @@ LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i
             }
             if (ik_reaches(T, q, accuracy * accuracy, VALUE_STEPS, 1u << j)) {
 #if REDUNDANT && !LOCKED
-                held |= ik_stands(found->q[i], q, j, (REAL)64 * accuracy) ? 1u << j : 0u;
+                held |= ik_stands(found->q[i], q, j, (REAL)VALUE_STANDING * accuracy) ? 1u << j : 0u;
 #else
                 held |= 1u << j;
 #endif

@@ -47,19 +47,19 @@ LOCAL REAL ik_with(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, un
  * step. Where the violation has a minimum between steps, ternary search looks for a value inside. Returns 0 if none is found. */
 LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, unsigned held, unsigned branch, int j, REAL *q)
 {
-    const REAL start = ik_clamped(ref[j], j), h = (REAL)0.04908738521234052;
+    const REAL start = ik_clamped(ref[j], j), h = (REAL)VALUE_LIMIT_STEP;
     REAL best = (REAL)-1, x[JOINTS];
     int side, k, i;
     for (side = -1; side <= 1; side += 2) {
         REAL back = start, middle = start, g1 = ik_with(T, ref LOCK, least, held, branch, j, start, x), g0 = g1;
         int dips = 0;
-        for (k = 1; k <= 128; ++k) {
+        for (k = 1; k <= VALUE_LIMIT_STEPS; ++k) {
             const REAL front = ik_clamped(start + (REAL)(side * k) * h, j);
             const REAL g = ik_with(T, ref LOCK, least, held, branch, j, front, x);
             REAL bad = middle, good = front, deep = g;
-            if (g > (REAL)0 && k > 1 && g1 <= g0 && g1 <= g && ++dips <= 8) {
+            if (g > (REAL)0 && k > 1 && g1 <= g0 && g1 <= g && ++dips <= VALUE_LIMIT_DIPS) {
                 REAL a = back, b = front;
-                for (i = 0; i < 24 && deep > (REAL)0; ++i) {
+                for (i = 0; i < VALUE_DIP_STEPS && deep > (REAL)0; ++i) {
                     const REAL u = a + (b - a) / (REAL)3, v = b - (b - a) / (REAL)3;
                     const REAL gu = ik_with(T, ref LOCK, least, held, branch, j, u, x);
                     const REAL gv = ik_with(T, ref LOCK, least, held, branch, j, v, x);
@@ -71,7 +71,7 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
                 bad = back;
             }
             if (!(deep > (REAL)0)) {
-                for (i = 0; i < 48; ++i) {
+                for (i = 0; i < VALUE_BORDER_STEPS; ++i) {
                     const REAL half = (REAL)0.5 * (bad + good);
                     if (ik_with(T, ref LOCK, least, held, branch, j, half, x) > (REAL)0) {
                         bad = half;
@@ -134,7 +134,7 @@ LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REA
  * its own one. */
 LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows)
 {
-    const REAL own = (REAL)16 * accuracy * accuracy, tolerance = own > IK_TOL_ACCEPT ? own : IK_TOL_ACCEPT;
+    const REAL own = (REAL)VALUE_REOPENED * accuracy * accuracy, tolerance = own > IK_TOL_ACCEPT ? own : IK_TOL_ACCEPT;
     REAL least = IK_TOL_FREE;
     int pending = 0, i, w;
     for (i = 0; i < rows; ++i) {
