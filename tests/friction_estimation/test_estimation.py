@@ -44,11 +44,7 @@ def write_log(path, found, joints=("q1", "q2", "q3"), moving="q3"):
 @pytest.mark.parametrize(
     ("truth", "rival", "options"),
     [
-        (
-            Joint("stribeck", angle=0.4),
-            "coulomb_viscous",
-            {"torque_noise": 0.01, "centred": True},
-        ),
+        (Joint("stribeck", angle=0.4), "coulomb_viscous", {"torque_noise": 0.01, "centred": True}),
         (
             Joint("asymmetric", coulomb_n=0.45, viscous_n=0.2),
             "coulomb_viscous",
