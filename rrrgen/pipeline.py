@@ -6,6 +6,7 @@ import gc
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from itertools import chain, islice
@@ -75,7 +76,8 @@ def derive_once(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> DerivedM
     from rrrgen.output.manifest import identify
     from rrrgen.runtime.derived_cache import recall
 
-    return recall(spec, identify(spec), partial(derive, groups=groups), groups)
+    one = identify(replace(spec, ik="general"))  # no function depends on the choice of a solver
+    return recall(spec, one, partial(derive, groups=groups), groups)
 
 
 @without_collection()

@@ -22,7 +22,9 @@ PARTS = re.compile(r"(?:^`(?P<file>[\w./-]+)`:\n\n)?^```(?P<language>\w+)\n(?P<t
 READER = """
 import json, shlex, subprocess, sys
 from rrrgen.cli.main import run
+from rrrgen.runs import figures
 
+figures.PRINT = 60  # as for all tests, whose conftest.py does not reach this process
 for language, text in json.loads(sys.argv[1]):
     print("[step]", text, flush=True)
     if language == "python":

@@ -9,6 +9,7 @@ import pytest
 
 from backends.c_tools import IDENTITY
 from backends.planar import planar_model
+from rrrgen import pipeline
 from rrrgen.cache import cache_directory, keep
 from rrrgen.derive import derive_model
 from rrrgen.robotfile import load_spec
@@ -45,6 +46,19 @@ def test_a_robot_is_derived_once(cache, monkeypatch):
     monkeypatch.setattr(derived_cache, "_compiler_hash", lambda: "another version of the compiler")
     derived_cache.recall(model.spec, IDENTITY, derive)
     assert len(calls) == 3
+
+
+def test_the_choice_of_a_solver_derives_nothing_again(cache, monkeypatch):
+    model, calls = planar_model(), []
+
+    def derive(spec, groups):
+        calls.append(spec)
+        return model
+
+    monkeypatch.setattr(pipeline, "derive", derive)
+    for ik in ("general", "nominal_first"):
+        assert pipeline.derive_once(dataclasses.replace(model.spec, ik=ik)).spec.ik == ik
+    assert len(calls) == 1
 
 
 def test_what_stands_in_the_cache_is_never_run(cache):
