@@ -153,6 +153,8 @@ def printed(line: str) -> tuple[int, str]:
     """Run a line: rrrgen in this process, so that libraries are loaded once, everything else by the shell."""
     out = io.StringIO()
     words = re.sub(r"\s+(#|\().*$", "", line)
+    if made := re.match(r"rrrgen new (\w+)", words):  # what the pages presuppose has the names of what they make
+        Path(f"{made[1]}.yaml").unlink(missing_ok=True)
     target = re.search(r" -o (\S+)", words)
     if target and target[1].startswith("runs/"):  # alternatives on a page write to the same folder
         shutil.rmtree(target[1], ignore_errors=True)
