@@ -325,9 +325,13 @@ def test_ctrl_c_loses_nothing_that_was_finished(tmp_path, undisturbed) -> None:
 def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, undisturbed) -> None:
     """The same search on a cluster, one of whose workers is killed in the middle, gives the same result."""
     distributed = pytest.importorskip("distributed", reason="clusters need the extra 'cluster'")
+    from joblib import parallel_config
+
     paths = [str(HERE), str(HERE.parent), str(HERE.parent.parent)]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
     problem = pendulum_problem()
+    settings = []
+    monkeypatch.setattr("joblib.parallel_config", lambda **given: settings.append(given) or parallel_config(**given))
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:
@@ -343,6 +347,7 @@ def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, und
             problem, SEARCHED, cluster=cluster.scheduler_address, checkpoints=tmp_path, progress=progress
         )
     assert len(killed) == 1
+    assert settings[0]["scatter"] == [problem]  # sent once: Dask warns of a large graph if every start carries it
     assert len(list(tmp_path.iterdir())) == len(SEARCHED)
     assert all(same(a, b) for a, b in zip(results, undisturbed, strict=True))
 

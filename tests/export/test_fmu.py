@@ -10,6 +10,7 @@ import pytest
 
 from export.arm import arm
 from export.rrr_library import STRICT, run
+from pages.test_pages import blocks
 from rrrgen.errors import DerivationError
 from rrrgen.export.exporting import export_robot
 from rrrgen.export.interface import ExportOptions
@@ -24,9 +25,11 @@ START = {"q[1]": 0.3, "q[2]": -0.8, "dq[1]": 1.0, "torque[1]": -5.0, "torque[2]"
 
 @pytest.fixture(scope="module")
 def fmu(tmp_path_factory):
-    place = tmp_path_factory.mktemp("fmu") / "arm.fmu"
-    place.write_bytes(export_robot(arm(), "fmu").files["arm.fmu"])
-    return place
+    files = export_robot(arm(), "fmu").files
+    place = tmp_path_factory.mktemp("fmu")
+    (place / "arm.fmu").write_bytes(files["arm.fmu"])
+    (place / "README.md").write_text(files["README.md"], encoding="utf-8")
+    return place / "arm.fmu"
 
 
 def integrated() -> np.ndarray:
@@ -73,6 +76,24 @@ def test_its_sources_have_no_warnings(fmu, tmp_path):
     with zipfile.ZipFile(fmu) as archive:
         archive.extractall(tmp_path)
     run("gcc", "-std=c99", *STRICT, "-fsyntax-only", "arm_fmu.c", cwd=tmp_path / "sources")
+
+
+def test_the_readme_is_right(fmu, tmp_path, monkeypatch):
+    """Its program runs beside the FMU, and its command builds the library anew from the sources."""
+    text = (fmu.parent / "README.md").read_text(encoding="utf-8")
+    (program,), (command,) = blocks(text, "python"), blocks(text, "sh")
+    monkeypatch.chdir(fmu.parent)
+    space: dict = {}
+    exec(program, space)  # our own page
+    assert space["result"]["q[1]"][0] == 0.5
+    assert space["result"]["time"][-1] == pytest.approx(1.0)
+    with zipfile.ZipFile(fmu) as archive:
+        archive.extractall(tmp_path)
+    library = next((tmp_path / "binaries").rglob("arm.so"), None)
+    if library is not None:  # this is Linux
+        library.unlink()
+        run("sh", "-ec", command, cwd=tmp_path)
+        assert library.is_file()
 
 
 def test_what_has_no_fmu_is_refused():

@@ -111,7 +111,9 @@ def test_octave(folder):
     (page,) = blocks_of((ROOT / "docs/sockets.md").read_text(encoding="utf-8"), "matlab")
     first, *others = page.replace("rrr", "arm").splitlines()
     assert first.split(";")[1].split("%")[0].strip() == "build_arm"
-    (folder / "use.m").write_text("\n".join(["1;", PROGRAM, *others, ""]), encoding="utf-8")
+    build, example = blocks_of((folder / "README.md").read_text(encoding="utf-8"), "matlab")
+    assert build.strip() == "build_arm"
+    (folder / "use.m").write_text("\n".join(["1;", PROGRAM, *others, example, ""]), encoding="utf-8")
     out = run("octave-cli", "-q", "--eval", "setenv('CFLAGS', '-O0'); build_arm; use", cwd=folder)
     numbers, *blocks = out.splitlines()
     T, tau = (each[0] for each in ours(arm(), Q[None], DQ[None], DDQ[None]))
