@@ -204,6 +204,15 @@ _SMALLEST_FLOAT, _LARGEST_FLOAT = Fraction(2) ** -126, Fraction(2) ** 127  # nor
 
 
 @lru_cache(maxsize=4096)  # the same lengths and weights occur in most functions
+def nested_element(port: Port, element: int) -> str:
+    """Element number ``element``, row-major, of a port that is an array of arrays, such as ``M[1][2]``."""
+    indices: list[int] = []
+    for size in reversed(port.shape):
+        element, index = divmod(element, size)
+        indices.insert(0, index)
+    return port.name + "".join(f"[{index}]" for index in indices)
+
+
 def decimal(value: Fraction | int, real: Real = "double") -> str:
     """Print a constant as a decimal literal that reads back to the nearest double; exact where 17 digits suffice.
 

@@ -16,7 +16,7 @@ from rrrgen.backends import Identity, Real
 from rrrgen.backends.comments import mathematics, plain, wrapped
 from rrrgen.backends.description import facts, large_angles, programs_of, title
 from rrrgen.backends.interface import CHOICE, PRODUCT, SUM, Backend, Text
-from rrrgen.backends.printing import decimal, print_body
+from rrrgen.backends.printing import decimal, nested_element, print_body
 from rrrgen.derive.parameter_listing import listing
 from rrrgen.program import Op, Port, Program, Status, count_operations
 from rrrgen.resources import render
@@ -115,11 +115,7 @@ class _Rust:
 
     def element(self, port: Port, element: int, output: bool = False) -> str:
         """The text of an element of an input, such as ``M[1][2]``."""
-        indices: list[int] = []
-        for size in reversed(port.shape):
-            element, index = divmod(element, size)
-            indices.insert(0, index)
-        return port.name + "".join(f"[{index}]" for index in indices)
+        return nested_element(port, element)
 
     def unused(self, port: Port) -> str:
         """The statement that names a parameter which the function does not read, so that rustc does not warn."""
