@@ -120,5 +120,5 @@ class Measurements:
         return np.broadcast_to(up[:, None], (len(p), 1, 3))
 
     def _touched(self, geometry: Geometry) -> list[tuple[Fixture, Numbers]]:
-        """The fixtures with the numbers of their measurements."""
+        """Every fixture with the indices of the measurements that touched it."""
         return [(each, np.flatnonzero(self.fixture == k)) for k, each in enumerate(geometry.fixtures)]

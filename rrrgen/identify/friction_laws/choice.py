@@ -285,7 +285,7 @@ def _halves(problem: Problem, use: NDArray[np.bool_]) -> tuple[NDArray[np.bool_]
 
 
 def _parts(use: NDArray[np.bool_], count: int) -> NDArray[np.int64]:
-    """The number (r,) of the part of each row, for ``count`` parts with equally many rows in use."""
+    """For each row the index (r,) of its part: ``count`` consecutive parts have equally many rows in use."""
     number = np.cumsum(use.any(axis=1))
     return np.asarray(np.clip((number - 1) * count // max(1, int(number[-1])), 0, count - 1))
 
