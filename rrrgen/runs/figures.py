@@ -45,15 +45,23 @@ def style_axes(axis: Any, xlabel: str, ylabel: str) -> None:
 def save_figure(figure: Figure, stem: Path) -> list[Path]:
     """Write ``stem.svg`` and ``stem.png``; returns the paths. Without dates: the same data give the same bytes."""
     import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     paths = [stem.with_name(stem.name + suffix) for suffix in (".svg", ".png")]
+    vectors, pixels = BytesIO(), BytesIO()
+    resolution, engine = figure.dpi, figure.get_layout_engine()
     with matplotlib.rc_context({"svg.hashsalt": "rrrgen", "svg.fonttype": "none"}):
-        if figure.get_layout_engine() is not None:  # the automatic layout is slow: computed once for both files
-            figure.draw_without_rendering()
+        if engine is not None:  # the automatic layout is slow: computed once for both files
+            engine.execute(figure)
             figure.set_layout_engine("none")
-        vectors, pixels = BytesIO(), BytesIO()
-        figure.savefig(vectors, format="svg", metadata={"Date": None, "Creator": None})
-        figure.savefig(pixels, format="png", dpi=PRINT, metadata={"Software": None})
+        # not by savefig, which would draw figures that had an automatic layout twice for each file
+        vector_canvas: Any = FigureCanvasSVG(figure)
+        vector_canvas.print_svg(vectors, metadata={"Date": None, "Creator": None})
+        figure.dpi = PRINT
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.print_png(pixels, metadata={"Software": None})
+        figure.dpi = resolution
     for path, content in zip(paths, (vectors, pixels), strict=True):
         write_file(path, content.getvalue())
     return paths
