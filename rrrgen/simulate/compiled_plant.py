@@ -174,26 +174,39 @@ def _friction(
     Laws without a state are smoothed, those with one are not. The load of a law that depends on it is the drive torque
     ``tau`` (n,) less friction.
     """
-    if isinstance(model, FrictionModel):
-        laws = [(model.law, row) for row in model.parameters]
-        offsets = [0.0] * model.n
-    else:
-        laws = [(each.law, each.parameters[0]) for each in model.models]
-        offsets = [float(value) for value in model.offset]
     torques: list[Any] = []
     rates: list[Any] = []
-    for i, ((law, values), v) in enumerate(zip(laws, speeds, strict=True)):
+    for i, ((law, values, offset), v) in enumerate(zip(joint_laws(model), speeds, strict=True)):
         row = [Fraction(float(value)) for value in values]
         bent = None if z is None or law.rate is None else z[i]
         ops: Any = smooth if bent is None else _Exact(smooth)
-        torque = _torque_of(law, ops, v, row, bent) + Fraction(offsets[i])
-        if law.has_load:
-            raised = _torque_of(law, ops, v, law.under_load(row, 1), bent)
-            share, net = raised + Fraction(offsets[i]) - torque, tau[i] - torque
-            torque = tau[i] - net / (1 + share * Builder.sign(smooth, net))
-        torques.append(torque)
+        torques.append(torque_under(smooth, law, ops, v, [*row, Fraction(offset)], tau[i], bent))
         rates.append(0 if bent is None or law.rate is None else law.rate(ops, bent, v, row))
     return torques, None if z is None else rates
+
+
+def joint_laws(model: FrictionModel | MixedFriction) -> list[tuple[FrictionLaw, Array, float]]:
+    """The friction law of each joint with its parameters and the constant torque added to it, N m (N)."""
+    if isinstance(model, FrictionModel):
+        return [(model.law, row, 0.0) for row in model.parameters]
+    offsets = model.offset.tolist()
+    return [(each.law, each.parameters[0], offset) for each, offset in zip(model.models, offsets, strict=True)]
+
+
+def torque_under(
+    builder: Builder, law: FrictionLaw, ops: Any, speed: Any, values: Sequence[Any], tau: Any, z: Any = None
+) -> Any:
+    """Record the friction torque of one joint at ``speed`` under the torque ``tau`` of its drive.
+
+    ``values`` are the parameters of ``law`` and a constant torque; ``ops`` are the operations that the law uses, ``z``
+    is its state (None: steady sliding). The load of a law that depends on it is ``tau`` less the friction.
+    """
+    *row, offset = values
+    torque = _torque_of(law, ops, speed, row, z) + offset
+    if not law.has_load:
+        return torque
+    share, net = _torque_of(law, ops, speed, law.under_load(row, 1), z) + offset - torque, tau - torque
+    return tau - net / (1 + share * Builder.sign(builder, net))
 
 
 def _torque_of(law: FrictionLaw, ops: Any, speed: Any, row: Sequence[Any], z: Any) -> Any:

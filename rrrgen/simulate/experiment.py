@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.simulate.compiled_plant import compiled_integrator
+from rrrgen.simulate.compiled_rigid import WORTH_BUILDING, compiled_rigid_integrator
 from rrrgen.simulate.control import Controller, Observer, Reference
-from rrrgen.simulate.integration import make_integrator
+from rrrgen.simulate.integration import Integrator, make_integrator
 from rrrgen.simulate.plant import Plant
 
 Array = NDArray[Any]
@@ -159,9 +160,7 @@ class VirtualRobot:
         injected = np.zeros((count, self.plant.n)) if excitation is None else np.asarray(excitation, dtype=float)
         first = (wanted[0][0], wanted[1][0]) if start is None else start
         state = self.plant.initial_state(*first)
-        integrator = compiled_integrator(self.plant, state, self.period) or make_integrator(
-            self.plant, self.steps, self.tolerance
-        )
+        integrator = self._integrator(state, count)
         for k in range(count):
             now = Reference(wanted[0][k], wanted[1][k], wanted[2][k])
             applied = loop.sample(k, state, now, injected[k])
@@ -174,6 +173,13 @@ class VirtualRobot:
             if progress is not None and (k + 1) % 500 == 0:
                 progress(k + 1, count, f"simulated {t[k]:.2f} s")
         return loop.recording(t, wanted[0], wanted[1])
+
+    def _integrator(self, state: Array, count: int) -> Integrator:
+        """The integrator for ``count`` samples from ``state`` on: in C where that is possible and saves time."""
+        compiled: Integrator | None = compiled_integrator(self.plant, state, self.period)
+        if compiled is None and count * self.steps >= WORTH_BUILDING:
+            compiled = compiled_rigid_integrator(self.plant, self.steps)
+        return compiled or make_integrator(self.plant, self.steps, self.tolerance)
 
 
 class _Loop:

@@ -68,6 +68,12 @@ class StiffIntegrator:
         return np.asarray(result[1])
 
 
+def breaks_away(plant: Plant) -> NDArray[np.bool_]:
+    """At which joints (n,) friction jumps where the speed changes its sign, so that they may stick."""
+    rest, one, model = np.zeros(plant.n), np.ones(plant.n), plant.friction.model
+    return np.asarray(model.directed(rest, one, one) > model.directed(rest, -one, one))
+
+
 class RigidIntegrator:
     """Fourth-order Runge-Kutta with constant sgn(dq), interrupted at instants where a joint's speed crosses zero."""
 
@@ -75,9 +81,7 @@ class RigidIntegrator:
         self.plant, self.n, self.steps = plant, plant.n, steps
         self.direction = np.zeros(plant.n)
         """Per joint +1 or -1 while sliding, 0 while stuck."""
-        rest, one = np.zeros(plant.n), np.ones(plant.n)
-        model = plant.friction.model
-        self.jumps = np.asarray(model.directed(rest, one, one) > model.directed(rest, -one, one))
+        self.jumps = breaks_away(plant)
 
     def advance(self, state: Array, tau: Array, duration: float) -> Array:
         """The state ``duration`` (s) later under the torque ``tau`` (n,), in ``steps`` equal steps."""

@@ -120,6 +120,27 @@ class RigidBody:
             known[Role.DRIVE_INERTIA] = drives if self._added is None else np.zeros(drives.size)
         return _folded(programs["forward_dynamics"], known)
 
+    def terms_program(self) -> tuple[Program, list[Array]] | None:
+        """The program of M(q), c and g, and the values of its parameters in the order of its inputs after q and dq.
+
+        The inertias (n,) added to the diagonal of M come last. None for a model without programs or compiled code, or
+        with parameters whose values are not known.
+        """
+        programs = getattr(getattr(self._model, "derived", None), "programs", {})
+        if "dynamics_terms" not in programs or self._model.engine.name != "c":
+            return None
+        known = {
+            Role.BASE_PARAMETERS: self._model.beta if self._parameters is None else self._parameters,
+            Role.DRIVE_INERTIA: self._model.drive_inertia,
+            Role.GRAVITY: self._model.nominal_gravity,
+        }
+        program = programs["dynamics_terms"]
+        values: list[Any] = [known.get(port.role) for port in program.inputs[2:]]
+        if any(value is None for value in values):
+            return None
+        added = np.zeros(self.n) if self._added is None else np.diag(self._added)
+        return program, [*values, added]
+
     def mass(self, q: Array) -> Array:
         """Mass matrix M(q) including drive inertia, (n, n), kg m^2 (kg)."""
         return self._mass(q).copy() if self._added is None else self._mass(q) + self._added
