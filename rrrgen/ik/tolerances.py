@@ -231,6 +231,9 @@ ELIMINATION = (
         "close", "1e-3", "1e-3", "a solution belongs to the root it was refined from if the first error is below this"
     ),
     Tolerance(
+        "singular", "3e-6", "3e-3", "pivot of the Jacobian (lengths scaled) below which it is singular, see `same`"
+    ),
+    Tolerance(
         "narrowest", "1e-3", "1e-3", "an arc of the circle (tangent of a quarter of it) this narrow is not magnified"
     ),
     Tolerance("zones", "8", "8", "most arcs of the circle, itself included, in which roots are searched"),
@@ -252,6 +255,14 @@ ELIMINATION = (
     ),
 )
 """Additional tolerances of the elimination for six joints."""
+
+EIGENVALUES = (
+    Tolerance("complex", "0.1", "0.1", "imaginary part (rad) of the kept angle up to which a root is tried"),
+    Tolerance("real", "1e-7", "1e-7", "and up to which it is real, so that it must have a solution"),
+    Tolerance("cluster", "1e-4", "1e-4", "roots (rad) that are nearer to each other are examined together"),
+    Tolerance("mixed", "1e-6", "1e-6", "singular value of their null vectors below which these are the same"),
+)
+"""Tolerances of the elimination where it is evaluated in Python, with roots that are eigenvalues."""
 
 
 SEARCH = (
@@ -364,6 +375,11 @@ def runtime(real: str) -> dict[str, str]:
 def search() -> dict[str, float]:
     """The values of :data:`SEARCH`, by name, in double precision, for the evaluation in Python."""
     return {each.name: float(each.double) for each in SEARCH}
+
+
+def elimination() -> dict[str, float]:
+    """The values of :data:`ELIMINATION` and :data:`EIGENVALUES`, by name, for the evaluation in Python."""
+    return {each.name: float(each.double) for each in ELIMINATION + EIGENVALUES}
 
 
 def kernel_values(real: str) -> dict[str, str]:

@@ -329,9 +329,8 @@ def load_solver(spec: RobotSpec, redundancy: int | None = None, backend: EngineN
 
     ``redundancy`` is the number (from 0) of the joint to prescribe in a redundant arm; None lets rrrgen choose.
     ``backend="numpy"`` evaluates the solver in Python instead: no compiler is needed, but a target takes milliseconds.
-    Raises :class:`rrrgen.errors.DerivationError` with the reason if the chain has no solver, or none in NumPy (the
-    general elimination for six joints exists in C only), and :class:`rrrgen.errors.BuildError` if "c" finds no C
-    compiler.
+    Raises :class:`rrrgen.errors.DerivationError` with the reason if the chain has no solver, and
+    :class:`rrrgen.errors.BuildError` if "c" finds no C compiler.
     """
     plan = make_plan(spec, redundancy)
     if not plan.solvable:

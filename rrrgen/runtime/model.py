@@ -133,8 +133,7 @@ class Model(
     def ik(self) -> InverseKinematics:
         """The inverse kinematics of the robot as an object with all options. Raises DerivationError without a solver.
 
-        It is compiled when first used, or evaluated in Python with the NumPy backend. A general arm of six joints,
-        which needs a numerical elimination, is solved in C only.
+        It is compiled when first used, or evaluated in Python with the NumPy backend.
         """
         if self._ik is None:
             from rrrgen.runtime.inverse_kinematics import load_solver

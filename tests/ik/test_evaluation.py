@@ -6,7 +6,8 @@ import pytest
 import rrrgen
 from ik.chains import planar, position, spherical
 from ik.robots import ROWS, make, robot
-from rrrgen.errors import BuildError, DerivationError
+from ik.test_calibrated import arm, calibrated
+from rrrgen.errors import BuildError
 from rrrgen.ik.families import parameter
 from rrrgen.runtime import build
 from rrrgen.runtime.inverse_kinematics import load_solver
@@ -121,6 +122,38 @@ def test_no_compiler_is_asked(monkeypatch):
     assert any("inverse_kinematics" in row.function for row in report.rows)
 
 
-def test_an_elimination_needs_c():
-    with pytest.raises(DerivationError, match="solved by the emitted C only"):
-        load_solver(robot("crx10ia"), backend="numpy")
+GENERAL = {
+    "crx10ia": robot("crx10ia"),
+    "the first slides": make("firstslides", position("PRRRRR", 5)),
+    "the first of seven given": make("firstseven", arm("PRRRRRR", 1)),
+    "calibrated parallel axes": make("nearur", calibrated(ROWS["ur10e"], 1e-4)),
+}
+
+
+@pytest.mark.parametrize("name", GENERAL)
+def test_eigenvalues_give_the_rows_of_the_emitted_elimination(name):
+    """The C finds roots of a determinant, Python eigenvalues: the same set of rows, labels and multiple roots."""
+    compiled, evaluated = load_solver(GENERAL[name]), load_solver(GENERAL[name], backend="numpy")
+    rng, plan = np.random.default_rng(5), compiled.plan
+    assert plan.general
+    revolute = [joint.revolute for joint in plan.chain.joints]
+    for k in range(6):
+        q = rng.uniform(-np.pi, np.pi, plan.chain.n)
+        if k == 1:
+            q[plan.chain.n // 2] = 0.0
+        options = {} if plan.locked is None else {"redundancy": parameter(plan, q)}
+        a, b = (solver.solve(plan.chain.forward(q), q, sort="nearest", **options) for solver in (compiled, evaluated))
+        assert (a.status, len(a), b.status, len(b)) == ("ok", len(b), "ok", len(a))
+        for x, flags, branch in zip(a.q, a.flags, a.branch, strict=True):
+            apart = np.abs(np.where(revolute, np.angle(np.exp(1j * (b.q - x))), b.q - x)).max(axis=1)
+            twin = int(apart.argmin())
+            assert apart[twin] < 1e-7
+            assert (flags, branch) == (b.flags[twin], b.branch[twin])
+
+
+def test_a_target_out_of_reach_of_a_general_arm():
+    T = np.eye(4)
+    T[0, 3] = 5.0
+    a, b = (load_solver(robot("crx10ia"), backend=backend).solve(T) for backend in ("c", "numpy"))
+    assert (a.status, a.reason) == (b.status, b.reason)
+    assert b.distance == pytest.approx(a.distance, rel=1e-6)

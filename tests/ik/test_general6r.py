@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ik.checks import sample
-from ik.robots import ROWS, make, reference, table
+from ik.robots import ROWS, make, reference, robot, table
 from oracles.inverse_kinematics import same_sets, solve_all
 from oracles.newton_euler import Robot, jacobian
 from rrrgen.backends.c.solver.files import emit
@@ -22,7 +22,7 @@ from rrrgen.ik.classify import plan
 from rrrgen.ik.solutions.elimination import eliminations
 from rrrgen.ik.solutions.general6r import general6r_tables, tables_of
 from rrrgen.runtime.inverse_kinematics import load_solver
-from rrrgen.runtime.results import INEXACT
+from rrrgen.runtime.results import INEXACT, MULTIPLE
 
 POSES = 500  # per arm; ten thousand poses over these and random arms miss none
 
@@ -77,6 +77,16 @@ def test_every_row_is_right_and_no_seed_is_missed(name):
     assert result.solver.plan.max_solutions == 16
     result.assert_right()
     assert np.all(result.batch.counts % 2 == 0)  # complex roots come in pairs
+
+
+def test_roots_that_two_solutions_share_are_no_multiple_solutions():
+    """The kept angle of this arm always belongs to two solutions; rows far from singular were marked as double."""
+    solver = load_solver(robot("crx10ia"))
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (170, 6))
+    batch = solver.solve_batch(np.array([solver.plan.chain.forward(x) for x in q]))
+    assert np.all(batch.counts % 2 == 0)
+    flagged = [batch.q[i, k] for i, k in zip(*np.nonzero(batch.flags & MULTIPLE), strict=True)]
+    assert all(np.linalg.svd(solver.plan.chain.jacobian(x))[1][-1] < 1e-5 for x in flagged)
 
 
 def test_an_elimination_of_almost_the_right_degree_is_not_used():

@@ -323,7 +323,9 @@ def test_the_elimination_finds_every_configuration(elimination):
         for row in rows:
             assert np.abs(chain.forward(row) - T).max() < 1e-11
             sign = int(np.linalg.det(chain.jacobian(row)) < 0)
-            assert library.ik_aspect(pointer(T), pointer(np.ascontiguousarray(row))) == sign
+            flags = UNSIGNED()
+            assert library.ik_aspect(pointer(T), pointer(np.ascontiguousarray(row)), ctypes.byref(flags)) == sign
+            assert flags.value == 0  # no double root
 
 
 class Answer(ctypes.Structure):

@@ -24,6 +24,7 @@ revolute. A labelling for which the determinant then has a degree above 8 is rej
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -76,35 +77,61 @@ def eliminations(rows: Array, slide: int | None = None, turn: float = 0.0) -> li
     """
     rng = np.random.default_rng(6)
     q = rng.uniform(-np.pi, np.pi, (POSES, 6))
-    links = [_shift([a, 0.0, d]) @ _rx(alpha) for alpha, a, d in rows]
-    if slide is not None:
-        links[slide] = _rz(np.array([turn]))[0] @ links[slide]
+    c, s = np.cos(rows[:, 0]), np.sin(rows[:, 0])
+    links = constant_links(np.column_stack([c, s, rows[:, 1:]]), slide, (np.cos(turn), np.sin(turn)))
     pose = np.broadcast_to(np.eye(4), (POSES, 4, 4))
     for k in range(6):
         pose = pose @ (_tz(q[:, k]) if k == slide else _rz(q[:, k])) @ links[k]
     loop = [np.broadcast_to(link, (POSES, 4, 4)) for link in links]
-    loop[5] = loop[5] @ _inverse(pose)
+    loop[5] = loop[5] @ inverse(pose)
     found = []
     for start in range(6):
         for direction in (1, -1):
-            order = [(start + direction * k) % 6 for k in range(6)]
+            order = numbering(start, direction)
             place = None if slide is None else order.index(slide) - 2
             if place is not None and not 0 <= place <= 2:
                 continue
-            e = [loop[i] if direction > 0 else _inverse(loop[(i - 1) % 6]) for i in order]
-            pencil = _pencil(e, place)
+            equations = pencil(numbered(loop, start, direction), place)
             for kept in range(3):
                 shifted, other = (kept + 1) % 3, (kept + 2) % 3
                 if place == kept:
                     continue
                 if place == shifted:
                     shifted, other = other, shifted
-                turned = np.moveaxis(pencil, (2 + kept, 2 + shifted, 2 + other), (2, 3, 4))
+                turned = np.moveaxis(equations, (2 + kept, 2 + shifted, 2 + other), (2, 3, 4))
                 score, depth, pure = _judge(turned, direction * q[:, order[2 + kept]], slides=place is not None)
                 if score < USABLE:
                     found.append(Elimination(start, direction, kept, shifted, other, score, depth, pure))
     found = [e for e in found if e.pure] or found
     return sorted(found, key=lambda e: (e.score, e.start, e.direction, e.kept))
+
+
+def numbering(start: int, direction: int) -> list[int]:
+    """The joints of the chain (0 .. 5) in the order of a labelling: from ``start`` on, ``direction`` is +1 or -1."""
+    return [(start + direction * k) % 6 for k in range(6)]
+
+
+def numbered(loop: Sequence[Array], start: int, direction: int) -> list[Array]:
+    """The transforms E1 .. E6 of a labelling, shape (poses, 4, 4) each.
+
+    ``loop`` are those of the chain itself, E1 .. E6 from its first joint on. With ``direction`` -1 the labelling runs
+    backwards, and its joints turn by minus their angles.
+    """
+    order = numbering(start, direction)
+    return [loop[i] if direction > 0 else inverse(loop[(i - 1) % 6]) for i in order]
+
+
+def constant_links(rows: Array, slide: int | None, turn: tuple[float, float]) -> list[Array]:
+    """The constant transforms behind the joints of a chain, shape (4, 4) each.
+
+    ``rows`` is the DH table, shape (6, 4): cos alpha, sin alpha, a, d. Joint ``slide``, if any, is prismatic; ``turn``
+    is the cosine and sine of its theta, and its d is zero.
+    """
+    links = [np.array([[1, 0, 0, a], [0, c, -s, 0], [0, s, c, d], [0, 0, 0, 1.0]]) for c, s, a, d in rows]
+    if slide is not None:
+        c, s = turn
+        links[slide] = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]) @ links[slide]
+    return links
 
 
 def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float, bool]:
@@ -114,14 +141,11 @@ def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float, 
     rad. The digits lost are the 0.9 quantile over the poses; (inf, -inf, False) where the elimination is not usable.
     Both numbers are rounded, so that rounding errors of a machine do not change the choice.
     """
-    powers = np.array([[1, 0, 1], [1, 0, -1], [0, 2, 0.0]])  # 1, cos, sin times 1 + x^2 -> powers of x = tan(angle/2)
-    h = np.einsum("nkabc,bi,cj->nakij", pencil, powers, np.eye(3) if slides else powers).reshape(len(pencil), 3, 6, 9)
+    h = in_half_angles(pencil, slides=slides)
     turns = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
     basis = np.stack([np.ones(SAMPLES), np.cos(turns), np.sin(turns)])
     m = np.einsum("nakj,as->nskj", h, basis)
-    matrix = np.zeros((*m.shape[:2], 12, 12))
-    matrix[:, :, :6, :9] = m
-    matrix[:, :, 6:, 3:] = m
+    matrix = doubled(m)
     size = np.prod(np.linalg.norm(matrix, axis=-1), axis=-1).max(axis=-1)
     c = np.fft.fft(np.linalg.det(matrix), axis=-1) / SAMPLES
     k = np.arange(-8, 9)
@@ -139,6 +163,30 @@ def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float, 
     return round(lost, 2), digits, remainder < NOISE * shallowness(digits)
 
 
+def in_half_angles(equations: Array, *, slides: bool) -> Array:
+    """Write the six equations in powers of the half-angle tangents x, y of the eliminated joints.
+
+    ``equations`` has shape (poses, 6, 3, 3, 3), its last axes for the kept, the shifted and the other joint; with
+    ``slides`` the other one is prismatic, and y its displacement. Returns the coefficients, shape (poses, 3, 6, 9), of
+    (1, cos, sin) of the kept angle times x^i y^j, i and j = 0, 1, 2, at index 3 i + j of the last axis.
+    """
+    powers = np.array([[1, 0, 1], [1, 0, -1], [0, 2, 0.0]])  # 1, cos, sin times 1 + x^2 -> powers of x = tan(angle/2)
+    other = np.eye(3) if slides else powers
+    h: Array = np.einsum("nkabc,bi,cj->nakij", equations, powers, other).reshape(len(equations), 3, 6, 9)
+    return h
+
+
+def doubled(m: Array) -> Array:
+    """The 12 x 12 matrices of the six equations ``m``, shape (..., 6, 9), and of the same times x.
+
+    At a solution the matrix is singular: it multiplies the vector of all x^i y^j, i = 0 .. 3, j = 0 .. 2, to zero.
+    """
+    matrix = np.zeros((*m.shape[:-2], 12, 12))
+    matrix[..., :6, :9] = m
+    matrix[..., 6:, 3:] = m
+    return matrix
+
+
 def shallowness(depth: float) -> float:
     """Factor by which the noise of the polynomial grows where its determinant is small.
 
@@ -147,7 +195,7 @@ def shallowness(depth: float) -> float:
     return float(max(1.0, SHALLOW / 10**depth) ** 0.75)
 
 
-def _pencil(e: list[Array], slide: int | None) -> Array:
+def pencil(e: Sequence[Array], slide: int | None) -> Array:
     """Coefficients of the six equations without joints 1 and 2, shape (poses, 6, 3, 3, 3).
 
     Axis 1 numbers the equations; the last three axes belong to the monomials (1, cos, sin) of joints 3, 4, 5, or
@@ -155,12 +203,12 @@ def _pencil(e: list[Array], slide: int | None) -> Array:
     """
     line = np.zeros(15)
     line[[0, 7]] = 1.0  # the point 0 and the direction z
-    near = (_features(e[4]) @ line)[..., None]
+    near = (features(e[4]) @ line)[..., None]
     for joint, transform in ((2, e[3]), (1, e[2]), (0, e[1])):
-        near = _features(transform) @ (_stretch(near) if joint == slide else _spread(near, 1.0))
+        near = features(transform) @ (_stretch(near) if joint == slide else spread(near, 1.0))
     near = near.reshape(*near.shape[:2], 3, 3, 3).transpose(0, 1, 4, 3, 2)
-    far = (_features(_inverse(e[5])) @ line)[..., None]
-    far = _spread(_features(_inverse(e[0])) @ _spread(far, -1.0), -1.0)
+    far = (features(inverse(e[5])) @ line)[..., None]
+    far = spread(features(inverse(e[0])) @ spread(far, -1.0), -1.0)
     equations = near[:, 1:].copy()
     equations[..., 0, 0, 0] -= far[:, 1:, 0]
     rest = np.linalg.svd(far[:, 1:, 1:])[0][:, :, 8:]
@@ -168,7 +216,7 @@ def _pencil(e: list[Array], slide: int | None) -> Array:
     return reduced
 
 
-def _spread(f: Array, sense: float) -> Array:
+def spread(f: Array, sense: float) -> Array:
     """Rotate features about z by sense times an unknown angle: coefficients of 1, cos and sin of that angle.
 
     Maps columns (poses, 15, m) to (poses, 15, 3 m); the new monomial index varies fastest.
@@ -197,7 +245,7 @@ def _stretch(f: Array) -> Array:
     return out.reshape(*f.shape[:2], -1)
 
 
-def _features(e: Array) -> Array:
+def features(e: Array) -> Array:
     """Matrices, shape (poses, 15, 15), by which rigid transforms ``e`` (poses, 4, 4) act on the features of a line."""
     R, t = e[:, :3, :3], e[:, :3, 3]
     out = np.zeros((len(e), 15, 15))
@@ -216,7 +264,7 @@ def _features(e: Array) -> Array:
     return out
 
 
-def _inverse(pose: Array) -> Array:
+def inverse(pose: Array) -> Array:
     """Invert rigid transforms, shape (poses, 4, 4)."""
     out = np.zeros_like(pose)
     out[:, :3, :3] = np.swapaxes(pose[:, :3, :3], 1, 2)
@@ -237,15 +285,4 @@ def _rz(angle: Array) -> Array:
 def _tz(x: Array) -> Array:
     out = np.tile(np.eye(4), (len(x), 1, 1))
     out[:, 2, 3] = x
-    return out
-
-
-def _rx(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1.0]])
-
-
-def _shift(t: list[float]) -> Array:
-    out = np.eye(4)
-    out[:3, 3] = t
     return out

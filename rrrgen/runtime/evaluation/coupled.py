@@ -78,10 +78,7 @@ class CoupledTask(Task):
 
 
 class CoupledEvaluation:
-    """Inverse kinematics of a mechanism with the solver ``plan``, evaluated in Python.
-
-    Raises DerivationError for a plan that is solved by elimination, for which only emitted C exists.
-    """
+    """Inverse kinematics of a mechanism with the solver ``plan``, evaluated in Python."""
 
     def __init__(self, plan: SolverPlan) -> None:
         if plan.coupling is None:

@@ -10,7 +10,6 @@ from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from rrrgen.errors import DerivationError
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.tolerances import FARTHEST, LONGEST_TOOL
 from rrrgen.runtime.evaluation.branches import Query, Row, candidates
@@ -31,7 +30,8 @@ from rrrgen.runtime.evaluation.ending import (
     without_solution,
 )
 from rrrgen.runtime.evaluation.free_joints import FIXED, GONE, FreeJoints
-from rrrgen.runtime.evaluation.kernels import INEXACT, NEAR, SEARCH, TOLERANCE, Settings
+from rrrgen.runtime.evaluation.general6r import ELIMINATION, General6R
+from rrrgen.runtime.evaluation.kernels import INEXACT, MULTIPLE, NEAR, SEARCH, TOLERANCE, Settings
 from rrrgen.runtime.evaluation.limits import Limits
 from rrrgen.runtime.evaluation.targets import accuracy_of, repaired
 from rrrgen.runtime.evaluation.task import PATIENT, USUAL, Task
@@ -43,14 +43,11 @@ if TYPE_CHECKING:
 class Evaluation:
     """Inverse kinematics of the solver ``plan``, evaluated in Python.
 
-    ``reasons`` is the number of different texts that explain why a target has no solution. Raises DerivationError for a
-    plan that is solved by elimination, for which only emitted C exists.
+    ``reasons`` is the number of different texts that explain why a target has no solution.
     """
 
     def __init__(self, plan: SolverPlan, reasons: int) -> None:
         self._parts = [plan] if plan.companion is None else [plan, plan.companion]
-        if any(part.general for part in self._parts):
-            raise DerivationError(f"{plan.chain.name}: {plan.title}: solved by the emitted C only; use the C backend")
         self._plan, self._chain = plan, plan.chain
         self._limits = Limits(plan.chain)
         self._banded = plan.snapped or plan.companion is not None
@@ -111,7 +108,7 @@ class Call:
         outside, distance = not inside, 0.0
         if not self._rows and not outside:
             if found:  # perhaps from slightly negative discriminants: without tolerance, the failing equation shows
-                rows, self._stage = candidates(self._plan, self._query, replace(self._usual, slack=0.0))
+                rows, self._stage = self._candidates(self._plan, replace(self._usual, slack=0.0))
                 self._stage = self._far_stage - 1 if rows else self._stage
             kept, _, distance = self.descended()
             self._rows, _ = self._finished(kept, self._query.reference)
@@ -134,21 +131,36 @@ class Call:
         """Collect the solutions that meet the task; returns how many candidates the equations solved last had."""
         count = near = 0
         for part in self._parts:
-            rows, stage = candidates(part, self._query, self._usual)
+            rows, stage = self._candidates(part, self._usual)
             count, self._stage = len(rows), max(self._stage, stage)
-            self._reopen(part, rows)
+            if not part.general:
+                self._reopen(part, rows)
             for row in rows:
                 near |= row.flags & NEAR
-                self._keep(row)
+            self._add(rows, known=len(self._rows))
         if self._banded and (near or not self._rows):
             # near a double root: moved apart by the band, its two parts are candidates for the true arm
             for share in (1.0, SEARCH["band_2"], SEARCH["band_3"]):
                 settings = replace(self._usual, band=TOLERANCE["band"] * share)
-                rows, stage = candidates(self._parts[-1], self._query, settings)
+                rows, stage = self._candidates(self._parts[-1], settings)
                 count, self._stage = len(rows), max(self._stage, stage)
-                for row in rows:
-                    self._keep(row)
+                self._add(rows, known=len(self._rows))
         return count
+
+    def _candidates(self, part: SolverPlan, settings: Settings) -> tuple[list[Row], int]:
+        """Candidates of one part of the plan, and the latest choice that had no real root; an elimination is one."""
+        if not part.general:
+            return candidates(part, self._query, settings)
+        rows = General6R(part, self._task, self.T, self._query.given).candidates()
+        return rows, int(not rows)
+
+    def _add(self, rows: Sequence[Row], known: int) -> None:
+        """Keep the ``rows`` that are new. The first ``known`` solutions are no multiple roots for being found again."""
+        flags = [row.flags for row in self._rows[:known]]
+        for row in rows:
+            self._keep(row)
+        for row, before in zip(self._rows, flags, strict=False):
+            row.flags = before
 
     def _reopen(self, part: SolverPlan, rows: list[Row]) -> None:
         limits = self._limits if self._wish.limits and self._limits.any else None
@@ -176,14 +188,19 @@ class Call:
         return True
 
     def _finished(self, rows: Sequence[Row], reference: Sequence[float] | None) -> tuple[list[Row], bool]:
-        return finished(rows, self._wish, lambda q: self._limits.placed(q, reference))
+        kept, inside = finished(rows, self._wish, lambda q: self._limits.placed(q, reference))
+        if self._plan.general:
+            for row in kept:
+                row.branch = self._task.aspect(row.q)
+                row.flags |= MULTIPLE if self._task.smallest_gain(row.q) < ELIMINATION["singular"] else 0
+        return kept, inside
 
     def descended(self) -> tuple[list[Row], Row, float]:
         """Minimize the task error from the branches, with negative discriminants set to zero, and a few more starts.
 
         See :func:`~rrrgen.runtime.evaluation.ending.descended`.
         """
-        found, _ = candidates(self._parts[-1], self._query, replace(self._usual, slack=1e30))
+        found, _ = self._candidates(self._parts[-1], replace(self._usual, slack=1e30))
         locked = self._plan.locked
         given = None if locked in (None, ARM_ANGLE) else (locked, self._query.given)
         return descended(self._task, [(row.q, row.branch) for row in found], self._query.reference, given, self._most)

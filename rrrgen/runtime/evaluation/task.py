@@ -84,6 +84,18 @@ class Task:
                     cost = float(e @ e)
         return [float(value) for value in found], best
 
+    def aspect(self, q: Sequence[float]) -> int:
+        """0 where the determinant of the Jacobian by the joints that are not prescribed is positive, else 1."""
+        return int(not np.linalg.det(self._moving(q)) > 0.0)
+
+    def smallest_gain(self, q: Sequence[float]) -> float:
+        """The smallest singular value of that Jacobian, with lengths over the reach; 0 at a singular configuration."""
+        return float(np.linalg.svd(self._moving(q), compute_uv=False)[-1])
+
+    def _moving(self, q: Sequence[float]) -> Any:
+        _, J = self.error(np.array(q))
+        return J[:, [k for k in range(self.chain.n) if k != self._locked]]
+
     def reaches(self, q: Sequence[float], goal: float, steps: int, held: int) -> list[float] | None:
         """A configuration near ``q`` with the joints in ``held`` (bit mask) where they are that meets the target.
 

@@ -1,9 +1,10 @@
 /* The branch label of a general arm: the sign of the determinant of its Jacobian. Needs refine.c and general6r.c. */
 #include "kernel.h"
-/* 0 where the determinant of the Jacobian is positive, 1 where it is negative. */
-LOCAL unsigned ik_aspect(const REAL *T, const REAL *q)
+/* 0 where the determinant of the Jacobian is positive, 1 where it is negative. Where the Jacobian is singular, solutions meet, and
+ * the flag of a multiple solution is set in *flags. */
+LOCAL unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags)
 {
-    REAL e[6], J[6][JOINTS], a[6][10] = { {(REAL)0} };
+    REAL e[6], J[6][JOINTS], a[6][10] = { {(REAL)0} }, det;
     int i, j;
     (void)ik_error(T, q, e, J NONE_HELD);
     for (i = 0; i < 6; ++i) {
@@ -15,5 +16,9 @@ LOCAL unsigned ik_aspect(const REAL *T, const REAL *q)
 #endif
         }
     }
-    return ik_6r_lu(a, 6) > (REAL)0 ? 0u : 1u;
+    det = ik_6r_lu(a, 6);
+    for (i = 0; i < 6; ++i) {
+        *flags |= FABS(a[i][i]) < (REAL)VALUE_6R_SINGULAR ? (unsigned)IK_MULTIPLE : 0u;
+    }
+    return det > (REAL)0 ? 0u : 1u;
 }

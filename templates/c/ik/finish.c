@@ -26,9 +26,9 @@ LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, i
         out->residual[i] = SQRT(out->residual[i]);
 #if ASPECTS
 #if NOMINAL_FIRST
-        out->branch[i] = (out->branch[i] & 2u) != 0u ? out->branch[i] & 1u : ik_aspect(T, out->q[i]);
+        out->branch[i] = (out->branch[i] & 2u) != 0u ? out->branch[i] & 1u : ik_aspect(T, out->q[i], &out->flags[i]);
 #else
-        out->branch[i] = ik_aspect(T, out->q[i]);
+        out->branch[i] = ik_aspect(T, out->q[i], &out->flags[i]);
 #endif
 #endif
     }

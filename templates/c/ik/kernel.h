@@ -155,7 +155,7 @@ REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAMETER);
 int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[24][3], int mult[24]);
 REAL ik_6r_lu(REAL a[6][10], int n);
 int ik_solve6r(const REAL t[16], REAL q[16][6], int mult[16]);
-unsigned ik_aspect(const REAL *T, const REAL *q);
+unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags);
 /* candidates6r.c, or printed from the equations of the robot */
 int ik_branches(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage);
 int ik_nearby(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage);
