@@ -10,9 +10,11 @@ import subprocess
 import numpy as np
 import pytest
 
+from ik.chains import position
+from ik.robots import make
 from ik.test_mechanisms import TEXTS
 from rrrgen.backends.c.solver.counting import coupling_operations
-from rrrgen.backends.c.solver.files import emit
+from rrrgen.backends.c.solver.files import emit, manifest
 from rrrgen.ik.classify import plan
 from rrrgen.ik.families import parameter
 from rrrgen.robotfile import load_spec, loads_spec
@@ -68,7 +70,7 @@ def prepared(spec, folder, body):
     text = COUNTING + f"#define {M}_REAL_DEFINED\ntypedef Counted {spec.name}_real;\n" + files[f"{spec.name}_ik.c"]
     (folder / "count.cpp").write_text(text + f"int main() {{ {body} }}")
     subprocess.run([COMPILER, "-w", "-std=c++11", "-o", "count", "count.cpp"], cwd=folder, check=True)
-    done = subprocess.run([folder / "count"], capture_output=True, text=True, check=True)
+    done = subprocess.run([folder / "count"], cwd=folder, capture_output=True, text=True, check=True)
     return map(int, done.stdout.split())
 
 
@@ -92,6 +94,33 @@ def test_operations_of_a_coupling(name, tmp_path):
     assert emit(spec, found).operations.mul > coupling_operations(coupling, found.max_solutions, types).mul
 
 
+GENERAL = {"general": position("RRRRRR", 1), "generalslide": position("RRPRRR", 2)}
+
+
+@pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")
+@pytest.mark.parametrize("name", GENERAL)
+def test_operations_of_an_elimination_are_a_mean_over_random_targets(name, tmp_path):
+    spec = make(name, GENERAL[name])
+    found = plan(spec)
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (200, 6))
+    np.array([found.chain.forward(x).ravel() for x in q]).tofile(tmp_path / "targets")
+    body = f"""
+    double t[16];
+    std::FILE *file = std::fopen("targets", "rb");
+    while (std::fread(t, sizeof(double), 16, file) == 16) {{
+        Counted target[16]; {name}_ik_solutions found; int stage = 0;
+        for (int i = 0; i < 16; ++i) {{ target[i] = made(t[i], false, none); }}
+        mul = add = dv = rt = 0;
+        const int rows = {name}_ik_branches(target, 0, 0.0, 0.0, &found, &stage);
+        std::printf("%d %ld %ld %ld %ld ", rows, mul, add, dv, rt);
+    }}
+    std::fclose(file);"""
+    rows, *counts = np.array([*prepared(spec, tmp_path, body)], float).reshape(len(q), 5).mean(axis=0)
+    base, each = emit(spec, found).operations, manifest(spec)["operations_of_a_solution"]
+    for kind, counted, close in zip(("mul", "add", "div", "sqrt"), counts, (0.05, 0.05, 0.1, 0.1), strict=True):
+        assert counted == pytest.approx(getattr(base, kind) + rows * each[kind], rel=close)
+
+
 @pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")
 @pytest.mark.parametrize("name", ARMS)
 def test_operations_are_those_of_the_emitted_code(name, tmp_path):
@@ -99,7 +128,6 @@ def test_operations_are_those_of_the_emitted_code(name, tmp_path):
     found = plan(spec)
     emitted = emit(spec, found)
     stated, files = emitted.operations, emitted.files
-    assert stated is not None
     rng = np.random.default_rng(1)
     q = rng.uniform(0.2, 0.6, found.chain.n)
     T, given = found.chain.forward(q), parameter(found, q)

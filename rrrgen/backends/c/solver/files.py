@@ -12,7 +12,13 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.printer import CTarget
 from rrrgen.backends.c.solver.call_stack import stack_bounds
 from rrrgen.backends.c.solver.choices import CBuilder
-from rrrgen.backends.c.solver.counting import SolverOperations, coupling_operations, sum_of
+from rrrgen.backends.c.solver.counting import (
+    ELIMINATED,
+    ELIMINATION,
+    SolverOperations,
+    coupling_operations,
+    sum_of,
+)
 from rrrgen.backends.c.solver.kernels import KernelDialect, Settings, kernel, specialize
 from rrrgen.backends.c.solver.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
 from rrrgen.backends.c.solver.parts.newton import newton_text
@@ -47,8 +53,8 @@ class Emitted:
     rows: int
     stack: dict[str, int]
     """Upper bound of the stack (bytes, callees included) of each function that returns solutions."""
-    operations: SolverOperations | None
-    """Operations of one call that finds all solutions; None for chains solved by elimination."""
+    operations: SolverOperations
+    """Operations of one call that finds all solutions; of an elimination, those that do not depend on their number."""
 
 
 FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_status_string", "ik_reason")
@@ -64,8 +70,9 @@ def sources(spec: RobotSpec, real: Real = "double", redundancy: int | None = Non
 def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, Any]:
     """The entry of ``manifest.json`` about the inverse kinematics; its ``solver`` is false if there is none.
 
-    ``operations``: those of one call that finds all solutions; null where an elimination solves the chain numerically.
-    Those of a mechanism are the equations of its chain, and of q for every way in which the drives can stand.
+    ``operations``: those of one call that finds all solutions. Those of a mechanism are the equations of its chain, and
+    of q for every way in which the drives can stand. Where an elimination solves the chain numerically they are means
+    over random targets, and ``operations_of_a_solution`` come on top for every solution.
     ``tolerances``: the thresholds of the emitted code by name. ``stack``: the most bytes that each function takes,
     callees included.
     """
@@ -85,16 +92,17 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
         data["nominal_first"] = _nominal_data(plan, plan.nominal_first, real)
     if plan.solvable:
         emitted = emit(spec, plan, real)
-        counted = emitted.operations
         data |= {
             "files": [f"{spec.name}_ik.c", f"{spec.name}_ik.h"],
             "functions": _public(spec),
             "branch": [{"name": name, "bit": bit, "bits": bits} for name, bit, bits in labels(plan)],
             "reasons": list(reasons_of(plan)),
             "tolerances": {name: float(value) for name, value in runtime(real).items()},
-            "operations": None if counted is None else counted.as_dict(),
+            "operations": emitted.operations.as_dict(),
             "stack": emitted.stack,
         }
+        if plan.general:
+            data["operations_of_a_solution"] = ELIMINATED.as_dict()
     return data
 
 
@@ -124,10 +132,10 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Seque
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
     dialect = Dialect(spec.name, real)
     bodies = [_body(plan, part, dialect, passes) for part in parts_of(plan)]
-    counts = [body.operations for body in bodies if body is not None]
+    counts = [ELIMINATION if body is None else body.operations for body in bodies]  # those of a companion too
     if plan.coupling is not None:
         counts.append(coupling_operations(plan.coupling, plan.max_solutions, plan.chain.types))
-    operations = sum_of(counts) if all(body is not None for body in bodies) else None  # those of a companion too
+    operations = sum_of(counts)
     source, rows = _source(plan, bodies, dialect)
     chain = replace(plan, coupling=None)
     stack = stack_bounds(source, spec.name, real, {"ik": (plan.n, rows), "ik_chain": (chain.n, most_rows(chain))})
@@ -235,9 +243,7 @@ def _list(name: str, comment: str, body: CBody, chosen: Settings) -> str:
     return specialize(render("c/ik/candidates.c.j2", name=name, comment=comment, body=body.text), chosen)
 
 
-def _header_values(
-    spec: RobotSpec, plan: SolverPlan, dialect: Dialect, operations: SolverOperations | None
-) -> dict[str, Any]:
+def _header_values(spec: RobotSpec, plan: SolverPlan, dialect: Dialect, operations: SolverOperations) -> dict[str, Any]:
     name, position = spec.name, plan.task == "position"
     return {
         "prefix": name,
