@@ -35,13 +35,20 @@ LIGHTER, SMOOTHER = 0.98, 0.95  # masses and friction of the real arm, over thos
 
 
 class Run(NamedTuple):
-    """Time, readings, torques, residuals over their thresholds, and the contact force in MuJoCo, one row per tick."""
+    """Time, readings, torques, ratios of residuals to thresholds, and the contact force in MuJoCo, a row per tick."""
 
     t: np.ndarray
     q: np.ndarray
     tau: np.ndarray
     ratio: np.ndarray
     force: np.ndarray
+
+
+class Thresholds(NamedTuple):
+    """Thresholds (3,) of the residuals and of their changes, N m."""
+
+    residual: np.ndarray
+    change: np.ndarray
 
 
 def call(*words: str | Path) -> None:
@@ -82,8 +89,9 @@ def arm_and_wall(model: rrrgen.Model, folder: Path):
     return mujoco, arm
 
 
-def run(model: rrrgen.Model, folder: Path, seconds: float, thresholds: np.ndarray | None) -> Run:
+def run(model: rrrgen.Model, folder: Path, seconds: float, thresholds: Thresholds | None) -> Run:
     """Control the arm for ``seconds``; without ``thresholds`` there is no wall and nothing is reported."""
+    limits = thresholds or Thresholds(*np.full((2, 3), np.inf))
     mujoco, arm = arm_and_wall(model, folder)
     state = mujoco.MjData(arm)
     wall = arm.geom("wall").id
@@ -93,25 +101,25 @@ def run(model: rrrgen.Model, folder: Path, seconds: float, thresholds: np.ndarra
     width, limit = np.full(3, WIDTH), model.limits.torque
     gains = (np.full(3, BANDWIDTH**2), np.full(3, 2 * BANDWIDTH), np.zeros(3), np.zeros(3))
     estimate, applied, p_u, r, held, rows = np.zeros((3, 3)), model.gravity(state.qpos), None, np.zeros(3), None, []
+    acted, change = applied, np.zeros(3)  # torques until this tick; those from this tick on are `applied`
     for k in range(round(seconds / PERIOD)):
         t = k * PERIOD
         if thresholds is not None and t >= WALL:
             arm.geom_contype[wall] = arm.geom_conaffinity[wall] = 1
         wanted = desired(t) if held is None else (held, np.zeros(3), np.zeros(3))
         reading = ENCODER * np.round(state.qpos / ENCODER)
-        if k == 0:
-            estimate = np.stack(wanted, -1)
         estimate, seen = kalman_step(filter.E, filter.k, estimate, reading, np.stack(wanted, -1))
         q, dq = seen[:, 0], seen[:, 1]
         if p_u is None:
             p_u = model.momentum_observer_start(q, dq, width=width)
         found = model.momentum_observer(
-            q, dq, applied, p_last=p_u[0], u_last=p_u[1], r_last=r, gain=GAIN, Ts=PERIOD, width=width
+            q, dq, acted, p_last=p_u[0], u_last=p_u[1], r_last=r, gain=GAIN, Ts=PERIOD, width=width
         )
+        ratio, touches, change = model.contact(found.r, r, change, GAIN, PERIOD, *limits)
         p_u, r = (found.p, found.u), found.r
-        ratio = np.abs(r) / (np.inf if thresholds is None else thresholds)
-        if held is None and t >= 1.0 and ratio.max() > 1.0:
-            held = q.copy()  # stop where the arm is
+        if held is None and t >= 1.0 and touches:
+            held = q.copy()  # stop where the arm is; the filter estimates deviations from what is desired
+            estimate += np.stack(desired(t + PERIOD), -1) - np.stack((held, 0 * held, 0 * held), -1)
         tau = model.computed_torque(q, dq, *wanted, *gains, Ts=PERIOD, tau_max=limit, width=width)[0]
         state.ctrl[:] = applied
         mujoco.mj_step(arm, state, nstep=4)
@@ -119,7 +127,7 @@ def run(model: rrrgen.Model, folder: Path, seconds: float, thresholds: np.ndarra
         if state.ncon:
             mujoco.mj_contactForce(arm, state, 0, force)
         rows.append((t, reading, applied, ratio, abs(force[0])))
-        applied = tau
+        acted, applied = applied, tau
     return Run(*map(np.array, zip(*rows, strict=True)))
 
 
@@ -132,32 +140,33 @@ def known_arm(folder: Path) -> rrrgen.Model:
     return rrrgen.compile(folder / "arm.yaml")
 
 
-def learn(model: rrrgen.Model, folder: Path, seconds: float, block: float) -> np.ndarray:
-    """Thresholds (3,) from a recording of free motion, by the command that a user would take."""
+def learn(model: rrrgen.Model, folder: Path, seconds: float, block: float) -> Thresholds:
+    """Thresholds from a recording of free motion, by the command that a user would take."""
     free = run(model, folder, seconds, None)
     names = [f"{kind}_{joint}" for kind in ("q", "tau") for joint in model.joint_names]
     table = np.column_stack([free.t, free.q, free.tau])
     np.savetxt(folder / "free.csv", table, fmt="%.9g", delimiter=",", header=",".join(["t", *names]), comments="")
     settings = ("--block", str(block), "--fresh", "-o", folder / "contact")
     call("contact-thresholds", folder / "arm.yaml", "--log", folder / "free.csv", *settings)
-    return np.array(json.loads((folder / "contact/results/contact.json").read_text(encoding="utf-8"))["levels"])
+    found = json.loads((folder / "contact/results/contact.json").read_text(encoding="utf-8"))
+    return Thresholds(np.array(found["levels"]), np.array(found["change_levels"]))
 
 
 def draw(seen: Run, reported: float, folder: Path) -> None:
     """Contact force and residuals around the collision."""
     figure, (upper, lower) = new_figure(2, 1, 5.0, sharex=True)
-    shown = (seen.t > reported - 0.3) & (seen.t < reported + 0.5)
+    shown = (seen.t > reported - 0.05) & (seen.t < reported + 0.1)
     t = seen.t[shown]
     upper.plot(t, seen.force[shown], color="tab:red", linewidth=1.0)
     style_axes(upper, "", "contact force in N")
     for joint in range(3):
         lower.plot(t, seen.ratio[shown, joint], linewidth=1.0, label=f"q{joint + 1}")
     lower.axhline(1.0, color="0.3", linewidth=0.8, linestyle="--")
-    style_axes(lower, "t in s", "residual over threshold")
+    style_axes(lower, "t in s", "residual or change\nover threshold")
     lower.legend(ncols=3, fontsize="small")
     for axis in (upper, lower):
         axis.axvline(reported, color="0.3", linewidth=0.8)
-    upper.text(reported + 0.01, 0.95, "reported", transform=upper.get_xaxis_transform(), va="top")
+    upper.text(reported + 0.002, 0.95, "reported", transform=upper.get_xaxis_transform(), va="top")
     save_figure(figure, folder / "collision")
 
 
@@ -174,7 +183,7 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     model = known_arm(folder)
     thresholds = learn(model, folder, options.seconds, options.block)
-    print("thresholds in N m", thresholds.round(3))
+    print("thresholds in N m", thresholds.residual.round(3), "of changes", thresholds.change.round(3))
     seen = run(model, folder, WALL + 1.5, thresholds)
     touched = seen.t[np.argmax(seen.force > 0.0)]
     alarms = seen.t[(seen.t >= 1.0) & (seen.ratio.max(axis=1) > 1.0)]

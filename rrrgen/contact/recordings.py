@@ -1,12 +1,14 @@
-"""Contact thresholds from recorded positions and torques, with the expected delay of detecting a contact."""
+"""What recordings without contact tell: thresholds, covariance of the residuals, and the delay of detection."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rrrgen.contact.covariance import ResidualCovariance, residual_covariance
 from rrrgen.contact.residuals import observer_residuals, step_responses
 from rrrgen.contact.thresholds import ContactThresholds, Detection, contact_thresholds, expected_detection
 from rrrgen.errors import InputError
@@ -16,6 +18,9 @@ from rrrgen.signals.smoother import KalmanSmoother, tune_stretches
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
 
+SAMPLES = 20_000
+"""Number of samples, evenly spread over the recordings, from which the covariance is found."""
+
 POSES = 1000
 """Number of poses, evenly spread over the recordings, at which the detection delay is computed."""
 
@@ -23,7 +28,31 @@ LONGEST_DELAY = 0.5
 """A contact that is not detected within this time counts as missed, s."""
 
 
-def thresholds_of_recordings(
+@dataclass(frozen=True)
+class ContactFindings:
+    """What recordings with the sampling ``period`` (s), made without contact, tell about contacts.
+
+    ``detection`` tells how fast a force at the tip exceeds the ``thresholds``; ``covariance`` is that of the residuals.
+    """
+
+    thresholds: ContactThresholds
+    covariance: ResidualCovariance
+    detection: Detection
+    gain: float
+    period: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, in the form written to contact.json."""
+        return self.thresholds.to_json() | {
+            "covariance": self.covariance.matrix,
+            "covariance_enlarged": self.covariance.enlarged,
+            "gain": self.gain,
+            "period": self.period,
+            "detection": self.detection.__dict__,
+        }
+
+
+def findings_of_recordings(
     model: Model,
     recordings: Sequence[Log],
     tuning: Sequence[tuple[float, float]] | None,
@@ -32,7 +61,7 @@ def thresholds_of_recordings(
     seconds_per_alarm: float,
     block: float,
     force: float,
-) -> tuple[ContactThresholds, Detection, float]:
+) -> ContactFindings:
     """Compute contact thresholds from contact-free recordings, and how fast they detect a contact force.
 
     ``model`` is the compiled robot. ``tuning`` holds, for each joint, the variances of position noise and of jerk for
@@ -41,8 +70,7 @@ def thresholds_of_recordings(
     time between false alarms (s), ``block`` the length of the blocks whose maxima are taken (s), ``force`` the contact
     force at the tip (N). Samples with unusable torques split a recording.
 
-    Returns the thresholds, the expected detection of ``force``, and the sampling period of the recordings (s). Raises
-    InputError for recordings that have no torques, have different periods or are too short.
+    Raises InputError for recordings that have no torques, have different periods or are too short.
     """
     periods = {round(recording.period, 12) for recording in recordings}
     if len(periods) > 1:
@@ -57,11 +85,14 @@ def thresholds_of_recordings(
     else:
         kalman = KalmanSmoother(tuple(eta for eta, _ in tuning), tuple(xi for _, xi in tuning), smooth=False)
     residuals = [observer_residuals(model, q, tau, period, kalman, gain, width) for q, tau in stretches]
-    found = contact_thresholds(residuals, period, seconds_per_alarm, block)
-    q = np.concatenate([q for q, _ in stretches])
+    found = contact_thresholds(residuals, period, gain, seconds_per_alarm, block)
+    r = np.concatenate(residuals)
+    q = np.concatenate([q[len(q) - len(r) :] for (q, _), r in zip(stretches, residuals, strict=True)])
+    every = max(1, len(q) // SAMPLES)
+    J = model.jacobian(q[::every])
     responses = step_responses(kalman.matrices(period, model.n), gain, LONGEST_DELAY)
-    poses = model.jacobian(q[:: max(1, len(q) // POSES)])
-    return found, expected_detection(found.levels, poses, responses, period, force), period
+    detection = expected_detection(found, J[:: max(1, len(J) // POSES)], responses, period, gain, force)
+    return ContactFindings(found, residual_covariance(r[::every], J), detection, gain, period)
 
 
 def _usable(recording: Log) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -47,6 +47,18 @@ def first_order_lag(y: Array, alpha: float) -> Array:
     return np.asarray(lfilter([1.0 - alpha], [1.0, -alpha], y, axis=0))
 
 
+def changes(r: Array, period: float, gain: float) -> Array:
+    """Changes h (N, n) of residuals ``r`` (N, n) for contact detection, starting at zero; N m or N.
+
+    ``h_k = alpha^2 h_(k-1) + alpha (r_k - r_(k-1))`` with alpha = exp(-gain period), as in the emitted function
+    ``contact``: the residual of an observer with twice the pole ``gain`` (1/s), minus r.
+    """
+    from scipy.signal import lfilter
+
+    alpha = math.exp(-gain * period)
+    return np.asarray(lfilter([alpha], [1.0, -alpha * alpha], np.diff(r, axis=0, prepend=r[:1]), axis=0))
+
+
 def step_responses(matrices: Sequence[KalmanMatrices], gain: float, seconds: float) -> Array:
     """Step responses (N, n) of the residuals to a unit external torque at each joint, from the next sample on.
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.contact.extremes import Gumbel, block_maxima, fit_gumbel
+from rrrgen.contact.residuals import changes
 from rrrgen.errors import InputError
 
 FEWEST_BLOCKS = 30
@@ -19,14 +20,17 @@ FEWEST_BLOCKS = 30
 
 @dataclass(frozen=True)
 class ContactThresholds:
-    """Thresholds ``levels`` (n,) of the observer residuals, N m or N, above which a contact is reported.
+    """Thresholds of the observer residuals and of their changes, N m or N, above which a contact is reported.
 
-    ``distributions`` are the fitted distributions of the block maxima of each joint, ``block`` is the length of a
+    ``levels`` (n,) are those of the residuals, ``change_levels`` (n,) those of their changes, ``distributions`` and
+    ``change_distributions`` the fitted distributions of the block maxima of each joint. ``block`` is the length of a
     block (s), ``blocks`` their number, ``seconds_per_alarm`` the mean time between false alarms of all joints together.
     """
 
     levels: tuple[float, ...]
+    change_levels: tuple[float, ...]
     distributions: tuple[Gumbel, ...]
+    change_distributions: tuple[Gumbel, ...]
     block: float
     blocks: int
     seconds_per_alarm: float
@@ -37,27 +41,30 @@ class ContactThresholds:
 
 
 def contact_thresholds(
-    residuals: Sequence[Array], period: float, seconds_per_alarm: float = 3600.0, block: float = 1.0
+    residuals: Sequence[Array], period: float, gain: float, seconds_per_alarm: float = 3600.0, block: float = 1.0
 ) -> ContactThresholds:
     """Compute thresholds that give one false alarm in ``seconds_per_alarm`` (s) on average, from contact-free motion.
 
-    ``residuals`` are those of the momentum observer, N m or N, in uninterrupted stretches (N_i, n) sampled with
-    ``period`` (s). For each joint a Gumbel distribution is fitted to the largest magnitudes in blocks of ``block`` s;
-    each joint gets an equal share of the false alarms. Raises InputError for fewer than :data:`FEWEST_BLOCKS` blocks.
+    ``residuals`` are those of the momentum observer with the pole ``gain`` (1/s), N m or N, in uninterrupted stretches
+    (N_i, n) sampled with ``period`` (s). For each joint Gumbel distributions are fitted to the largest magnitudes of
+    the residual and of its change in blocks of ``block`` s; all of them get an equal share of the false alarms. Raises
+    InputError for fewer than :data:`FEWEST_BLOCKS` blocks.
     """
     samples = round(block / period)
     if samples < 1 or not seconds_per_alarm > block:
         raise InputError(f"a block of {block:g} s is no longer than a sample, or the time between alarms is no longer")
-    maxima = np.concatenate([block_maxima(np.asarray(each, float), samples) for each in residuals])
+    stretches = [np.asarray(each, float) for each in residuals]
+    pairs = [np.hstack([r, changes(r, period, gain)]) for r in stretches]
+    maxima = np.concatenate([block_maxima(pair, samples) for pair in pairs])
     if len(maxima) < FEWEST_BLOCKS:
         raise InputError(
             f"{len(maxima)} blocks of {block:g} s without contact are too few: record at least "
             f"{FEWEST_BLOCKS * block:g} s of the motion that the controller will do"
         )
-    fitted = [fit_gumbel(column) for column in maxima.T]
+    fitted = tuple(fit_gumbel(column) for column in maxima.T)
     probability = -math.expm1(-block / seconds_per_alarm / len(fitted))
-    levels = tuple(each.level(probability) for each in fitted)
-    return ContactThresholds(levels, tuple(fitted), block, len(maxima), seconds_per_alarm)
+    levels, n = tuple(each.level(probability) for each in fitted), len(fitted) // 2
+    return ContactThresholds(levels[:n], levels[n:], fitted[:n], fitted[n:], block, len(maxima), seconds_per_alarm)
 
 
 @dataclass(frozen=True)
@@ -85,44 +92,33 @@ class Detection:
 
 
 def expected_detection(
-    levels: Sequence[float], jacobians: Array, responses: Array, period: float, force: float, seed: int = 0
+    thresholds: ContactThresholds,
+    jacobians: Array,
+    responses: Array,
+    period: float,
+    gain: float,
+    force: float,
+    seed: int = 0,
 ) -> Detection:
-    """Predict how fast a constant force at the tip, in a random direction, exceeds one of the thresholds.
+    """Predict how fast a constant force at the tip, in a random direction, exceeds one of the ``thresholds``.
 
-    ``levels`` (n,) are the thresholds, N m or N; ``jacobians`` (N, 6, n) those of the tip at the poses considered;
-    ``responses`` (K, n) the step responses of the residuals to a unit external torque, sampled with ``period`` (s);
-    ``force`` is the size of the force (N), ``seed`` that of the random directions. Residual noise is neglected.
+    ``jacobians`` (N, 6, n) are those of the tip at the poses considered; ``responses`` (K, n) the step responses of the
+    residuals to a unit external torque, sampled with ``period`` (s); ``gain`` is the pole of the observer (1/s),
+    ``force`` the size of the force (N), ``seed`` that of the random directions. Residual noise is neglected.
     """
     rng = np.random.default_rng(seed)
     direction = rng.normal(size=(len(jacobians), 3))
     direction *= force / np.linalg.norm(direction, axis=1, keepdims=True)
-    steps = np.abs(np.einsum("kij,ki->kj", jacobians[:, :3], direction)) / np.asarray(levels)
-    reached = np.maximum.accumulate(responses, axis=0)
-    delays = np.full(len(steps), np.inf)
-    for joint in range(responses.shape[1]):
-        with np.errstate(divide="ignore"):
-            first = np.searchsorted(reached[:, joint], 1.0 / steps[:, joint], side="right")
-        delays = np.minimum(delays, np.where(first < len(reached), (first + 1) * period, np.inf))
+    torques = np.abs(np.einsum("kij,ki->kj", jacobians[:, :3], direction))
+    delays = np.full(len(torques), np.inf)
+    fast = changes(np.vstack([0.0 * responses[:1], responses]), period, gain)[1:]
+    both = ((responses, thresholds.levels), (fast, thresholds.change_levels))
+    for response, levels in both:
+        reached = np.maximum.accumulate(response, axis=0)
+        for joint, level in enumerate(levels):
+            with np.errstate(divide="ignore"):
+                first = np.searchsorted(reached[:, joint], level / torques[:, joint], side="right")
+            delays = np.minimum(delays, np.where(first < len(reached), (first + 1) * period, np.inf))
     missed = float(np.mean(np.isinf(delays)))
     median, ninth = (float(v) for v in np.quantile(delays, (0.5, 0.9), method="higher"))
     return Detection(force, median, ninth, missed)
-
-
-def threshold_header(name: str, levels: Sequence[float], gain: float, period: float) -> str:
-    """Text of the C header ``<name>_contact.h``: thresholds, observer pole and period as macros.
-
-    The emitted function ``<name>_contact`` takes the thresholds. ``levels`` (n,) are in N m or N, ``gain`` is the pole
-    of the momentum observer (1/s), ``period`` the sampling period (s).
-    """
-    macro = name.upper()
-    listed = ", ".join(f"{level:.9g}" for level in levels)
-    return (
-        f"/* {name}_contact.h: thresholds of contact detection, by rrrgen contact-thresholds.\n *\n"
-        f" *     static const {name}_real threshold[{macro}_N] = {macro}_CONTACT_THRESHOLDS;\n"
-        f" *     {name}_contact(r, threshold, ratio, &touches);\n *\n"
-        " * They hold for the observer pole, the period and the speed filter that they were found with.\n */\n"
-        f"#ifndef {macro}_CONTACT_H\n#define {macro}_CONTACT_H\n\n"
-        f"#define {macro}_CONTACT_THRESHOLDS {{ {listed} }} /* N m | N */\n"
-        f"#define {macro}_CONTACT_GAIN {gain:.9g} /* pole of the momentum observer, 1/s */\n"
-        f"#define {macro}_CONTACT_PERIOD {period:.9g} /* s */\n\n#endif\n"
-    )

@@ -82,13 +82,15 @@ class OperationalStep(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """Result of contact detection: ``ratio`` (..., n) of external torques to thresholds; ``touches`` (...), 1 or 0.
+    """Result of contact detection: ``ratio`` (..., n), ``touches`` (...), 1 or 0, and ``change`` (..., n), N m or N.
 
-    ``touches`` is 1 if any ratio exceeds 1.
+    ``ratio`` is that of each external torque, or of its change, to the threshold, the larger of both; ``touches`` is 1
+    if any ratio exceeds 1; ``change`` is state for the next tick.
     """
 
     ratio: NDArray[Any]
     touches: NDArray[Any]
+    change: NDArray[Any]
 
 
 class ExternalLoad(NamedTuple):

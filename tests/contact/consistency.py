@@ -2,8 +2,9 @@
 
     python tests/contact/consistency.py rrr
 
-The Kalman filter is judged on the motion it assumes and in the loop of many simulated arms (:mod:`contact.simulation`),
-the force of a contact with the deviations of residuals without contact as sigma. Takes a minute.
+The Kalman filter is judged on the motion it assumes and in the loop of many simulated arms (:mod:`contact.simulation`);
+force and wrench of a contact with the covariance that 100 s of other motions without contact give, for several draws of
+the errors of the model. Takes a minute.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
-from contact.simulation import RESOLUTION, Arms, Ts
+from contact.simulation import RESOLUTION, Arms, Ts, forces
 from contact.study import ROBOTS
+from rrrgen.contact.covariance import residual_covariance
+from rrrgen.contact.residuals import first_order_lag
 from rrrgen.signals.kalman import kalman_matrices, kalman_step
 
-QUANTILES = {1: 3.841, 2: 5.991, 3: 7.815}  # 95 % of chi-squared
+QUANTILES = {1: 3.841, 2: 5.991, 3: 7.815, 6: 12.592}  # 95 % of chi-squared
 
 
 def normalised(errors, covariance):
@@ -50,32 +53,51 @@ def as_assumed(matrices, var_eta, var_xi):
     return np.array(e), np.array(errors)
 
 
+def the_filter(matrices, var_eta, var_xi, arms):
+    """Print the ratios for the Kalman filter, as it assumes and in the loop of ``arms``."""
+    e, errors = as_assumed(matrices, var_eta, var_xi)
+    told("Kalman filter as assumed, innovations (NIS)", e**2 / (matrices.innovation * var_eta), 1)
+    told("Kalman filter as assumed, states (NEES)", normalised(errors, matrices.updated * var_eta), 3)
+    seen, truth = np.array(arms.seen)[1000:], np.array(arms.truth)[1000:]
+    innovation = (np.array(arms.readings)[1000:] - seen[..., 0]) / (1 - matrices.k[0])
+    told("in the loop, innovations (NIS)", innovation**2 / (matrices.innovation * var_eta), 1)
+    told("in the loop, q and dq (NEES)", normalised(seen[..., :2] - truth, matrices.updated[:2, :2] * var_eta), 2)
+
+
+def the_loads(model, free, r, touched, F):
+    """Print the ratios for loads F on ``touched`` arms with residuals ``r``, by the covariance of ``free`` arms."""
+    alone, poses = free.residuals[1000:], np.array(free.seen)[1000::10, ..., 0]
+    each = [model.jacobian(q) for q in poses.transpose(1, 0, 2)]
+    covariance = residual_covariance(np.concatenate(list(alone[::10].transpose(1, 0, 2))), np.concatenate(each))
+    print(f"rms of the residuals {np.round(covariance.deviations, 3)}, enlarged by {covariance.enlarged:.2f}")
+    seen = np.array(touched.seen)[..., 0]
+    J = model.jacobian(seen)
+    lagged = first_order_lag(J - J[0], np.exp(-touched.gain * Ts)) + J[0]
+    for name, place in (("J of this tick", J), ("J low-passed like r", lagged)):
+        found = model.external_force(place[1600:], r[1600:], covariance.matrix)
+        told(f"force of a contact (NEES), {name}", normalised(found.F - F, found.P), 3)
+        print(f"  median error of 10 N: {np.median(np.linalg.norm(found.F - F, axis=-1)):.2g} N")
+        if model.n >= 6:
+            found = model.external_wrench(place[1600:], r[1600:], covariance.matrix)
+            told("  as a wrench (NEES)", normalised(found.F - np.hstack([F, 0 * F]), found.P), 6)
+
+
 def main() -> None:
     """Print the ratios for the filter and for the force."""
     parser = argparse.ArgumentParser()
     parser.add_argument("robot", choices=sorted(ROBOTS))
+    parser.add_argument("--errors", type=int, default=3, help="draws of the errors of the model")
     chosen = parser.parse_args()
     var_eta, var_xi = RESOLUTION**2 / 12, 300.0**2
     matrices = kalman_matrices(Ts, var_eta, var_xi)
-    e, errors = as_assumed(matrices, var_eta, var_xi)
-    told("Kalman filter as assumed, innovations (NIS)", e**2 / (matrices.innovation * var_eta), 1)
-    told("Kalman filter as assumed, states (NEES)", normalised(errors, matrices.updated * var_eta), 3)
     model, (friction, q0) = rrrgen.compile(chosen.robot), ROBOTS[chosen.robot]
-    free, touched = (Arms(model, 50, friction, seed=seed, q0=q0) for seed in (2, 4))
-    alone = free.run(3.0)[1000:]
-    seen, truth = np.array(free.seen)[1000:], np.array(free.truth)[1000:]
-    innovation = (np.array(free.readings)[1000:] - seen[..., 0]) / (1 - matrices.k[0])
-    told("in the loop, innovations (NIS)", innovation**2 / (matrices.innovation * var_eta), 1)
-    told("in the loop, q and dq (NEES)", normalised(seen[..., :2] - truth, matrices.updated[:2, :2] * var_eta), 2)
-    F = np.random.default_rng(3).normal(size=(50, 3))
-    F *= 10.0 / np.linalg.norm(F, axis=1, keepdims=True)
-    r = touched.run(2.5, F, 1.2)[1500:]
-    J, sigma = model.jacobian(np.array(touched.seen)[1500:, ..., 0]), alone.std(axis=(0, 1))
-    found = model.external_force(J, r, sigma)
-    told("force of a contact (NEES)", normalised(found.F - F, found.P), 3)
-    print(
-        f"median error of 10 N: {np.median(np.linalg.norm(found.F - F, axis=-1)):.2g} N, sigma {np.round(sigma, 3)} N m"
-    )
+    for errors in range(chosen.errors):
+        free, touched = (Arms(model, 50, friction, seed=seed, q0=q0, errors=errors) for seed in (2, 4))
+        free.residuals = free.run(3.0)
+        if not errors:
+            the_filter(matrices, var_eta, var_xi, free)
+        F = forces(50)
+        the_loads(model, free, touched.run(2.5, F, 1.5), touched, F)
 
 
 if __name__ == "__main__":

@@ -10,8 +10,9 @@ import pytest
 from scipy.signal import lfilter
 
 import rrrgen
-from contact.simulation import FRICTION, RESOLUTION, WIDTH, Arms, Ts, visibility
+from contact.simulation import FRICTION, RESOLUTION, WIDTH, Arms, Ts, forces, ratios, visibility
 from rrrgen.cli.main import run
+from rrrgen.contact.covariance import residual_covariance
 from rrrgen.contact.extremes import block_maxima, fit_gumbel
 from rrrgen.contact.residuals import observer_residuals, step_responses
 from rrrgen.contact.thresholds import contact_thresholds, expected_detection
@@ -32,10 +33,13 @@ def test_the_rate_of_false_alarms_is_as_stated_or_lower(draw, fewest, most):
     """Coloured noise of two joints over 4000 s, with thresholds for one alarm in 100 s: some 40 seconds with alarms."""
     rng = np.random.default_rng(1)
     noise = lfilter([1.0], [1.0, -0.3], getattr(rng, draw)(size=(460_000, 2)), axis=0)
-    found = contact_thresholds([noise[:60_000]], 0.01, 100.0)
+    found = contact_thresholds([noise[:60_000]], 0.01, 20.0, 100.0)
     assert found.blocks == 600
-    over = (np.abs(noise[60_000:]) > found.levels).any(axis=1)
+    over = ratios(noise[60_000:, None], found, 20.0 * 0.01 / Ts)[:, 0] > 1.0
     assert fewest <= np.count_nonzero(over.reshape(-1, 100).any(axis=1)) <= most
+
+
+REST = (0.0, 0.5, 0.8)
 
 
 @pytest.fixture(scope="module")
@@ -43,25 +47,83 @@ def model():
     return rrrgen.compile("rrr")
 
 
-def test_contacts_are_detected_in_time_and_nothing_else_is(model):
-    options = {"friction": FRICTION, "q0": [0.0, 0.5, 0.8]}
-    train = Arms(model, 60, seed=1, **options).run(1.5)[500:]
-    found = contact_thresholds(list(train.transpose(1, 0, 2)), Ts, 3600.0)
-    arms = Arms(model, 60, seed=2, **options)
-    F = np.random.default_rng(3).normal(size=(60, 3))
-    F *= 10.0 / np.linalg.norm(F, axis=1, keepdims=True)
-    r = arms.run(1.5, F, at=1.4)[500:]
-    touched = (np.abs(r) > found.levels).any(axis=2)
-    assert not touched[:900].any()  # 54 s without a contact
-    delays = touched[900:].argmax(axis=0)
+@pytest.fixture(scope="module")
+def free(model):
+    """Sixty arms alone, and their residuals: what a recording without contact tells."""
+    arms = Arms(model, 60, FRICTION, seed=1, q0=REST, errors=1)
+    return arms, arms.run(1.5)[500:]
+
+
+@pytest.fixture(scope="module")
+def touched(model):
+    """The same arms on other motions, 10 N at the tip of each from 1.4 s on, and their residuals."""
+    arms = Arms(model, 60, FRICTION, seed=2, q0=REST, errors=1)
+    return arms, arms.run(1.56, forces(60), at=1.4)[500:]
+
+
+def test_contacts_are_detected_in_time_and_nothing_else_is(model, free, touched):
+    found = contact_thresholds(list(free[1].transpose(1, 0, 2)), Ts, 50.0, 3600.0)
+    arms, r = touched
+    over = ratios(r, found) > 1.0
+    assert not over[:900].any()  # 54 s without a contact
+    delays = np.where(over[900:].any(axis=0), over[900:].argmax(axis=0), np.inf)
     poses, responses = model.jacobian(arms.desired(1.4)[0]), step_responses([arms.matrices] * 3, 50.0, 0.3)
-    seen = visibility(poses, F, found.levels, responses[15]) > 1.25  # the tip has hardly a lever arm in some directions
-    assert np.count_nonzero(seen) >= 54
-    assert touched[900:, seen].any(axis=0).all()
-    assert delays[seen].max() <= 15
-    expected = expected_detection(found.levels, poses, responses, Ts, 10.0)
+    seen = visibility(poses, forces(60), found, responses) > 1.25  # the tip has hardly a lever arm in some directions
+    assert np.count_nonzero(seen) >= 57
+    assert delays[seen].max() <= 10
+    assert np.count_nonzero(delays > 15) <= 1
+    expected = expected_detection(found, poses, responses, Ts, 50.0, 10.0)
     assert abs(1e3 * expected.median - np.median(delays)) <= 2
     assert expected.missed < 0.02
+
+
+def test_the_changes_of_residuals_show_contacts_that_the_residuals_hide(model, free, touched):
+    """600 contacts of 5 N, whose responses are added to residuals alone: 5 % are late, without the changes 20 %."""
+    found = contact_thresholds(list(free[1].transpose(1, 0, 2)), Ts, 50.0, 3600.0)
+    arms, r = touched
+    J = model.jacobian(np.array(arms.seen)[500:1400:90, ..., 0]).reshape(600, 6, 3)[:, :3]
+    torques = np.einsum("kij,ki->kj", J, forces(600, 5.0))
+    responses = step_responses([arms.matrices] * 3, 50.0, 0.3)
+    before = np.stack([r[start + 40 : start + 90] for start in range(0, 900, 90)], axis=1).reshape(50, 600, 3)
+    after = before + np.concatenate([np.zeros((34, 3)), responses[:16]])[:, None] * torques
+    late = 1 - np.mean(ratios(after, found).max(axis=0) > 1.0)
+    without = 1 - np.mean(np.any(np.abs(after) > found.levels, axis=(0, 2)))
+    assert late < 0.06
+    assert without > 0.15
+
+
+def test_the_covariance_of_a_force_is_that_of_its_errors(model, free, touched):
+    """It contains the mean errors of the model; variances alone predict errors that are too small."""
+    arms, r = free
+    poses = model.jacobian(np.array(arms.seen)[500::10, ..., 0])
+    found = residual_covariance(r[::10].reshape(-1, 3), poses.reshape(-1, 6, 3))
+    assert 1.0 <= found.enlarged < 1.3
+    arms, r = touched
+    J = model.jacobian(np.array(arms.seen)[-60:, ..., 0])  # the lag of r is over
+
+    def normalised(covariance):
+        load = model.external_force(J, r[-60:], covariance)
+        e = load.F - forces(60)
+        return np.einsum("...i,...ij,...j", e, np.linalg.inv(load.P), e) / 3
+
+    squares = normalised(found.matrix)
+    assert 0.5 < squares.mean() < 1.2
+    assert np.mean(squares < 7.815 / 3) >= 0.95
+    assert normalised(np.diag(free[1].var(axis=(0, 1)))).mean() > 1.3
+
+
+def test_a_covariance_that_changes_with_the_motion_is_enlarged():
+    """Residuals that point in the direction of the force at each pose, which their second moment does not tell."""
+    rng = np.random.default_rng(4)
+    n, J = 4, np.zeros((20_000, 6, 4))
+    J[:, :3] = np.linalg.qr(rng.normal(size=(20_000, n, n))).Q[:, :3]
+    e = np.einsum("kij,ki->kj", J[:, :3], rng.normal(size=(20_000, 3)))
+    found = residual_covariance(e, J)
+    assert found.enlarged == pytest.approx(4 / 3, rel=0.02)
+    np.testing.assert_allclose(found.matrix, np.eye(n), atol=0.03)
+    assert residual_covariance(rng.normal(size=(20_000, n)), J).enlarged == pytest.approx(1.0, abs=0.02)
+    with pytest.raises(InputError, match="depend on each other"):
+        residual_covariance(np.ones((100, 2)), J[:100, :, :2])
 
 
 def test_residuals_of_a_recording_are_those_of_the_controller(model):
@@ -77,9 +139,9 @@ def test_residuals_of_a_recording_are_those_of_the_controller(model):
 
 def test_too_little_is_refused():
     with pytest.raises(InputError, match="too few: record at least 30 s"):
-        contact_thresholds([np.zeros((5000, 2))], 1e-3)
+        contact_thresholds([np.zeros((5000, 2))], 1e-3, 50.0)
     with pytest.raises(InputError, match="no longer"):
-        contact_thresholds([np.zeros((50000, 2))], 1e-3, seconds_per_alarm=0.5)
+        contact_thresholds([np.zeros((50000, 2))], 1e-3, 50.0, seconds_per_alarm=0.5)
 
 
 def test_the_command(tmp_path, capsys):
@@ -102,9 +164,11 @@ def test_the_command(tmp_path, capsys):
     record = json.loads((results / "contact.json").read_text())
     assert 0.01 < record["levels"][0] < 1.0
     source = '#include "pendulum_contact.h"\nstatic const double t[1] = PENDULUM_CONTACT_THRESHOLDS;\n'
+    source += "static const double c[1] = PENDULUM_CONTACT_CHANGE_THRESHOLDS, S[1] = PENDULUM_CONTACT_COVARIANCE;\n"
     source += (
-        "int main(void) { return !(t[0] > 0.0 && PENDULUM_CONTACT_GAIN > 0.0 && PENDULUM_CONTACT_PERIOD > 0.0); }\n"
+        "int main(void) { return !(t[0] > c[0] && c[0] * c[0] > S[0] && S[0] > 0.0 && PENDULUM_CONTACT_GAIN > 0.0 "
     )
+    source += "&& PENDULUM_CONTACT_PERIOD > 0.0); }\n"
     (results / "main.c").write_text(source)
     subprocess.run(["gcc", "-std=c99", "-Wall", "-Werror", "main.c", "-o", "main"], cwd=results, check=True)
     assert subprocess.run([results / "main"], check=False).returncode == 0

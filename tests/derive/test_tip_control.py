@@ -109,10 +109,26 @@ def test_the_tip_is_damped_where_it_cannot_move_and_the_torques_stay_continuous(
 def test_contact_compares_with_thresholds():
     derivation = prepare(load_spec("rrr"))
     program = contact.contact(derivation.recording())
-    found = called(program, {"r": [1.0, -3.0, 0.5], "threshold": [2.0, 2.0, np.inf]})
+    given = {"r_last": [1.0, -3.0, 0.5], "change_last": np.zeros(3), "gain": 50.0, "Ts": 1e-3}
+    given |= {"threshold": [2.0, 2.0, np.inf], "change_threshold": [0.1, 0.1, np.inf]}
+    found = called(program, given | {"r": [1.0, -3.0, 0.5]})
     close(found["ratio"], [0.5, 1.5, 0.0])
     assert found["touches"] == 1
-    assert called(program, {"r": [1.0, -1.9, 9.0], "threshold": [2.0, 2.0, np.inf]})["touches"] == 0
+    assert called(program, given | {"r": [1.0, -1.9, 9.0], "r_last": [1.0, -1.9, 0.0]})["touches"] == 0
+    assert called(program, given | {"r": [1.0, -1.9, 9.0], "r_last": [0.8, -1.9, 0.0]})["touches"] == 1
+
+
+def test_the_change_is_what_an_observer_twice_as_fast_sees_before():
+    """Estimates of the same torques by observers with poles K and 2K: the recursion gives their difference."""
+    program = contact.contact(prepare(load_spec("pendulum")).recording())
+    gain, y = 60.0, np.random.default_rng(5).normal(size=40)
+    slow = fast = r_last = change = 0.0
+    for value in y:
+        r_last, slow = slow, slow + (1 - np.exp(-gain * Ts)) * (value - slow)
+        fast += (1 - np.exp(-2 * gain * Ts)) * (value - fast)
+        given = {"r": [slow], "r_last": [r_last], "change_last": [change], "gain": gain, "Ts": Ts}
+        change = float(called(program, given | {"threshold": [1.0], "change_threshold": [1.0]})["change"][0])
+        assert change == pytest.approx(fast - slow, abs=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -123,16 +139,17 @@ def test_external_loads_by_weighted_least_squares(load, name):
     joints = program.inputs[1].size
     rng = np.random.default_rng(joints)
     J = rng.normal(size=(6, joints))
-    r, sigma = rng.normal(size=joints), rng.uniform(0.1, 2, joints)
-    found = called(program, {"J": J, "r": r, "sigma": sigma})
-    A = (J[: load.rows] / sigma).T
-    F = np.linalg.lstsq(A, r / sigma, rcond=None)[0]
+    r, L = rng.normal(size=joints), np.tril(rng.uniform(0.1, 2, (joints, joints)))
+    found = called(program, {"J": J, "r": r, "covariance": L @ L.T})
+    A = np.linalg.solve(L, J[: load.rows].T)
+    F = np.linalg.lstsq(A, np.linalg.solve(L, r), rcond=None)[0]
     close(found["F"], F, 1e-8)
     close(found["P"], np.linalg.inv(A.T @ A), 1e-8)
     spread = [np.sqrt(np.mean(np.sum(A[:, part : part + 3] ** 2, axis=0))) for part in range(0, load.rows, 3)]
     singular = np.linalg.svd(A / np.repeat(spread, 3), compute_uv=False)
     assert float(found["condition"]) == pytest.approx(np.sqrt(np.mean(singular**2) * np.mean(1 / singular**2)))
     assert found["condition"] <= singular[0] / singular[-1] <= load.rows * found["condition"]
-    lost = called(program, {"J": np.zeros((6, joints)), "r": r, "sigma": sigma})
-    assert lost["status"] == 1
-    assert not np.any(lost["F"])
+    for lacking in ({"J": 0 * J, "covariance": L @ L.T}, {"J": J, "covariance": np.ones((joints, joints))}):
+        lost = called(program, lacking | {"r": r})
+        assert lost["status"] == 1
+        assert not np.any(lost["F"])

@@ -51,8 +51,9 @@ def written(folder: Path) -> None:
     assert run(["generate", "pendulum", "-o", str(folder), *groups, *estimation, *of_friction]) == 0
     modes = ("--mode", "28:0.1", "--mode", "96:0.02", "--rate", "1000")
     assert run(["vibration", *modes, "-o", str(folder / "vibration")]) == 0
-    thresholds = "#define PENDULUM_CONTACT_THRESHOLDS {1.0}\n"
-    (folder / "pendulum_contact.h").write_text(thresholds, encoding="utf-8")
+    lists = [f"#define PENDULUM_CONTACT_{name} {{1.0}}\n" for name in ("THRESHOLDS", "CHANGE_THRESHOLDS")]
+    text = "".join([*lists, "#define PENDULUM_CONTACT_GAIN 50.0\n"])
+    (folder / "pendulum_contact.h").write_text(text, encoding="utf-8")
 
 
 def test_the_c_on_the_pages_compiles(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from rrrgen.cli.terminal import say
 from rrrgen.extras import require
 
 if TYPE_CHECKING:
-    from rrrgen.contact.thresholds import ContactThresholds, Detection
+    from rrrgen.contact.recordings import ContactFindings
 
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
@@ -52,10 +52,11 @@ def contact_thresholds(robot: str, logs: tuple[Path, ...], output: Path, as_json
     """Find thresholds of contact detection from recordings without contact.
 
     The momentum observer runs along the recordings as it does in the controller, and an extreme-value distribution is
-    fitted to its largest residual in every second. From it follow the thresholds for a given mean time between false
-    alarms, and the delay with which a force at the tip will be detected. Writes contact.json, and <name>_contact.h with
-    the thresholds for the C function `contact`, to DIR. Record motions like those of normal work, with the torques that
-    were applied.
+    fitted to the largest residual in every second, and to its fastest change. From them follow the thresholds for a
+    given mean time between false alarms, and the delay with which a force at the tip will be detected. Writes
+    contact.json, and <name>_contact.h with the thresholds for the C function `contact` and the covariance for
+    `external_force` and `external_wrench`, to DIR. Record motions like those of normal work, with the torques that were
+    applied.
 
     \b
     Example:
@@ -63,8 +64,8 @@ def contact_thresholds(robot: str, logs: tuple[Path, ...], output: Path, as_json
     """
     require("rrrgen contact-thresholds", "scipy")
     from rrrgen import pipeline
-    from rrrgen.contact.recordings import thresholds_of_recordings
-    from rrrgen.contact.thresholds import threshold_header
+    from rrrgen.contact.header import contact_header
+    from rrrgen.contact.recordings import findings_of_recordings
     from rrrgen.recordings.log_stream import LogStream
     from rrrgen.recordings.logs import check_robot, load_stream, open_log
     from rrrgen.runs.run_folder import RunFolder, plain
@@ -83,18 +84,16 @@ def contact_thresholds(robot: str, logs: tuple[Path, ...], output: Path, as_json
         recordings = [load_stream(LogStream(mapping)) for mapping in mappings]
         print_repairs((recording.repairs for recording in recordings), as_json)
         tuning = _tuning(options["tuning"], spec.n)
-        found, detection, period = thresholds_of_recordings(
+        found = findings_of_recordings(
             pipeline.compile(spec), recordings, tuning, **{name: options[name] for name in names}
         )
-        record = plain(
-            found.to_json() | {"gain": options["gain"], "period": period, "detection": plain(detection.__dict__)}
-        )
+        record = plain(found.to_json())
         folder.write_json("contact.json", record)
-        folder.write_text(f"{spec.name}_contact.h", threshold_header(spec.name, found.levels, options["gain"], period))
+        folder.write_text(f"{spec.name}_contact.h", contact_header(spec.name, found))
     if as_json:
         print_json(record)
     else:
-        _print(found, detection, [joint.name for joint in spec.joints], output)
+        _print(found, [joint.name for joint in spec.joints], output)
     return 0
 
 
@@ -105,13 +104,13 @@ def _tuning(path: Path | None, joints: int) -> Any:
     return None if path is None else read_tuning(path, joints)
 
 
-def _print(found: ContactThresholds, detection: Detection, joints: list[str], output: Path) -> None:
-    from rrrgen.contact.extremes import EULER
-
-    say("thresholds, N m or N:")
-    for name, level, each in zip(joints, found.levels, found.distributions, strict=True):
-        mean = each.mu + EULER * each.beta
-        say(f"  {name:8} {level:10.4g}   largest of a block: {mean:.4g} on average")
-    say(f"from {found.blocks} blocks of {found.block:g} s, for one false alarm in {found.seconds_per_alarm:g} s")
-    say(detection.sentence())
+def _print(found: ContactFindings, joints: list[str], output: Path) -> None:
+    limits = found.thresholds
+    columns = ("residual", "change", "rms")
+    say("thresholds of residuals and of their changes, and the residuals' root mean square, N m or N:")
+    say(" ".join([" " * 10, *(f"{column:>10}" for column in columns)]))
+    for name, *values in zip(joints, limits.levels, limits.change_levels, found.covariance.deviations, strict=True):
+        say(" ".join([f"  {name:8}", *(f"{value:10.4g}" for value in values)]))
+    say(f"from {limits.blocks} blocks of {limits.block:g} s, for one false alarm in {limits.seconds_per_alarm:g} s")
+    say(found.detection.sentence())
     say(f"results in {output}")

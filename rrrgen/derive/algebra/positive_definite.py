@@ -37,13 +37,18 @@ class Factors:
     reciprocals: list[Value]
     status: Value
 
+    def forward(self, rhs: list[Value]) -> list[Value]:
+        """The solution y (n,) of L y = rhs."""
+        b, L, y = self.builder, self.L, list(rhs)
+        for i in range(len(y)):
+            for k in range(i):
+                y[i] = b.sub(y[i], b.mul(L[i][k], y[k]))
+        return y
+
     def solve(self, rhs: list[Value]) -> list[Value]:
         """The solution x (n,) of M x = rhs; zero if the status is 1."""
         b, L, n = self.builder, self.L, len(rhs)
-        y = list(rhs)
-        for i in range(n):
-            for k in range(i):
-                y[i] = b.sub(y[i], b.mul(L[i][k], y[k]))
+        y = self.forward(rhs)
         x = [b.mul(y[i], self.reciprocals[i]) for i in range(n)]
         for i in reversed(range(n)):
             for k in range(i + 1, n):

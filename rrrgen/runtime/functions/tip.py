@@ -139,28 +139,47 @@ class TipFunctions(ControlLaws):
         tau, z_next, status = self._named(name, values, beta, Ia, gravity)
         return self._with(name)._checked(name, OperationalStep(tau, z_next), status, with_status)
 
-    def contact(self, r: ArrayLike, threshold: ArrayLike) -> Contact:
-        """Contact detection: compare estimated external torques with their thresholds.
+    def contact(
+        self,
+        r: ArrayLike,
+        r_last: ArrayLike,
+        change_last: ArrayLike,
+        gain: ArrayLike,
+        Ts: ArrayLike,
+        threshold: ArrayLike,
+        change_threshold: ArrayLike,
+    ) -> Contact:
+        """One period of contact detection: compare estimated external torques and their changes with thresholds.
+
+        The change ``h = alpha^2 change_last + alpha (r - r_last)``, alpha = exp(-gain Ts), is what an observer with
+        twice the pole would estimate, minus r: a contact shows in it although the model errors in r are larger.
 
         Args:
             r: estimated torques of the environment, (..., n), N m or N, of :meth:`momentum_observer`.
-            threshold: thresholds, (n,) or (..., n), N m or N, of ``rrrgen contact-thresholds``; inf leaves a joint out.
+            r_last: those of the last tick, (..., n), N m or N; zero at the start.
+            change_last: change of the last tick, (..., n), N m or N; zero at the start.
+            gain: pole of the momentum observer, (...), 1/s.
+            Ts: the period, (...), s.
+            threshold: thresholds of r, (n,) or (..., n), N m or N, of ``rrrgen contact-thresholds``; inf for none.
+            change_threshold: thresholds of the change, (n,) or (..., n), N m or N, of the same command; inf for none.
 
         Returns:
-            The named tuple (ratio, touches): ``|r|/threshold``, (..., n), and 1 where one of them exceeds 1, (...).
+            The named tuple (ratio, touches, change): the larger of ``|r|/threshold`` and ``|h|/change_threshold``,
+            (..., n), 1 where one of them exceeds 1, (...), and the change h for the next tick, (..., n).
         """
-        return Contact(*self._evaluate("contact", (r, threshold)))
+        values = (r, r_last, change_last, gain, Ts, threshold, change_threshold)
+        return Contact(*self._evaluate("contact", values))
 
-    def external_wrench(self, J: ArrayLike, r: ArrayLike, sigma: ArrayLike, with_status: bool = False) -> Any:
-        """Estimate the wrench F on the robot that causes the external torques r: ``F = P J R r``.
+    def external_wrench(self, J: ArrayLike, r: ArrayLike, covariance: ArrayLike, with_status: bool = False) -> Any:
+        """Estimate the wrench F on the robot that causes the external torques r: ``F = P J inv(S) r``.
 
-        It is a weighted least-squares estimate: ``P = inv(J R J')`` with ``R = diag(1/sigma^2)`` and the Jacobian J of
-        the point where the wrench acts.
+        It is a weighted least-squares estimate: ``P = inv(J inv(S) J')`` with the covariance S of the errors of r and
+        the Jacobian J of the point where the wrench acts.
 
         Args:
             J: Jacobian of the tip or of the point where it acts, (..., 6, n), linear rows first, SI units.
             r: estimated torques of the environment, (..., n), N m or N, of :meth:`momentum_observer`.
-            sigma: standard deviations of r, (n,) or (..., n), N m or N.
+            covariance: of the errors of r, (n, n) or (..., n, n), (N m)^2 or N^2, of ``rrrgen contact-thresholds``.
             with_status: return ``(result, status)`` instead of raising LinAlgError.
 
         Returns:
@@ -171,18 +190,18 @@ class TipFunctions(ControlLaws):
             numpy.linalg.LinAlgError: the torques do not determine it at some state, and ``with_status`` is False.
             ValueError: the robot has fewer than six joints.
         """
-        return self._load("external_wrench", J, r, sigma, with_status)
+        return self._load("external_wrench", J, r, covariance, with_status)
 
-    def external_force(self, J: ArrayLike, r: ArrayLike, sigma: ArrayLike, with_status: bool = False) -> Any:
-        """Estimate the force F, without a moment, that causes the external torques r: ``F = P J R r``.
+    def external_force(self, J: ArrayLike, r: ArrayLike, covariance: ArrayLike, with_status: bool = False) -> Any:
+        """Estimate the force F, without a moment, that causes the external torques r: ``F = P J inv(S) r``.
 
-        It is a weighted least-squares estimate: ``P = inv(J R J')`` with ``R = diag(1/sigma^2)`` and J the first three
-        rows of the Jacobian of the point where the force acts.
+        It is a weighted least-squares estimate: ``P = inv(J inv(S) J')`` with the covariance S of the errors of r and J
+        the first three rows of the Jacobian of the point where the force acts.
 
         Args:
             J: Jacobian of the tip or of the point where it acts, (..., 6, n), linear rows first, SI units.
             r: estimated torques of the environment, (..., n), N m or N, of :meth:`momentum_observer`.
-            sigma: standard deviations of r, (n,) or (..., n), N m or N.
+            covariance: of the errors of r, (n, n) or (..., n, n), (N m)^2 or N^2, of ``rrrgen contact-thresholds``.
             with_status: return ``(result, status)`` instead of raising LinAlgError.
 
         Returns:
@@ -193,8 +212,8 @@ class TipFunctions(ControlLaws):
             numpy.linalg.LinAlgError: the torques do not determine it at some state, and ``with_status`` is False.
             ValueError: the robot has fewer than three joints.
         """
-        return self._load("external_force", J, r, sigma, with_status)
+        return self._load("external_force", J, r, covariance, with_status)
 
-    def _load(self, name: str, J: ArrayLike, r: ArrayLike, sigma: ArrayLike, with_status: bool) -> Any:
-        *found, status = self._evaluate(name, (J, r, sigma))
+    def _load(self, name: str, J: ArrayLike, r: ArrayLike, covariance: ArrayLike, with_status: bool) -> Any:
+        *found, status = self._evaluate(name, (J, r, covariance))
         return self._with(name)._checked(name, ExternalLoad(*found), status, with_status)

@@ -1,9 +1,17 @@
 """Recorders of contact detection from estimated external torques r: thresholds, and the wrench at a point.
 
-The joint torques of a wrench F at a point with Jacobian J are ``r = J' F``. With independent errors of r, of standard
-deviations sigma, the best estimate and its covariance are
+A contact changes r faster than errors of the model do. Besides r itself, its change h is therefore compared with
+thresholds: the estimate of an observer with twice the pole minus r, which needs nothing but r, since with
+alpha = exp(-gain Ts)
 
-    F = P J R r,   P = inv(J R J'),   R = diag(1/sigma^2).
+    h = alpha^2 h_last + alpha (r - r_last).
+
+It is a band-pass: after a step of the external torque h rises to a quarter of the step and decays.
+
+The joint torques of a wrench F at a point with Jacobian J are ``r = J' F``. With errors of r of covariance S, the best
+estimate and its covariance are
+
+    F = P J inv(S) r,   P = inv(J inv(S) J').
 """
 
 from __future__ import annotations
@@ -16,24 +24,46 @@ from rrrgen.derive.algebra.vectors import Matrix, dot, flat, times
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.program import Port, Program, Status
 
+COMMAND = "of `rrrgen contact-thresholds`"
+
 
 def contact(r: Recording) -> Program:
-    """Record contact detection: the ratios |r_i| / threshold_i (n,) of external torques r, and 1 if one exceeds 1."""
+    """Record one tick of contact detection by the external torques r and their changes h.
+
+    Outputs are the ratios max(|r_i|/threshold_i, |h_i|/change_threshold_i) (n,), 1 if one of them exceeds 1, and the
+    changes h (n,), which are state for the next tick.
+    """
     b = r.builder
     estimate = r.extra("r", (r.n,), r.torque_unit, "estimated torques of the environment, of the momentum observer")
-    threshold = r.extra("threshold", (r.n,), r.torque_unit, "of contact-free motion, of `rrrgen contact-thresholds`")
-    ratios = [b.div(b.abs(value), limit) for value, limit in zip(estimate, threshold, strict=True)]
+    last = r.extra("r_last", (r.n,), r.torque_unit, "estimate of the last tick; zero at the start")
+    change_last = r.extra("change_last", (r.n,), r.torque_unit, "change of the last tick; zero at the start")
+    (gain,) = r.extra("gain", (), "1/s", "pole of the momentum observer")
+    (Ts,) = r.extra("Ts", (), "s", "period")
+    threshold = r.extra("threshold", (r.n,), r.torque_unit, f"thresholds of r, {COMMAND}")
+    change_threshold = r.extra("change_threshold", (r.n,), r.torque_unit, f"thresholds of the change, {COMMAND}")
+    alpha = b.exp(b.neg(b.mul(gain, Ts)))
+    change = [
+        b.mul(alpha, b.add(b.mul(alpha, before), b.sub(now, then)))
+        for now, then, before in zip(estimate, last, change_last, strict=True)
+    ]
+    pairs = [
+        [b.div(b.abs(value), limit) for value, limit in zip(values, limits, strict=True)]
+        for values, limits in ((estimate, threshold), (change, change_threshold))
+    ]
+    ratios = [b.select(b.sub(fast, slow), fast, slow) for slow, fast in zip(*pairs, strict=True)]
     found: Any = 0
     for ratio in ratios:
         found = b.select(b.sub(ratio, 1), 1, found)
     return b.program(
         "contact",
         [
-            (Port("ratio", (r.n,), "", "", "magnitude of each torque over its threshold"), ratios),
+            (Port("ratio", (r.n,), "", "", "of each joint: torque or change over its threshold, the larger"), ratios),
             (Port("touches", (), "", "", "1 if a ratio exceeds 1, else 0"), [found]),
+            (Port("change", (r.n,), r.torque_unit, "", "fast part of r, for the next tick"), change),
         ],
-        "Contact detection: whether an external torque exceeds its threshold.",
-        "ratio = |r|/threshold",
+        "Contact detection: whether an external torque, or its change, exceeds its threshold.",
+        "change = alpha^2 change_last + alpha (r - r_last),  ratio = max(|r|/threshold, |change|/change_threshold),  "
+        "alpha = exp(-gain Ts)",
         ["INFINITY leaves a joint out. A threshold of zero makes any torque a contact."],
     )
 
@@ -65,14 +95,15 @@ def external_load(load: _Load) -> Recorder:
         b, count = r.builder, load.rows
         J = r.extra("J", (6, r.n), "m, -", "Jacobian of the tip or of the point where the load acts")
         estimate = r.extra("r", (r.n,), r.torque_unit, "estimated torques of the environment")
-        sigma = r.extra("sigma", (r.n,), r.torque_unit, "standard deviations of r, > 0")
-        rows = [J[r.n * i : r.n * (i + 1)] for i in range(count)]
-        weighted = [[b.div(x, s) for x, s in zip(row, sigma, strict=True)] for row in rows]
-        G = [[dot(x, y) for y in weighted] for x in weighted]
+        S = r.extra("covariance", (r.n, r.n), "", f"of the errors of r, such as that {COMMAND}")
+        errors = factorize(b, [S[r.n * i : r.n * (i + 1)] for i in range(r.n)])  # S = L D L'
+        halves = [errors.forward(J[r.n * i : r.n * (i + 1)]) for i in range(count)]  # the rows of J, by inv(L)
+        weighted = [[b.mul(x, d) for x, d in zip(row, errors.reciprocals, strict=True)] for row in halves]
+        G = [[dot(x, y) for y in halves] for x in weighted]
+        G[0][0] = b.select(errors.status, 0, G[0][0])  # no covariance: nothing is determined
         factors = factorize(b, G)
         P = [[b.neg(value) for value in row] for row in factors.negative_inverse()]
-        scaled = [b.div(value, s) for value, s in zip(estimate, sigma, strict=True)]
-        F = times(P, times(weighted, scaled))
+        F = times(P, times(weighted, errors.forward(estimate)))
         return b.program(
             load.name,
             [
@@ -85,13 +116,15 @@ def external_load(load: _Load) -> Recorder:
                 (Port("status", ()), [factors.status]),
             ],
             f"The {load.words} that estimated external torques are due to.",
-            "F = P J R r,  P = inv(J R J'),  R = diag(1/sigma^2)",
+            "F = P J inv(S) r,  P = inv(J inv(S) J'),  S = covariance",
             [
                 f"J: its first {count} rows. F, P and condition are 0 where the status is not ok.",
-                "condition = sqrt(mean eigenvalue of J R J' times that of P), linear and angular rows scaled to one "
-                f"mean first; the largest over the smallest singular value is between this and {count} times this.",
+                "condition = sqrt(mean eigenvalue of J inv(S) J' times that of P), linear and angular rows scaled to "
+                f"one mean first; the largest over the smallest singular value is between this and {count} times this.",
             ],
-            Status(3, "undetermined", "the torques do not determine the load", "the rows of the Jacobian lose rank"),
+            Status(
+                3, "undetermined", "the torques do not determine the load", "the Jacobian or the covariance loses rank"
+            ),
         )
 
     return record
