@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from rrrgen.runs import figures
+from rrrgen.runtime import compiler
 
 TESTS = Path(__file__).resolve().parent
 if str(TESTS) not in sys.path:  # import modes other than "prepend" do not do this
@@ -34,6 +35,18 @@ def print_dots_per_inch() -> Iterator[int]:
         dots_per_inch = figures.PRINT
         patch.setattr(figures, "PRINT", 60)
         yield dots_per_inch
+
+
+@pytest.fixture(scope="module")
+def unoptimized() -> Iterator[None]:
+    """Emitted code is built at -O0, a quarter of the time: for tests of many robots, few calls of each.
+
+    Without optimization the numbers are the same, as products and sums are never contracted. What the optimizer makes
+    of the code is the matter of the tests beside them that are built as users build it.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiler, "FLAGS", tuple("-O0" if flag == "-O2" else flag for flag in compiler.FLAGS))
+        yield
 
 
 @pytest.fixture

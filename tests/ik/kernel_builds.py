@@ -70,7 +70,7 @@ def build(folder: Path, names: list[str], extra: str = "") -> ctypes.CDLL:
     """The kernels ``names`` and the C text ``extra`` as a library."""
     (folder / "extra.c").write_text('#include "kernel.h"\n' + extra)
     files = [*names, "extra.c"]
-    command = ["cc", "-std=c99", "-O1", "-shared", "-fPIC", "-o", "kernels.so", *files, "-lm"]
+    command = ["cc", "-std=c99", "-O0", "-shared", "-fPIC", "-o", "kernels.so", *files, "-lm"]
     subprocess.run(command, cwd=folder, check=True, capture_output=True)
     return ctypes.CDLL(str(folder / "kernels.so"))
 

@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from ik.checks import configurations
 from ik.robots import ROWS, make, reference, robot
 from rrrgen.backends.c.solver.files import FUNCTIONS, emit, manifest, sources
 from rrrgen.ik.classify import plan
+from rrrgen.ik.families import parameter
 
 WARNINGS = [
     "-Wall",
@@ -83,6 +85,8 @@ COMPILERS = [
     (["clang++", "-x", "c++", "-std=c++11"]),
 ]
 
+GCC = "gcc" if shutil.which("gcc") else "cc"
+
 TEXT_LIMIT = 32_000
 """Bytes of machine code at -O2 of a solver with its checks, refinement and nearest configuration."""
 
@@ -99,10 +103,14 @@ def variant(name, limits=None):
     return replace(spec, ik="nominal_first") if name == "nominal" else spec
 
 
-def written(directory, name, real="double", limits=None):
+@cache
+def emitted(name, real, limits):
     spec = variant(name, limits)
-    files = emit(spec, plan(spec), real).files
-    for file, text in files.items():
+    return emit(spec, plan(spec), real).files
+
+
+def written(directory, name, real="double", limits=None):
+    for file, text in emitted(name, real, tuple(limits) if limits else None).items():
         (directory / file).write_text(text)
     return directory / f"{name}_ik.c"
 
@@ -130,8 +138,21 @@ def test_no_warning_in_c_and_c_plus_plus(command, real, tmp_path):
 
 def optimized(source, out):
     """Compile at -O2 under every warning: uninitialised variables show only where the optimiser looks."""
-    command = ["gcc" if shutil.which("gcc") else "cc", "-std=c99", "-Wstrict-prototypes", *WARNINGS]
-    run([*command, "-O2", "-fno-stack-protector", "-fno-pie", "-c", "-o", str(out), str(source)])
+    run(
+        [
+            GCC,
+            "-std=c99",
+            "-Wstrict-prototypes",
+            *WARNINGS,
+            "-O2",
+            "-fno-stack-protector",
+            "-fno-pie",
+            "-c",
+            "-o",
+            str(out),
+            str(source),
+        ]
+    )
 
 
 @pytest.mark.parametrize("name", LIMITED)
@@ -139,23 +160,9 @@ def test_no_warning_from_the_optimizer_where_joints_have_limits(name, tmp_path):
     optimized(written(tmp_path, name, limits=LIMITS[: len(VARIANTS[name])]), tmp_path / "x.o")
 
 
-def test_no_warning_from_the_optimizer_and_symbols_and_size(tmp_path):
-    """Nothing but the documented functions is visible, nothing but mathematics is needed, nothing can be written to."""
-    allowed = {"sin", "cos", "sqrt", "floor", "ceil", "fabs", "memcpy", "memset", "sincos"}
-    for name in VARIANTS:
-        optimized(written(tmp_path, name), tmp_path / "x.o")
-        table = [line.split() for line in run(["nm", str(tmp_path / "x.o")]).splitlines()]
-        defined = {entry[2] for entry in table if len(entry) == 3 and entry[1] == "T"}
-        assert defined == {f"{name}_{function}" for function in FUNCTIONS}
-        assert not [entry for entry in table if len(entry) == 3 and entry[1] in "DdBbC"]
-        assert {entry[1] for entry in table if len(entry) == 2} - {"_GLOBAL_OFFSET_TABLE_"} <= allowed
-        text = int(run(["size", str(tmp_path / "x.o")]).splitlines()[1].split()[0])
-        assert text <= {"sliding": SEVEN_LIMIT, "nominal": NOMINAL_LIMIT}.get(name, TEXT_LIMIT), (name, text)
-
-
 def test_text_rules():
-    for name, rows in VARIANTS.items():
-        files = sources(make(name, rows))
+    for name in VARIANTS:
+        files = emitted(name, "double", None)
         assert set(files) == {f"{name}_ik.h", f"{name}_ik.c"}
         for text in files.values():
             assert text.isascii()
@@ -258,12 +265,12 @@ ROWS_DRIVER = """
 #include "{name}_ik.h"
 int main(int argc, char **argv)
 {{
-    double line[{size} + {n}];
+    double line[{size} + {n} + 1];
     FILE *file = fopen(argv[argc - 1], "rb");
     {name}_ik_solutions out;
     int i, j, k;
     for (k = 0; file && fread(line, sizeof line, 1, file) == 1; ++k) {{
-        {name}_inverse_kinematics(line, line + {size}, (unsigned){macro}_IK_LIMITS, &out);
+        {name}_inverse_kinematics(line, line + {size}{redundancy}, (unsigned){macro}_IK_LIMITS, &out);
         for (i = 0; i < out.count; ++i) {{
             printf("%d", k);
             for (j = 0; j < {n}; ++j) printf(" %.17g", out.q[i][j]);
@@ -273,6 +280,54 @@ int main(int argc, char **argv)
     return 0;
 }}
 """
+
+
+def assert_rows_are_right(name, limits, build, folder):
+    """``build`` turns the file driver.c into the program driver, with the solver in it."""
+    rows = VARIANTS[name]
+    n, found = len(rows), plan(variant(name, limits))
+    position = found.task == "position"
+    q = configurations(rows, 60, 3)
+    q = np.vstack([q, np.random.default_rng(4).uniform(-1.0, 1.0, (60, n))])  # inside all limits
+    T = reference(rows, q)
+    goals = T[:, :3, 3] if position else T.reshape(len(T), 16)
+    near = np.random.default_rng(5).uniform(-9.0, 9.0, q.shape)  # references some turns away
+    given = [[parameter(found, each)] if found.locked is not None else [0.0] for each in q]
+    (folder / "targets.bin").write_bytes(np.hstack([goals, near, given]).tobytes())
+    redundancy = f", line[{goals.shape[1] + n}]" if found.locked is not None else ""
+    text = ROWS_DRIVER.format(name=name, macro=name.upper(), size=goals.shape[1], n=n, redundancy=redundancy)
+    (folder / "driver.c").write_text(text)
+    build()
+    printed = np.loadtxt(run([str(folder / "driver"), str(folder / "targets.bin")]).splitlines())
+    goal, row = printed[:, 0].astype(int), printed[:, 1:]
+    reached = reference(rows, row)
+    error = (reached - T[goal])[:, :3, 3:] if position else reached - T[goal]
+    assert np.abs(error).max() < 1e-9
+    assert set(range(60, 120)) <= set(goal)
+    if limits is not None:
+        low, high = (np.array([side[k] or (-1) ** (k + 1) * np.inf for side in limits]) for k in (0, 1))
+        assert np.all(row >= low - 1e-9)
+        assert np.all(row <= high + 1e-9)
+
+
+def test_the_optimizer_has_no_warning_and_keeps_rows_symbols_and_size(tmp_path):
+    """Nothing but the documented functions is visible, nothing but mathematics is needed, nothing can be written to."""
+    allowed = {"sin", "cos", "sqrt", "floor", "ceil", "fabs", "memcpy", "memset", "sincos"}
+
+    def link():
+        run([GCC, "-std=c99", "-no-pie", "-o", "driver", "driver.c", "x.o", "-lm"], cwd=tmp_path)
+
+    for name in VARIANTS:
+        optimized(written(tmp_path, name), tmp_path / "x.o")
+        table = [line.split() for line in run(["nm", str(tmp_path / "x.o")]).splitlines()]
+        defined = {entry[2] for entry in table if len(entry) == 3 and entry[1] == "T"}
+        assert defined == {f"{name}_{function}" for function in FUNCTIONS}
+        assert not [entry for entry in table if len(entry) == 3 and entry[1] in "DdBbC"]
+        assert {entry[1] for entry in table if len(entry) == 2} - {"_GLOBAL_OFFSET_TABLE_"} <= allowed
+        text = int(run(["size", str(tmp_path / "x.o")]).splitlines()[1].split()[0])
+        assert text <= {"sliding": SEVEN_LIMIT, "nominal": NOMINAL_LIMIT}.get(name, TEXT_LIMIT), (name, text)
+        assert_rows_are_right(name, None, link, tmp_path)
+
 
 FAST, CONTRACTED, EXTENDED = "-Ofast", "-O2 -ffast-math -march=native", "-O2 -std=gnu99 -mfpmath=387"
 ARITHMETIC = [
@@ -287,39 +342,16 @@ ARITHMETIC += [("clang", name, CONTRACTED) for name in ("puma", "ur5")]
 def test_rows_are_right_however_the_compiler_treats_arithmetic(name, command, flags, tmp_path):
     if shutil.which(command) is None:
         pytest.skip(f"{command} is not installed")
-    rows, limits = VARIANTS[name], LIMITS[: len(VARIANTS[name])]
-    n, position = len(rows), plan(make(name, rows)).task == "position"
-    source = written(tmp_path, name, limits=limits)
-    q = configurations(rows, 60, 3)
-    q = np.vstack([q, np.random.default_rng(4).uniform(-1.0, 1.0, (60, n))])  # inside all limits
-    T = reference(rows, q)
-    goals = T[:, :3, 3] if position else T.reshape(len(T), 16)
-    near = np.random.default_rng(5).uniform(-9.0, 9.0, q.shape)  # references some turns away
-    (tmp_path / "targets.bin").write_bytes(np.hstack([goals, near]).tobytes())
-    text = ROWS_DRIVER.format(name=name, macro=name.upper(), size=goals.shape[1], n=n)
-    (tmp_path / "driver.c").write_text(text)
-    built = [
-        command,
-        "-std=c99",
-        *flags.split(),
-        "-o",
-        str(tmp_path / "driver"),
-        str(tmp_path / "driver.c"),
-        str(source),
-        "-lm",
-    ]
-    if flags == EXTENDED and subprocess.run(built, capture_output=True, check=False).returncode:
-        pytest.skip(f"{command} has no arithmetic of 80 bits for this machine")
-    run(built)
-    found = np.loadtxt(run([str(tmp_path / "driver"), str(tmp_path / "targets.bin")]).splitlines())
-    goal, row = found[:, 0].astype(int), found[:, 1:]
-    reached = reference(rows, row)
-    error = (reached - T[goal])[:, :3, 3:] if position else reached - T[goal]
-    assert np.abs(error).max() < 1e-9
-    assert set(range(60, 120)) <= set(goal)
-    low, high = (np.array([side[k] or (-1) ** (k + 1) * np.inf for side in limits]) for k in (0, 1))
-    assert np.all(row >= low - 1e-9)
-    assert np.all(row <= high + 1e-9)
+    source = written(tmp_path, name, limits=(limits := LIMITS[: len(VARIANTS[name])]))
+    built = [command, "-std=c99", *flags.split(), "-o", "driver", "driver.c", str(source), "-lm"]
+
+    def build():
+        done = subprocess.run(built, cwd=tmp_path, capture_output=True, text=True, check=False)
+        if flags == EXTENDED and done.returncode:
+            pytest.skip(f"{command} has no arithmetic of 80 bits for this machine")
+        assert done.returncode == 0, done.stderr[:3000]
+
+    assert_rows_are_right(name, limits, build, tmp_path)
 
 
 def test_manifest_names_what_is_emitted():
