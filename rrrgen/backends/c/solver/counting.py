@@ -71,8 +71,8 @@ ELIMINATION = SolverOperations(mul=13700, add=13400, div=430, sqrt=6)
 ELIMINATED = SolverOperations(mul=2260, add=2170, div=68, sqrt=8)
 """Operations of the elimination for six joints, and of each solution that it finds.
 
-Its iterations depend on the target. These are fitted to random targets of random arms, 5 % from the mean of each
-(tests/ik/test_operations.py); targets near a singular configuration take up to ten times as many.
+Its iterations depend on the target. These are fitted to random targets of random arms and up to 5 % from the mean of
+each, square roots 20 % (tests/ik/test_operations.py); near a singular configuration there are up to ten times as many.
 """
 
 
