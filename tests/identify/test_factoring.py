@@ -277,7 +277,7 @@ def test_a_recording_ten_times_larger_than_the_memory(tmp_path):
     pytest.importorskip("resource", reason="limits of memory are those of POSIX")
     if not os.path.exists("/proc/self/statm"):
         pytest.skip("needs /proc to know the memory in use")
-    allowance, rows = 12_000_000, 3_000_000
+    allowance, rows = 4_000_000, 1_000_000
     regressor = FullRegressor(rrrgen.compile("planar2r"), TERMS)
     x = np.linspace(0.5, 2.0, len(regressor.names))
     # one motion over and over: the file is large, the answer is known from one of its periods

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import sympy as sp
@@ -100,7 +100,13 @@ def standard_symbols(n: int) -> list[sp.Symbol]:
 
 def linear_expression(row: Sequence[sp.Expr], symbols: Sequence[sp.Symbol]) -> sp.Expr:
     """The linear expression ``sum of row[k] * symbols[k]``, with factored coefficients."""
-    return sp.Add(*(sp.factor(c) * s for c, s in zip(row, symbols, strict=True) if c != 0))
+    return sp.Add(*(factored(c) * s for c, s in zip(row, symbols, strict=True) if c != 0))
+
+
+@lru_cache(maxsize=4096)  # lists of parameters factor each coefficient several times
+def factored(coefficient: sp.Expr) -> sp.Expr:
+    """The factored form of ``coefficient``."""
+    return sp.factor(coefficient)
 
 
 def constants_ring(model: RobotModel) -> PolynomialRing:

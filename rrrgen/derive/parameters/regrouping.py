@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import sympy as sp
 
-from rrrgen.derive.parameters.base_parameters import BaseSet, Regrouping, standard_symbols
+from rrrgen.derive.parameters.base_parameters import BaseSet, Regrouping, factored, standard_symbols
 from rrrgen.model import RobotModel
 from rrrgen.model.standard_parameters import STANDARD
 
@@ -38,7 +38,7 @@ def _alone(name: str, names: Sequence[str], projection: Sequence[Sequence[sp.Exp
 
 
 def _times(factor: sp.Expr, symbol: sp.Symbol) -> str:
-    return str((sp.factor(factor) if factor.is_Add else factor) * symbol)
+    return str((factored(factor) if factor.is_Add else factor) * symbol)
 
 
 def _leading_parallel(model: RobotModel, link: int) -> bool:
