@@ -60,13 +60,15 @@ class Compiler:
     def compile(self, unit: str, flags: Sequence[str], include: str) -> list[str]:
         """The command that compiles the file ``unit`` to ``object_file(unit)``, for a shared library."""
         if self.microsoft:
-            translated = [MICROSOFT[flag] for flag in (*FLAGS, *flags) if flag in MICROSOFT]
+            usual, special = ([MICROSOFT[flag] for flag in given if flag in MICROSOFT] for given in (FLAGS, flags))
+            translated = [*usual, *further_flags(), *special]
             own = [flag for flag in flags if flag.startswith("-D")]
             return [*self.command, "/nologo", *translated, *own, f"/I{include}", "/c", unit, f"/Fo{self.object(unit)}"]
         position = () if sys.platform == "win32" else ("-fPIC",)  # all code is, on Windows
         return [
             *self.command,
             *FLAGS,
+            *further_flags(),
             *map(_flag, flags),
             *position,
             f"-I{include}",
@@ -95,7 +97,12 @@ class Compiler:
         """Text that identifies the compiler and its version, for the keys of the cache of builds."""
         status = Path(self.command[0]).resolve().stat()
         zig = [_zig_version()] if "ziglang" in self.command else []
-        return [*self.command, *FLAGS, f"{status.st_size} {status.st_mtime_ns}", *zig]
+        return [*self.command, *FLAGS, *further_flags(), f"{status.st_size} {status.st_mtime_ns}", *zig]
+
+
+def further_flags() -> list[str]:
+    """The flags in ``$RRRGEN_CFLAGS``, which follow :data:`FLAGS`: ``-O1`` builds faster what runs a little slower."""
+    return shlex.split(os.environ.get("RRRGEN_CFLAGS", ""), posix=sys.platform != "win32")
 
 
 def _flag(flag: str) -> str:

@@ -24,7 +24,8 @@ def windows(monkeypatch):
     """The names that the code reads of a system, as Python on Windows has them."""
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setattr(sys, "base_prefix", r"C:\Python312")
-    monkeypatch.delenv("CC", raising=False)
+    for variable in ("CC", "RRRGEN_CFLAGS"):
+        monkeypatch.delenv(variable, raising=False)
 
 
 def there(*programs: str):
@@ -34,12 +35,33 @@ def there(*programs: str):
 
 def test_a_unit_and_a_library_by_gcc_on_linux(monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("RRRGEN_CFLAGS", raising=False)
     gcc = Compiler(("gcc", "-pipe"))
     assert gcc.compile("a.c", ["-O0", *NATIVE], "/include")[2:] == [
         "-std=c99", "-O2", "-ffp-contract=off", "-fno-fast-math", "-O0", "-march=native", "-Wno-psabi",
         "-fPIC", "-I/include", "-c", "a.c", "-o", "a.c.o",
     ]  # fmt: skip
     assert gcc.link(["a.c", "b.c"], "x.so") == ["gcc", "-pipe", "-shared", "a.c.o", "b.c.o", "-lm", "-o", "x.so"]
+
+
+def test_flags_of_the_user_follow_those_of_every_build(monkeypatch):
+    usual = find_compiler().identity()
+    monkeypatch.setenv("RRRGEN_CFLAGS", "-O3 '-DTEXT=a b'")
+    words = Compiler(("gcc",)).compile("a.c", ["-O0"], "/include")
+    assert words[words.index("-fno-fast-math") + 1 :][:3] == ["-O3", "-DTEXT=a b", "-O0"]
+    assert find_compiler().identity() != usual  # the cache keeps these builds apart
+
+
+def test_no_level_of_optimization_changes_a_bit(monkeypatch):
+    """Which is why tests may build at -O1 (conftest.py), while users get -O2."""
+    states = np.random.default_rng(5).uniform(-3, 3, (3, 40, 2))
+    found = []
+    for level in ("-O1", "-O2"):
+        monkeypatch.setenv("RRRGEN_CFLAGS", level)
+        model = rrrgen.compile("planar2r")
+        bound = [model.bind(name) for name in ("inverse_dynamics", "forward_dynamics", "mass_matrix", "regressor")]
+        found.append([f(*state).copy() for f in bound for state in zip(*states, strict=True)])
+    assert all(np.array_equal(a, b) for a, b in zip(*found, strict=True))
 
 
 def test_apple_processors_and_libraries(monkeypatch):
