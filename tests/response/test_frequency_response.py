@@ -67,10 +67,23 @@ def test_strong_disturbance_leaves_an_honest_band(kind, narrow_share):
     assert np.mean(narrow) > narrow_share
     assert np.mean((magnitude < 0.04) & (phase < 2.5) & narrow) / np.mean(narrow) > 0.95
     assert np.mean(found.trusted[: len(band)]) > 0.8
-    alone = found.unsmoothed
-    wide = alone.band95[: len(band)] > 0.045
-    assert np.median(band[wide]) < 0.8 * np.median(alone.band95[: len(band)][wide])
+    wide = found.unsmoothed.band95[: len(band)] > 0.1
+    assert np.mean(wide) > 0.1
+    assert np.mean(found.trusted[: len(band)][wide]) > 0.7
     assert found.findings == ()
+
+
+def test_a_joint_that_turns_round_for_a_few_samples_has_a_wider_band():
+    """The friction of these samples excites all lines; it repeats with the period, so that no noise shows it."""
+    rng = np.random.default_rng(0)
+    found = estimate_one(record(rng, multisine(rng, SAMPLES), speed=0.18037, friction=3.0, disturbance=0.7))
+    assert found.findings == ()
+    _, _, held, _, _ = errors(found)
+    assert 0.9 < np.mean(held) < 0.985
+    alone = found.unsmoothed
+    truth = flexible_joint().response(alone.frequency)
+    noise = alone.band95 / np.sqrt(alone.details["scatter_over_noise"])
+    assert np.mean(np.abs(alone.P - truth) < noise * np.abs(alone.P)) < 0.88
 
 
 @pytest.mark.parametrize(("kind", "damping"), [("noisy", 0.02), ("noisy", 0.005), ("periodic", 0.005)])
@@ -216,6 +229,7 @@ def test_command_writes_the_response_and_its_figure(periodic, tmp_path):
     assert np.allclose(again.unsmoothed.variance, found["unsmoothed"]["variance"])
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_postures_stand_beside_one_another(periodic, noisy, tmp_path):
     for name, each in (("left", periodic), ("right", noisy)):
         np.savetxt(tmp_path / f"{name}.csv", np.column_stack([PERIOD * np.arange(SAMPLES), each.n, each.u, each.q]))

@@ -22,8 +22,11 @@ LARGEST_RMS = 7.0
 """Largest rms of the excitation that is chosen, rad/s^2 (m/s^2)."""
 TORQUE_SHARE = 0.4
 """Share of the torque limit, and of the acceleration limit, that the peak of the excitation may take."""
-SPEED_MARGIN = 1.5
-"""Speed of the joint over the largest speed that the excitation adds to a rigid arm."""
+SPEED_MARGIN = 2.5
+"""Speed of the joint over the largest speed that the excitation adds to a rigid arm.
+
+The motor of a flexible joint swings up to twice as far, and friction that reverses for a millisecond biases all lines.
+"""
 SPEED_SHARE = 0.9
 RANGE_SHARE = 0.95
 FRACTION = 0.5 * (3.0 - math.sqrt(5.0))

@@ -21,6 +21,7 @@ LARGEST_SCATTER = 1.65  # the same for lines between harmonics, where the smooth
 LARGEST_PART_RATIO = 5.0  # the same for a sixth of the lines, where the ratio is less certain
 MATERIAL = 0.01  # distortion below this share of the response is negligible
 PARTS = 6  # number of parts of the band that are checked separately
+PART = 50  # lines at either side over which the scatter of a line is told
 QUANTILE = 0.3  # share of the lines, those nearest to the smooth curve, that are used: near resonances it fits badly
 
 
@@ -47,9 +48,10 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
     if len(P) < 8 * NEIGHBOURS:
         return None, np.nan
     ratio, misfit = _scatter(lines, P, variance)
-    overall = _relative_quantile(ratio, 0.5, lines.dof)
+    overall = float(_relative_quantile(ratio, 0.5, lines.dof))
     groups = [(ratio[part], misfit[part]) for part in np.array_split(np.arange(len(ratio)), PARTS)]
-    worst = max((_relative_quantile(r, QUANTILE, lines.dof) for r, e in groups if np.median(e) > MATERIAL), default=0.0)
+    rough = [float(_relative_quantile(r, QUANTILE, lines.dof)) for r, e in groups if np.median(e) > MATERIAL]
+    worst = max(rough, default=0.0)
     apart = int(np.median(np.diff(lines.line))) > 1  # the lines are further apart, so the smooth curve fits less well
     limits = (
         (overall, 2.0 * LARGEST_SCATTER if apart else LARGEST_SCATTER),
@@ -65,20 +67,40 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
     return None, overall
 
 
-def _relative_quantile(ratio: Array, share: float, dof: int) -> float:
-    """The quantile at ``share`` of ``ratio``, squared errors over their variances, divided by that of F(2, 2 dof).
+def scatter_ratio(lines: LineEstimates, P: Complex, variance: Array) -> Array:
+    """Total over noise variance (L,) of a periodic response, at least 1, from its scatter from harmonic to harmonic.
+
+    A force that repeats with the excitation, for example of a joint that turns round for a few samples, scatters the
+    response more than the noise between the harmonics. Below the limits of :func:`check_repetition` the response can be
+    used, with a variance that is larger by this ratio. It is the median over :data:`PART` lines at either side.
+    """
+    if len(P) < 8 * NEIGHBOURS:
+        return np.ones(len(P))
+    ratio = np.stack([_scatter(lines, P, variance, order)[0] for order in (2, 4)])
+    size = min(2 * PART + 1, ratio.shape[1])
+    windows = np.lib.stride_tricks.sliding_window_view(ratio, size, axis=1)
+    found = _relative_quantile(windows, 0.5, lines.dof).min(axis=0)  # a curve that bends fits one better, scatter none
+    before = (len(P) - len(found)) // 2
+    return np.asarray(np.maximum(np.pad(found, (before, len(P) - len(found) - before), mode="edge"), 1.0))
+
+
+def _relative_quantile(ratio: Array, share: float, dof: int) -> Array:
+    """The quantile at ``share`` of ``ratio`` (.., lines), divided by that of F(2, 2 dof); one for each window (..).
+
+    The ratios are squared errors over their variances.
 
     F(2, 2 dof) is the distribution for noise alone, so that the result is 1 for noise alone.
     """
     from scipy.stats import f as f_distribution
 
-    return float(np.quantile(ratio, share) / f_distribution.ppf(share, 2, 2 * dof))
+    return np.asarray(np.quantile(ratio, share, axis=-1) / f_distribution.ppf(share, 2, 2 * dof))
 
 
-def _scatter(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Array, Array]:
-    """Distances of the lines from a smooth curve through their neighbours, as two arrays (L,).
+def _scatter(lines: LineEstimates, P: Complex, variance: Array, order: int = 2) -> tuple[Array, Array]:
+    """Distances of the lines from polynomials of an ``order`` through their neighbours, as two arrays (lines,).
 
-    The first are squared and divided by the variance of the noise, the second relative to the magnitude of P.
+    The first are squared and divided by the variance of the noise, the second relative to the magnitude of P. The
+    outermost :data:`NEIGHBOURS` lines at either end are left out.
     """
     shape = P * lines.frequency**2  # without the slope of a double integrator
     spread = variance * lines.frequency**4
@@ -86,7 +108,7 @@ def _scatter(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Array, 
     offsets = np.arange(-NEIGHBOURS, NEIGHBOURS + 1)
     inner = index[:, None] + offsets
     position = (lines.line[inner] - lines.line[index][:, None]) / NEIGHBOURS
-    basis = position[:, :, None] ** np.arange(3)
+    basis = position[:, :, None] ** np.arange(order + 1)
     hat = np.linalg.pinv(basis)[:, 0]
     fitted = np.einsum("lr,lr->l", hat, shape[inner])
     own = hat[:, NEIGHBOURS]
@@ -122,7 +144,7 @@ def check_detection_lines(
     for name, chosen in (("even", left_out % 2 == 0), ("odd", left_out % 2 == 1)):
         if np.count_nonzero(chosen) < 8:
             continue
-        ratio = _relative_quantile(here[chosen] / noise[chosen], 0.5, dof)
+        ratio = float(_relative_quantile(here[chosen] / noise[chosen], 0.5, dof))
         found[name] = ratio
         size = float(np.median(np.sqrt(here[chosen]) / signal[chosen]))
         if ratio > LARGEST_RATIO and size > MATERIAL and (worst is None or ratio > worst.measure):

@@ -17,6 +17,7 @@ from rrrgen.response.estimators.distortion import (
     Finding,
     check_detection_lines,
     check_repetition,
+    scatter_ratio,
 )
 from rrrgen.response.estimators.excitation_period import samples_of
 from rrrgen.response.estimators.friction import check_friction
@@ -71,6 +72,9 @@ def estimate_one(
             if controller is None:
                 raise InputError("the indirect method needs the controller: name it in the response file")
             P, variance = indirect_response(lines, controller, record.period)
+    if samples is not None:
+        ratio = np.interp(frequency, lines.frequency, scatter_ratio(lines, plain, spread))
+        details["scatter_over_noise"], variance = ratio, ratio * variance
     found = FrequencyResponse(
         name=record.name,
         method=f"{method} ({kind})",
@@ -136,9 +140,9 @@ def indirect_response(lines: LineEstimates, controller: Controller, period: floa
 def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
     """Average the responses of R realisations of one loop, and separate noise from nonlinear distortion.
 
-    The variance within a realisation is noise. The variance between realisations also contains distortion, which
-    differs with the random phases of the excitation. Where it exceeds 1.5 times the noise, the result is marked as not
-    to be trusted.
+    The variance within a realisation is noise and its scatter over the lines. The variance between realisations also
+    contains distortion, which differs with the random phases of the excitation. Where it exceeds 1.5 times the noise,
+    the result is marked as not to be trusted.
     """
     from scipy.stats import chi2
 
@@ -151,7 +155,8 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
     P = np.array([each.P for each in found])
     mean: Complex = np.mean(P, axis=0, dtype=np.complex128)
     total = np.sum(np.abs(P - mean) ** 2, axis=0) / (R - 1)
-    noise = np.mean([each.variance for each in found], axis=0)
+    within = np.mean([each.variance for each in found], axis=0)
+    noise = np.mean([each.variance / each.details.get("scatter_over_noise", 1.0) for each in found], axis=0)
     typical = float(chi2.ppf(0.5, 2 * (R - 1))) / (2 * (R - 1))
     ratio = float(np.median(total / np.maximum(noise, 1e-300)) / typical)
     size = float(np.median(np.sqrt(total) / np.abs(mean)))
@@ -163,7 +168,7 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
         )
         findings.insert(0, Finding("distortion", ratio, LARGEST_RATIO, message))
     use_total = ratio > LARGEST_RATIO
-    variance = (np.maximum(total, noise) if use_total else noise) / R
+    variance = (np.maximum(total, within) if use_total else within) / R
     dof = R - 1.0 if use_total else R * first.dof
     details = {
         "excitation": first.details["excitation"],

@@ -2,12 +2,15 @@
 
 Times frequency squared, the response of a joint is nearly constant away from its modes. The value in the middle of a
 polynomial of order 2, fitted to the lines at either side, is then more accurate than the estimate of the line itself.
-The number of lines in the window is chosen line by line, so that the bias by smoothing stays small against the
-remaining variance. The bias is estimated as the difference in the middle from a polynomial of order 4 fitted to the
-same lines; its square is averaged over neighbouring lines, and its own noise is subtracted. A bias of this size that
-may have been missed is added to the variance. The bias of a window twice as wide is many times larger and known better;
-scaled back, it decides, and in the window itself only a bias beyond its noise counts. Nothing is smoothed at
-resonances.
+But it shares its error with its neighbours, so that wide windows leave few independent values in a recording, and the
+share of lines within their bands is left to chance. So a line is smoothed only as far as it needs: over a few lines
+where these give a narrow band, over more only until it can be trusted (:data:`GOALS`).
+
+The bias by smoothing must stay small against the remaining variance. It is estimated as the difference in the middle
+from a polynomial of order 4 fitted to the same lines; its square is averaged over neighbouring lines, and its own noise
+is subtracted. A bias of this size that may have been missed is added to the variance. The bias of a window twice as
+wide is many times larger and known better; scaled back, it decides, and in the window itself only a bias beyond its
+noise counts. Nothing is smoothed at resonances.
 """
 
 from __future__ import annotations
@@ -18,50 +21,75 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.response.controller import Complex
-from rrrgen.response.estimators.uncertainty import radius
+from rrrgen.response.estimators.uncertainty import MANY, radius
 from rrrgen.response.frequency_response import FrequencyResponse
 
-HALF_WIDTHS = (3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96)  # numbers of lines at either side that are tried
-NARROW_BAND = 0.03  # relative confidence radius below which a line is not smoothed, to keep it independent
+HALF_WIDTHS = (2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64, 96)  # numbers of lines at either side that are tried
+GOALS = ((0.03, 4), (0.04, 8), (0.09, 96))
+"""Relative confidence radii, each with the most independent lines at either side over which it is sought.
+
+A line takes the first goal that it reaches, over as few lines as possible. The last is just below the radius at which a
+line is trusted. Between the second and the last there is none: near 5 % a line would be neither independent nor sure to
+be within 4 %.
+"""
 LARGEST_BIAS = 0.15  # largest squared bias, as a share of the remaining variance
-LIKELY = 1.2  # squared bias that noise alone explains, in units of the variance of the bias
+MISSED_BIAS = 0.05  # squared bias that may have been missed, alike
+UNLIKELY = 1e-3  # probability that noise alone looks like a bias
 GROWTH = 32.0  # least factor on the squared bias from a window to one twice as wide; 2^8 for a constant 4th derivative
 ORDER, FINE_ORDER = 2, 4
 EVENLY = 1e-6  # relative difference below which the spacings of lines are equal
 
 
 def smooth(response: FrequencyResponse) -> FrequencyResponse:
-    """Smooth every line of a response until its confidence band is narrow, or over the widest window without bias.
+    """Smooth every line of a response as far as its goal needs (:data:`GOALS`), and where no bias forbids it.
 
-    The given response is kept as ``unsmoothed``.
+    A line that reaches no goal gets the narrowest band of all windows. The given response is kept as ``unsmoothed``.
     """
-    dof, kernel = response.dof, response.kernel
-    f, lines = response.frequency, len(response.frequency)
-    enough = (NARROW_BAND * np.abs(response.P) * f**2 / radius(np.ones(1), np.inf)) ** 2
-    shape, spread = response.P * f**2, response.variance * f**4
-    chosen, variance = shape.copy(), spread.copy()
-    freedom = np.full(lines, float(dof))
-    width = np.zeros(lines, dtype=int)
-    allowed = np.ones(lines, dtype=bool)
-    found = {m: _smoothed(f, shape, spread, m, kernel) for m in sorted({*HALF_WIDTHS, *(2 * m for m in HALF_WIDTHS)})}
-    for m in HALF_WIDTHS:
-        value, left, excess, uncertain = found[m]
-        wider = found[2 * m][2] / GROWTH
-        small = np.where(np.isfinite(wider), np.maximum(wider, excess - LIKELY * uncertain), excess)
-        allowed &= small < LARGEST_BIAS * left
-        left = left + np.maximum(small, 0.0) + LARGEST_BIAS * left
-        use = allowed & (variance > enough) & (left < variance)
-        chosen[use], variance[use], width[use] = value[use], left[use], m
-        freedom[use] = dof * (2 * m + 1) * (1.0 if kernel is None else 1.0 / _length(kernel, m))
-    P, var = chosen / f**2, variance / f**4
+    f, kernel, line = response.frequency, response.kernel, np.arange(len(response.frequency))
+    value, variance, freedom = _windows(response)
+    band = radius(variance, freedom) / (np.abs(response.P) * f**2)
+    alike = 1.0 if kernel is None else _length(kernel, len(kernel))
+    half = np.array([0, *HALF_WIDTHS])
+    chosen = np.argmin(band, axis=0)
+    for goal, most in reversed(GOALS):
+        reached = (band < goal) & (half[:, None] <= most * alike)
+        chosen = np.where(reached.any(axis=0), reached.argmax(axis=0), chosen)
+    P, var = value[chosen, line] / f**2, variance[chosen, line] / f**4
     return replace(
         response,
         P=P,
         variance=var,
-        band95=radius(var, freedom) / np.abs(P),
-        details=response.details | {"smoothed_over": 2 * width + 1},
+        band95=radius(var, freedom[chosen, line]) / np.abs(P),
+        details=response.details | {"smoothed_over": 2 * half[chosen] + 1},
         unsmoothed=response,
     )
+
+
+def _windows(response: FrequencyResponse) -> tuple[Complex, Array, Array]:
+    """The response times frequency squared, smoothed over no lines and each of :data:`HALF_WIDTHS` (first axis).
+
+    Returns values, variances with the bias that may have been missed, and degrees of freedom, (widths, L) each. The
+    variance is infinite where smoothing is not allowed.
+    """
+    from scipy.stats import chi2
+
+    f, dof, kernel = response.frequency, response.dof, response.kernel
+    shape, spread = response.P * f**2, response.variance * f**4
+    found = {m: _smoothed(f, shape, spread, m, kernel) for m in sorted({*HALF_WIDTHS, *(2 * m for m in HALF_WIDTHS)})}
+    values, variances, freedoms = [shape], [spread], [np.full(len(f), float(dof))]
+    allowed = np.ones(len(f), dtype=bool)
+    for m in HALF_WIDTHS:
+        value, left, excess, uncertain = found[m]
+        alike = 1.0 if kernel is None else _length(kernel, m)
+        number = (2 * m + 1) / alike  # of independent lines in the window
+        explained = chi2.isf(UNLIKELY, number) / number - 1.0
+        wider = found[2 * m][2] / GROWTH
+        bias = np.where(np.isfinite(wider), np.maximum(wider, excess - explained * uncertain), excess)
+        allowed &= np.isfinite(left) & (bias < LARGEST_BIAS * left)
+        values.append(value)
+        variances.append(np.where(allowed, (1.0 + MISSED_BIAS) * left + np.maximum(bias, 0.0), np.inf))
+        freedoms.append(np.full(len(f), min(dof * number, MANY)))
+    return np.array(values), np.array(variances), np.array(freedoms)
 
 
 def _smoothed(
