@@ -88,9 +88,5 @@ def base_parameters(case: Case, derived: DerivedModel) -> Array:
 
 
 def _constants(case: Case, derived: DerivedModel, prefix: str) -> str:
-    beta = ", ".join(repr(float(value)) for value in base_parameters(case, derived))
-    lines = [f"static double {prefix}_beta_values[] = {{{beta}}};"]
-    if derived.drive_inertia_nominal is not None:
-        drives = ", ".join("0.0" for _ in derived.drive_inertia_nominal)
-        lines.append(f"static double {prefix}_Ia_values[] = {{{drives}}};")
-    return "\n".join(lines) + "\n"
+    beta = [*base_parameters(case, derived), *(0.0 for _ in derived.drive_inertia_nominal or ())]
+    return f"static double {prefix}_beta_values[] = {{{', '.join(repr(float(value)) for value in beta)}}};\n"

@@ -41,8 +41,7 @@ def path_timings(derived: DerivedModel, timing: DerivedModel, toolchain: Toolcha
     dynamics, friction = timing.programs["path_dynamics"], derived.programs["friction_with"]
     files = function_files(name, "dynamics along a path, friction", [dynamics, friction], "double")
     files |= timing_files(dynamics, Dialect(name, "double"))
-    nominal = {"beta": derived.beta_nominal, "Ia": derived.drive_inertia_nominal}
-    further = {port.name: np.array([float(v) for v in nominal[port.name] or ()]) for port in further_inputs(dynamics)}
+    further = {port.name: np.array([float(v) for v in derived.nominal[port.role]]) for port in further_inputs(dynamics)}
     rng = np.random.default_rng(1)
     series = FourierTrajectory(np.zeros(n), 0.3 * rng.normal(size=(n, 3)), 0.3 * rng.normal(size=(n, 3)), 1.0)
     s = np.linspace(0.0, 1.0, POINTS)

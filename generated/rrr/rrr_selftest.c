@@ -940,7 +940,7 @@ static int equation_of_motion(void)
     check transpose = {"Y' e", 0, R(0.0)};
     int k, i;
     for (k = 0; k < STATES; k++) {
-        real M[N * N], c[N], g[N], tau[N], sum[N], rigid[N], Y[N * B], Ys[N * 10 * N], r[B], direct[B], scale;
+        real M[N * N], c[N], g[N], tau[N], sum[N], Y[N * B], Ys[N * 10 * N], r[B], direct[B], scale;
         inverse_dynamics(q[k], dq[k], ddq[k], tau);
         mass_matrix(q[k], M);
         rrr_coriolis(q[k], dq[k], beta, c);
@@ -948,16 +948,15 @@ static int equation_of_motion(void)
         times(M, N, N, 0, ddq[k], sum);
         scale = largest(sum, N) + largest(c, N) + largest(g, N) + largest(M, N * N);
         for (i = 0; i < N; i++) {
-            rigid[i] = tau[i];
             sum[i] += c[i] + g[i];
         }
         compare(&terms, sum, tau, N, scale, EXACT);
         rrr_regressor(q[k], dq[k], ddq[k], Y);
         times(Y, N, B, 0, beta, sum);
-        compare(&linear, sum, rigid, N, scale, EXACT);
+        compare(&linear, sum, tau, N, scale, EXACT);
         rrr_standard_regressor(q[k], dq[k], ddq[k], Ys);
         times(Ys, N, 10 * N, 0, phi, sum);
-        compare(&standard, sum, rigid, N, scale, EXACT);
+        compare(&standard, sum, tau, N, scale, EXACT);
         times(Y, N, B, 1, e[k], r);
         rrr_regressor_transpose(q[k], dq[k], ddq[k], e[k], direct);
         compare(&transpose, direct, r, B, largest(Y, N * B), EXACT);

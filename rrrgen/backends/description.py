@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from rrrgen.backends.comments import plain
 from rrrgen.backends.printing import decimal
 from rrrgen.derive.functions.friction_functions import friction_parameters
-from rrrgen.derive.functions.recording import drive_inertia_meaning
 from rrrgen.model.drive_text import coupling_equations, motor_facts
 from rrrgen.model.mechanism import mechanism_equations
 from rrrgen.program import Builder, Op, Port, Program, Role
@@ -107,14 +106,10 @@ def _nominal_friction(spec: RobotSpec) -> Program:
 
 
 def _nominal_parameters(model: DerivedModel) -> Program:
-    assert model.beta_nominal is not None
-    meaning = "base parameters; the header lists them"
-    port = Port("beta", (len(model.beta_nominal),), "mixed", "", meaning, Role.BASE_PARAMETERS)
-    outputs = [(port, model.beta_nominal)]
-    if model.drive_inertia_nominal is not None:
-        meaning = drive_inertia_meaning(model.spec)
-        shape = (len(model.drive_inertia_nominal),)
-        port = Port("Ia", shape, "kg m^2 | kg", "joint", meaning, Role.DRIVE_INERTIA)
-        outputs.append((port, model.drive_inertia_nominal))
+    values = model.nominal[Role.BASE_PARAMETERS]
+    then = ", then drive inertias" if model.drive_inertia_nominal else ""
+    port = Port(
+        "beta", (len(values),), "mixed", "", f"base parameters{then}; the header lists them", Role.BASE_PARAMETERS
+    )
     summary = "The nominal values of the parameters that the other functions take at run time."
-    return Builder().program("nominal_parameters", outputs, summary)
+    return Builder().program("nominal_parameters", [(port, values)], summary)

@@ -113,7 +113,8 @@ def _source(model: DerivedModel, identity: Identity) -> str:
         "javascript/model.mjs.j2",
         identity=identity,
         n=model.spec.n,
-        b=model.b,
+        b=model.beta_size,
+        drives=bool(model.drive_inertia_nominal),
         joints=json.dumps([joint.name for joint in model.spec.joints]),
         opening=_opening(model, identity, large_angles(programs, "double")),
         fails=any(program.status is not None for program in programs.values()),
@@ -130,9 +131,9 @@ def _opening(model: DerivedModel, identity: Identity, precision: Mapping[str, st
         lines += wrapped(f"- {name}: {text}")
     parameters = listing(model)
     lines += ["", *wrapped("Matrices are arrays of rows. Functions keep no state and do not change their arguments.")]
-    lines += ["", *wrapped(f"Base parameters beta[0..{model.b - 1}]. {parameters.statement}"), ""]
+    lines += ["", *wrapped(parameters.heading(f"beta[0..{model.beta_size - 1}]")), ""]
     return lines + [
-        f"  beta[{k}]  {p.name}  {p.unit or '-'}  {mathematics(p.expression)}" for k, p in enumerate(parameters.rows)
+        f"  beta[{k}]  {p.name}  {p.unit or '-'}  {mathematics(p.expression)}" for k, p in enumerate(parameters.beta)
     ]
 
 

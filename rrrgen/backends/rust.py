@@ -139,7 +139,8 @@ def _source(model: DerivedModel, identity: Identity, real: Real) -> str:
         identity=identity,
         real="f64" if real == "double" else "f32",
         n=model.spec.n,
-        b=model.b,
+        b=model.beta_size,
+        drives=bool(model.drive_inertia_nominal),
         opening=_opening(model, identity, large_angles(programs, real)),
         failures=list(failures.items()),
         differential=_differential(model),
@@ -157,9 +158,9 @@ def _opening(model: DerivedModel, identity: Identity, precision: Mapping[str, st
     lines += [f"* {name}: {plain(text)}" for name, text in {**facts(model, identity), **precision}.items()]
     parameters = listing(model)
     lines += ["", *wrapped("Matrices are arrays of rows. No function has state, allocates or panics.")]
-    lines += ["", *wrapped(f"Base parameters `beta: [Real; B]`. {parameters.statement}"), "", "```text"]
+    lines += ["", *wrapped(parameters.heading("`beta: [Real; B]`")), "", "```text"]
     lines += [
-        f"beta[{k}]  {p.name}  {p.unit or '-'}  {mathematics(p.expression)}" for k, p in enumerate(parameters.rows)
+        f"beta[{k}]  {p.name}  {p.unit or '-'}  {mathematics(p.expression)}" for k, p in enumerate(parameters.beta)
     ]
     return [*lines, "```"]
 

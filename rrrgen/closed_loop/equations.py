@@ -118,9 +118,10 @@ class LoopEquations:
         dq = builder.input(Port("dq", (n,), "rad/s | m/s", "joint", "velocities", Role.VELOCITY))
         theta = builder.input(self._port())
         known: dict[Role, list[Any]] = {Role.POSITION: list(q), Role.VELOCITY: list(dq)}
-        known[Role.BASE_PARAMETERS] = list(theta[: len(self.regressor.model.base_parameter_names)])
         model: Any = self.regressor.model
-        programs = model.derived.programs
+        derived, programs = model.derived, model.derived.programs
+        # without drive inertia, which is added below
+        known[Role.BASE_PARAMETERS] = [*theta[: derived.b], *[0] * (derived.beta_size - derived.b)]
         M = _replayed(programs["mass_matrix"], builder, known)
         load = _replayed(programs["bias"], builder, known)
         for k, column in enumerate(self.columns):

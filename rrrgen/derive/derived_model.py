@@ -56,14 +56,25 @@ class ParametrizedRobot:
 
     @property
     def nominal(self) -> dict[Role, tuple[Fraction, ...]]:
-        """The parameter vectors whose values the robot file states, by the role of their port."""
-        values = {Role.BASE_PARAMETERS: self.beta_nominal, Role.DRIVE_INERTIA: self.drive_inertia_nominal}
-        return {role: numbers for role, numbers in values.items() if numbers is not None}
+        """The parameters whose values the robot file states, by the role of their port: beta with drive inertias."""
+        if self.beta_nominal is None:
+            return {}
+        return {Role.BASE_PARAMETERS: (*self.beta_nominal, *(self.drive_inertia_nominal or ()))}
 
     @property
     def b(self) -> int:
         """Number of base parameters."""
         return len(self.base_parameters)
+
+    @property
+    def links(self) -> int:
+        """Number of links."""
+        return len(self.spec.rows)
+
+    @property
+    def beta_size(self) -> int:
+        """Number of elements of the port beta: base parameters, then drive inertias."""
+        return self.b + len(self.drive_inertia_nominal or ())
 
     def recorded(self, derivation: Derivation, alternatives: dict[str, tuple[Program, ...]]) -> RecordedModel:
         """Make a recorded model of this robot; ``alternatives`` lists equivalent programs for every function."""

@@ -2,7 +2,8 @@
 
 ``w_k`` (n,) is the direction of inertia k in joint space (:mod:`rrrgen.model.drive_terms`): a unit vector for a drive
 that moves one joint, a row of ``motor_from_joint`` for a coupled one. The added matrix is constant, so Coriolis and
-gravity torques do not change.
+gravity torques do not change. The drive inertias follow the base parameters in beta, and their columns
+``w_k (w_k . ddq)`` those of the base parameters in the regressors.
 """
 
 from __future__ import annotations
@@ -13,8 +14,11 @@ from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.algebra.vectors import Matrix
+from rrrgen.derive.recursions.chain import rational
+from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.program import Value
 from rrrgen.program.builder import Number
+from rrrgen.robotfile.robot_spec import RobotSpec
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,25 @@ class DriveInertia:
             rate = along(w, dq)
             kinetic = kinetic + Fraction(1, 2) * Ia * (rate * rate)
         return kinetic
+
+
+def directions(spec: RobotSpec) -> list[list[Number]]:
+    """The directions w_k (n,) of the drive inertias in joint space; empty if the robot file states none."""
+    return [[w if type(w) is int else rational(w) for w in term.direction] for term in inertia_terms(spec)]
+
+
+def inertia_columns(spec: RobotSpec, ddq: Sequence[Any]) -> list[list[Any]]:
+    """The columns (n,) of the drive inertias in a regressor: ``w_k (w_k . ddq)``."""
+    columns = []
+    for w in directions(spec):
+        rate = along(w, ddq)
+        columns.append([weight * rate if weight else 0 for weight in w])
+    return columns
+
+
+def virtual_work(spec: RobotSpec, ddq: Sequence[Any], e: Sequence[Any]) -> list[Any]:
+    """The products of these columns and a vector ``e`` (n,): ``(w_k . e) (w_k . ddq)``, one per drive inertia."""
+    return [along(w, e) * along(w, ddq) for w in directions(spec)]
 
 
 def along(w: Sequence[Number], rates: Sequence[Any]) -> Any:

@@ -10,10 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rrrgen.model.drive_terms import DriveTerm, inertia_terms
+
 if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.derive.derived_model import ParametrizedRobot
+    from rrrgen.robotfile.robot_spec import RobotSpec
 
 TENSOR = "Ixy = -integral of x*y dm, Ixz and Iyz alike"
 
@@ -43,10 +46,26 @@ class PrintedParameter:
 
 @dataclass(frozen=True)
 class ParameterListing:
-    """The base parameters of one robot; ``statement`` defines the symbols and the signs of their expressions."""
+    """The base parameters of one robot (``rows``), and its ``drives``, the drive inertias.
+
+    ``statement`` defines the symbols and the signs of their expressions.
+    """
 
     statement: str
     rows: tuple[PrintedParameter, ...]
+    drives: tuple[PrintedParameter, ...] = ()
+
+    @property
+    def beta(self) -> tuple[PrintedParameter, ...]:
+        """The elements of the port beta: base parameters, then drive inertias."""
+        return self.rows + self.drives
+
+    def heading(self, beta: str) -> str:
+        """What the array ``beta`` is, and the meaning of the symbols in its elements."""
+        if not self.drives:
+            return f"Base parameters {beta}. {self.statement}"
+        seen = "drive inertia seen at its joint, or at the motor it is named after"
+        return f"Base parameters, then drive inertias: {beta}. {self.statement} Ia: {seen}."
 
 
 def listing(model: ParametrizedRobot) -> ParameterListing:
@@ -61,5 +80,16 @@ def listing(model: ParametrizedRobot) -> ParameterListing:
     values = [None] * model.b if nominal is None else [float(value) for value in nominal]
     rows = zip(model.base_parameters, values, strict=True)
     return ParameterListing(
-        " ".join(sentences), tuple(PrintedParameter(p.name, p.unit, p.expression, value) for p, value in rows)
+        " ".join(sentences),
+        tuple(PrintedParameter(p.name, p.unit, p.expression, value) for p, value in rows),
+        tuple(_drive_inertia(spec, term) for term in inertia_terms(spec)),
     )
+
+
+def _drive_inertia(spec: RobotSpec, term: DriveTerm) -> PrintedParameter:
+    """The drive inertia of ``term`` as an element of beta."""
+    import sympy as sp
+
+    moved = [joint for joint, weight in zip(spec.joints, term.direction, strict=True) if weight]
+    unit = "kg m^2" if all(joint.is_revolute for joint in moved) else "kg"
+    return PrintedParameter(term.name, unit, sp.Symbol(term.name), term.value)

@@ -38,7 +38,7 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
     import casadi
 
     chosen = replace(limits or limits_of(model.spec), followers=follower_limits(model.spec))
-    regressor = model.casadi_function("regressor")
+    regressor = _of_links(model)
     torque = tip = None
     if chosen.torque is not None:
         if model.beta is None:
@@ -53,3 +53,14 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
         q = casadi.SX.sym("q", model.n)
         tip = casadi.Function("tip", [q], [model.casadi_function("forward_kinematics")(q)[:3, 3]])
     return excitation_problem(regressor, chosen, torque=torque, tip=tip, **settings)
+
+
+def _of_links(model: Any) -> Any:
+    """The regressor of the base parameters, without the columns of the drive inertias, as a CasADi function."""
+    import casadi
+
+    regressor = model.casadi_function("regressor")
+    if model.drive_inertia is None:
+        return regressor
+    motion = [casadi.SX.sym(name, model.n) for name in ("q", "dq", "ddq")]
+    return casadi.Function("regressor", motion, [regressor(*motion)[:, : -model.drive_inertia.size]])

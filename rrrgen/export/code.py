@@ -66,7 +66,7 @@ class Code:
             "identity": self.identity,
             "version": self.identity.tool_version,
             "n": spec.n,
-            "b": self.model.b,
+            "b": self.model.beta_size,
             "joints": spec.joints,
             "sources": self.sources,
             "headers": self.headers,
@@ -76,7 +76,7 @@ class Code:
             "solver": self.plan if self.plan.solvable else None,
             "timing": further_inputs(self.programs["path_dynamics"]) if "path_dynamics" in self.programs else None,
             "fourier": f"{self.dialect.prefix}_fourier.h" in self.files,
-            "drives": len(self.model.drive_inertia_nominal or ()),
+            "drives": bool(self.model.drive_inertia_nominal),
         }
 
 

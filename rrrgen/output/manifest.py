@@ -115,11 +115,14 @@ def _beside(model: DerivedModel, real: Real) -> dict[str, Any]:
 
 
 def _parameters_and_functions(model: DerivedModel, real: Real) -> dict[str, Any]:
+    parameters = listing(model)
+    inertias = [{"name": p.name, "unit": p.unit, "nominal": p.nominal} for p in parameters.drives]
     return {
         "base_parameters": [
             {"name": p.name, "expression": str(p.expression), "unit": p.unit, "nominal": p.nominal}
-            for p in listing(model).rows
+            for p in parameters.rows
         ],
+        **({"drive_inertias": inertias} if inertias else {}),
         "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
         "functions": {name: _function(program, real) for name, program in model.programs.items()},
     }

@@ -20,9 +20,8 @@ class Role(Enum):
     DESIRED_VELOCITY = "desired velocity"
     DESIRED_ACCELERATION = "desired acceleration"
     COVECTOR = "covector"  # e in e' Y, shape (n,): multiplies the regressor from the left
-    BASE_PARAMETERS = "base parameters"
-    DRIVE_INERTIA = "drive inertia"
-    STANDARD_PARAMETERS = "standard parameters"
+    BASE_PARAMETERS = "base parameters"  # followed by the drive inertias, where the robot file states some
+    STANDARD_PARAMETERS = "standard parameters"  # likewise
     GRAVITY = "gravity"  # the acceleration of gravity in the base frame, where it is an input
     FRICTION = "friction parameters"
     GEOMETRY = "geometry"  # named lengths and angles that are inputs instead of numbers
@@ -33,7 +32,6 @@ class Role(Enum):
         """Whether the port is constant while the robot moves."""
         return self in (
             Role.BASE_PARAMETERS,
-            Role.DRIVE_INERTIA,
             Role.STANDARD_PARAMETERS,
             Role.FRICTION,
             Role.GEOMETRY,

@@ -1,14 +1,14 @@
-"""Checks the arguments of calls, converts them to dense arrays, and chooses between given and nominal parameters."""
+"""Checks the arguments of calls and converts them to dense arrays."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.program import Port, Program, Role
+from rrrgen.program import Port, Program
 
 Array = NDArray[Any]
 Batch = tuple[int, ...]
@@ -88,36 +88,17 @@ def _wrong_shape(function: str, port: Port, shape: tuple[int, ...]) -> str:
     return f"{function}: {port.name} must have shape {single} or (..., {wanted}), got {shape}{meaning}"
 
 
-def choose(
-    programs: Mapping[str, Program],
-    specializations: Mapping[str, str],
-    name: str,
-    given: Mapping[Role, tuple[Any, Array | None]],
-) -> tuple[str, dict[str, Any]]:
-    """Choose the program that evaluates the function ``name``; returns its name and its parameters by port name.
+def joined(function: str, dtype: np.dtype[Any], beta: Any, Ia: Any, sizes: tuple[int, int]) -> Array:
+    """Join base parameters (..., b) and drive inertias (..., d) to the argument beta of emitted code, (..., b + d).
 
-    ``specializations`` maps a function to its nominal specialization, the program into which the parameters of the
-    robot file are folded. ``given`` holds for each role (such as base parameters) the value from the caller and that of
-    the robot file, either possibly None. If the caller gives no parameters, the nominal specialization is chosen, if
-    there is one. Raises ValueError for parameters that are missing, or that the function does not take.
+    ``sizes`` are b and d. Raises as :func:`prepare` for wrong shapes and types.
     """
-    if name in specializations and all(value is None for value, _ in given.values()):
-        return specializations[name], {}
-    program = programs[name]
-    inertia, _ = given.get(Role.DRIVE_INERTIA, (None, None))
-    if inertia is not None and not program.takes(Role.DRIVE_INERTIA):
-        raise ValueError(f"{name}: the robot file gives no drive inertia, so Ia is not part of the model")
-    return name, {
-        port.name: _given(port.name, *given[port.role], name) for port in program.inputs if port.role in given
-    }
-
-
-def _given(what: str, value: Any, nominal: Array | None, function: str) -> Any:
-    if value is not None:
-        return value
-    if nominal is None:
-        raise ValueError(f"{function}: the robot file has no links, so {what}= must be given")
-    return nominal
+    ports = (
+        Port("beta", sizes[:1], "SI", meaning="base parameters"),
+        Port("Ia", sizes[1:], "kg m^2 | kg", meaning="drive inertias"),
+    )
+    batch, arrays = prepare(function, ports, (beta, Ia), dtype)
+    return np.concatenate([np.broadcast_to(array, (*batch, array.shape[-1])) for array in arrays], axis=-1)
 
 
 def checked(program: Program, result: Any, status: Any, with_status: bool) -> Any:

@@ -253,7 +253,8 @@ class Model(
             name: a function of the model such as "inverse_dynamics".
             beta: base parameters, (b,), SI units, copied into ``f.inputs["beta"]``; by default those of the robot file,
                 folded into the code.
-            Ia: drive inertias, (n,), kg m^2 or kg, copied into ``f.inputs["Ia"]``; by default those of the robot file.
+            Ia: drive inertias, (n,), kg m^2 or kg, copied behind them in ``f.inputs["beta"]``; by default those of the
+                robot file.
 
         Returns:
             The bound function. Its parameters may be changed later where they are among its ``inputs``.

@@ -115,10 +115,14 @@ class RigidBody:
         drives = self._model.drive_inertia
         if self._added is not None and (drives is None or np.any(np.diag(self._added) + drives)):
             return None
-        known = {Role.BASE_PARAMETERS: self._model.beta if self._parameters is None else self._parameters}
-        if drives is not None:
-            known[Role.DRIVE_INERTIA] = drives if self._added is None else np.zeros(drives.size)
-        return _folded(programs["forward_dynamics"], known)
+        none = self._added is not None and drives is not None
+        beta = self._beta(np.zeros(drives.size) if none else drives)
+        return _folded(programs["forward_dynamics"], {Role.BASE_PARAMETERS: beta})
+
+    def _beta(self, drives: Array | None) -> Any:
+        """The argument beta of programs, the base parameters and then ``drives`` (k,); None if they are not known."""
+        links = self._model.beta if self._parameters is None else self._parameters
+        return links if links is None or drives is None else np.concatenate([links, drives])
 
     def terms_program(self) -> tuple[Program, list[Array]] | None:
         """The program of M(q), c and g, and the values of its parameters in the order of its inputs after q and dq.
@@ -130,8 +134,7 @@ class RigidBody:
         if "dynamics_terms" not in programs or self._model.engine.name != "c":
             return None
         known = {
-            Role.BASE_PARAMETERS: self._model.beta if self._parameters is None else self._parameters,
-            Role.DRIVE_INERTIA: self._model.drive_inertia,
+            Role.BASE_PARAMETERS: self._beta(self._model.drive_inertia),
             Role.GRAVITY: self._model.nominal_gravity,
         }
         program = programs["dynamics_terms"]

@@ -1,7 +1,8 @@
 """A 2R arm in a vertical plane, written by hand: every program of a derived model, small enough to read.
 
 Standard DH, axes z, lengths a1 = 0.5 and a2 = 0.35 m, gravity along -y. Base parameters (first moments X, Y about the
-joint in front): b1 = inertia of link 1 and of m2 at a1, b2 = X1 + a1*m2, b3 = Y1, b4 = J2, b5 = X2, b6 = Y2.
+joint in front): b1 = inertia of link 1 and of m2 at a1, b2 = X1 + a1*m2, b3 = Y1, b4 = J2, b5 = X2, b6 = Y2; the drive
+inertias follow.
 """
 
 from __future__ import annotations
@@ -21,8 +22,6 @@ Q = Port("q", (2,), "rad", "joint", "joint positions", Role.POSITION)
 DQ = Port("dq", (2,), "rad/s", "joint", "joint velocities", Role.VELOCITY)
 DDQ = Port("ddq", (2,), "rad/s^2", "joint", "joint accelerations", Role.ACCELERATION)
 TAU = Port("tau", (2,), "N m", "joint", "joint torques", Role.TORQUE)
-BETA = Port("beta", (6,), "mixed", "", "base parameters", Role.BASE_PARAMETERS)
-IA = Port("Ia", (2,), "kg m^2", "joint", "drive inertia", Role.DRIVE_INERTIA)
 IA_NOMINAL = (F(1, 50), F(1, 100))
 LINKS = (  # mass, com x, com y, Izz about the com
     (F(4), F(-1, 5), F(1, 40), F(3, 20)),
@@ -52,8 +51,12 @@ def spec(name: str = "planar", links: bool = True, drives: bool = True) -> Robot
     return RobotSpec(name, "standard", gravity, {}, joints, bodies if links else None, description="Planar arm")
 
 
-def _model(b, q, dq, beta, Ia=None):
-    """M, C, g of the arm for any parameters, as recorded values."""
+def _beta(drives: bool) -> Port:
+    return Port("beta", (8 if drives else 6,), "mixed", "", "base parameters", Role.BASE_PARAMETERS)
+
+
+def _model(b, q, dq, beta):
+    """M, C, g of the arm for any base parameters and drive inertias, as recorded values."""
     s1, c1 = b.sin(q[0]), b.cos(q[0])
     s2, c2 = b.sin(q[1]), b.cos(q[1])
     q12 = q[0] + q[1]
@@ -63,8 +66,8 @@ def _model(b, q, dq, beta, Ia=None):
     m12 = beta[3] + coupling
     m11 = beta[0] + beta[3] + 2 * coupling
     M = [m11, m12, m12, beta[3]]
-    if Ia is not None:
-        M = [m11 + Ia[0], m12, m12, beta[3] + Ia[1]]
+    if len(beta) > 6:
+        M = [m11 + beta[6], m12, m12, beta[3] + beta[7]]
     C = [h * dq[1], h * (dq[0] + dq[1]), -h * dq[0], 0]
     g2 = G * (beta[4] * c12 - beta[5] * s12)
     g = [G * (beta[1] * c1 - beta[2] * s1) + g2, g2]
@@ -117,23 +120,20 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
     suffix = "_nominal" if nominal else ""
     programs = {}
 
-    def record(name, ports, outputs, inertia=False, status=None):
+    def record(name, ports, outputs, status=None):
         b = Builder()
         values = {port.name: b.input(port) for port in ports}
-        beta = list(BETA_NOMINAL) if nominal else b.input(BETA)
-        Ia = None
-        if inertia and drives:
-            Ia = list(IA_NOMINAL) if nominal else b.input(IA)
+        beta = [*BETA_NOMINAL, *(IA_NOMINAL if drives else ())] if nominal else b.input(_beta(drives))
         q = values.get("q")
         dq = values.get("dq", [0, 0])
-        parts = _model(b, q, dq, beta, Ia)
+        parts = _model(b, q, dq, beta)
         summary = f"The {name} of the arm."
         program = b.program(name + suffix, outputs(b, values, *parts), summary, status=status)
         programs[name + suffix] = program.described(specializes=name if nominal else "")
 
     vector = lambda name, unit="N m": Port(name, (2,), unit, "joint", name)  # noqa: E731
     matrix = lambda name, unit="kg m^2": Port(name, (2, 2), unit, "joint", name)  # noqa: E731
-    record("mass_matrix", [Q], lambda b, v, M, C, g, U: [(matrix("M"), M)], True)
+    record("mass_matrix", [Q], lambda b, v, M, C, g, U: [(matrix("M"), M)])
     record("coriolis_matrix", [Q, DQ], lambda b, v, M, C, g, U: [(matrix("C"), C)])
     record("coriolis", [Q, DQ], lambda b, v, M, C, g, U: [(vector("c"), _times(C, v["dq"]))])
     record("coriolis_transpose", [Q, DQ], lambda b, v, M, C, g, U: [(vector("c"), _times(_transposed(C), v["dq"]))])
@@ -142,10 +142,10 @@ def _dynamics(nominal: bool, drives: bool) -> dict[str, Program]:
         x + y for x, y in zip(_times(C, v["dq"]), g, strict=True)])])  # fmt: skip
     record("energy", [Q, DQ], lambda b, v, M, C, g, U: [(Port("kinetic", (), "J", "", "kinetic energy"), [
         F(1, 2) * sum(x * y for x, y in zip(v["dq"], _times(M, v["dq"]), strict=True))]),
-        (Port("potential", (), "J", "", "potential energy"), [U])], True)  # fmt: skip
+        (Port("potential", (), "J", "", "potential energy"), [U])])  # fmt: skip
     record("inverse_dynamics", [Q, DQ, DDQ], lambda b, v, M, C, g, U: [(TAU, [
-        x + y + z for x, y, z in zip(_times(M, v["ddq"]), _times(C, v["dq"]), g, strict=True)])], True)  # fmt: skip
-    record("forward_dynamics", [Q, DQ, TAU], _solve, True, status_at(1))
+        x + y + z for x, y, z in zip(_times(M, v["ddq"]), _times(C, v["dq"]), g, strict=True)])])  # fmt: skip
+    record("forward_dynamics", [Q, DQ, TAU], _solve, status_at(1))
     return programs
 
 
@@ -160,13 +160,13 @@ def _solve(b, v, M, C, g, U):
     return [(DDQ, ddq), (Port("status", (), "", "", "0 = ok"), [status])]
 
 
-def _regressors(K) -> dict[str, Program]:
-    programs = {}
+def _regressors(K, drives: bool) -> dict[str, Program]:
+    programs, extra = {}, 2 if drives else 0
 
     def columns(b, q, dq, ddq, count, mixing):
         rows = [[], []]
-        for k in range(count):
-            beta = mixing(k)
+        for k in range(count + extra):
+            beta = [*(mixing(k) if k < count else [F(0)] * 6), *(F(int(k - count == i)) for i in range(extra))]
             M, C, g, _ = _model(b, q, dq, beta)
             tau = [x + y + z for x, y, z in zip(_times(M, ddq), _times(C, dq), g, strict=True)]
             for row, value in zip(rows, tau, strict=True):
@@ -177,19 +177,21 @@ def _regressors(K) -> dict[str, Program]:
     q, dq, ddq = (b.input(port) for port in (Q, DQ, DDQ))
     Y = columns(b, q, dq, ddq, 6, lambda k: [F(int(i == k)) for i in range(6)])
     programs["regressor"] = b.program(
-        "regressor", [(Port("Y", (2, 6), "mixed", "joint", "base regressor"), Y[0] + Y[1])]
+        "regressor", [(Port("Y", (2, 6 + extra), "mixed", "joint", "base regressor"), Y[0] + Y[1])]
     )
     b = Builder()
     q, dq, ddq = (b.input(port) for port in (Q, DQ, DDQ))
     e = b.input(Port("e", (2,), "", "joint", "weights", Role.COVECTOR))
     Y = columns(b, q, dq, ddq, 6, lambda k: [F(int(i == k)) for i in range(6)])
     r = [y1 * e[0] + y2 * e[1] for y1, y2 in zip(*Y, strict=True)]
-    programs["regressor_transpose"] = b.program("regressor_transpose", [(Port("r", (6,), "mixed", "", "Y' e"), r)])
+    programs["regressor_transpose"] = b.program(
+        "regressor_transpose", [(Port("r", (6 + extra,), "mixed", "", "Y' e"), r)]
+    )
     b = Builder()
     q, dq, ddq = (b.input(port) for port in (Q, DQ, DDQ))
     Y = columns(b, q, dq, ddq, 20, lambda k: [F(row[k]) for row in K])
     programs["standard_regressor"] = b.program(
-        "standard_regressor", [(Port("Y", (2, 20), "mixed", "joint", "standard regressor"), Y[0] + Y[1])]
+        "standard_regressor", [(Port("Y", (2, 20 + extra), "mixed", "joint", "standard regressor"), Y[0] + Y[1])]
     )
     return programs
 
@@ -228,7 +230,12 @@ def planar_model(name: str = "planar", links: bool = True, drives: bool = True) 
     expressions = [sp.Symbol("Izz1") + m2 / 4, sp.Symbol("mx1") + m2 / 2, sp.Symbol("my1"), sp.Symbol("Izz2"),
                    sp.Symbol("mx2"), sp.Symbol("my2")]  # fmt: skip
     units = ["kg m^2", "kg m", "kg m", "kg m^2", "kg m", "kg m"]
-    programs = {**_kinematics(), **_dynamics(False, drives), **_regressors(projection()), "friction": _friction()}
+    programs = {
+        **_kinematics(),
+        **_dynamics(False, drives),
+        **_regressors(projection(), drives),
+        "friction": _friction(),
+    }
     if links:
         programs |= _dynamics(True, drives)
     return DerivedModel(

@@ -19,8 +19,9 @@ import pytest
 from backends.casadi_cases import arguments, as_matrices, build, call
 from rrrgen.backends.casadi import function, is_reproducible, serialized, sources
 from rrrgen.backends.casadi.sources import casadi_programs, derivatives_of
+from rrrgen.derive.parameter_listing import listing
 from rrrgen.pipeline import derive
-from rrrgen.program import Program, evaluate
+from rrrgen.program import Program, Role, evaluate
 from rrrgen.robotfile import load_spec, loads_spec
 
 ca = pytest.importorskip("casadi")
@@ -66,7 +67,7 @@ def imported(path: Path) -> Any:
 
 def physical_arguments(derived: Any, program: Program, rng: np.random.Generator) -> list[np.ndarray]:
     """A random state with the robot's own parameters: random ones may make the mass matrix singular."""
-    own = {"beta": derived.beta_nominal, "Ia": derived.drive_inertia_nominal, "eps": 0.01}
+    own = {"beta": derived.nominal.get(Role.BASE_PARAMETERS), "eps": 0.01}
     return [
         np.array(own[port.name], float) if own.get(port.name) is not None else value
         for port, value in zip(program.inputs, arguments(program, rng), strict=True)
@@ -92,12 +93,12 @@ def test_every_function_and_its_rebuilt_twin_equal_the_program(name: str, tmp_pa
         expected = as_matrices(list(evaluate(program, *values)))
         close(call(function(program), values), expected)
         close(call(module.FUNCTIONS[public](), values), expected)
-    assert [p.name for p in derived.base_parameters] == [name for name, _ in module.BASE_PARAMETERS]
+    assert [p.name for p in listing(derived).beta] == [name for name, _ in module.BASE_PARAMETERS]
     if derived.beta_nominal is None:
         assert module.BETA_NOMINAL is None
         assert not any(public.endswith("_nominal") for public in programs)
     else:
-        np.testing.assert_array_equal(module.BETA_NOMINAL, [float(v) for v in derived.beta_nominal])
+        np.testing.assert_array_equal(module.BETA_NOMINAL, [float(v) for v in derived.nominal[Role.BASE_PARAMETERS]])
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +129,7 @@ def test_jacobians_are_the_model(libraries: dict[str, Path]) -> None:
     derived, path = model("rrr"), str(libraries["rrr"])
     rng = np.random.default_rng(2)
     q, dq, ddq = rng.uniform(-2, 2, (3, 3))
-    beta = np.array([float(v) for v in derived.beta_nominal])
+    beta = np.array([float(v) for v in derived.nominal[Role.BASE_PARAMETERS]])
 
     def blocks(public: str, *inputs: np.ndarray) -> dict[str, np.ndarray]:
         F = ca.external(f"rrr_casadi_{public}", path)

@@ -111,7 +111,7 @@ def test_failures_and_arguments_that_are_no_state(tmp_path):
     assert singular == "Failure: the mass matrix is not positive definite"
     assert short == "TypeError: q must have the shape [2]"
     assert text == "TypeError: q must hold numbers"
-    assert missing == f"TypeError: beta must have the shape [{model.b}]"
+    assert missing == f"TypeError: beta must have the shape [{model.beta_size}]"
 
 
 def test_a_function_in_full():

@@ -86,7 +86,7 @@ def test_the_tip_is_damped_where_it_cannot_move_and_the_torques_stay_continuous(
     program = operational.operational_space(operational.POSE)(derivation.recording())
     beta = np.array(derivation.recording().parametrization.projection, dtype=float) @ nominal_parameters(spec).ravel()
     values = {name: np.zeros(6) for name in ("dq", "V_d", "ki", "kp", "kd", "z", "tau_0", "tau_add")}
-    values |= {"beta": beta, "Ia": np.ones(6), "tau_max": np.full(6, 1e9), "Ts": Ts, "T_d": np.eye(4)}
+    values |= {"beta": beta, "tau_max": np.full(6, 1e9), "Ts": Ts, "T_d": np.eye(4)}
     values |= {"A_d": np.array([0, 0, 0, 5.0, -10.0, 20.0])}
     at_rest = values | {"A_d": np.zeros(6)}
 

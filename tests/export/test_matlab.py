@@ -24,8 +24,8 @@ q = [0.3; -0.8]; dq = [0.5; 0.25]; ddq = [-1; 2];
 T = arm.forward_kinematics(q);
 frames = arm.link_frames(q);
 tau = arm.inverse_dynamics(q, dq, ddq);
-[beta, Ia] = arm.nominal_parameters();
-assert(arm.inverse_dynamics(q, dq, ddq, beta, Ia), tau);
+beta = arm.nominal_parameters();
+assert(arm.inverse_dynamics(q, dq, ddq, beta), tau);
 J = arm.jacobian([q, 0*q]);
 assert(size(J), [6 2 2]);
 [M, c, g] = arm.dynamics_terms([q, q], dq);
@@ -78,7 +78,7 @@ refused(@() arm.time_path(path{:}, [1;1]), 'arm:timing');
 refused(@() arm.fourier(0, 0, q, q, q), 'arm:status');
 refused(@() arm_mex('gravity', q), 'arm:arguments');
 refused(@() arm_mex('gravitas', q), 'arm:name');
-refused(@() arm.forward_dynamics(q, dq, tau, 0*beta, 0*Ia), 'arm:status');
+refused(@() arm.forward_dynamics(q, dq, tau, 0*beta), 'arm:status');
 printf('%.17g ', T, frames, tau, J(:, :, 1)); printf('\\n');
 arm_blocks();
 """
@@ -144,6 +144,6 @@ def test_matrices_of_simulink_go_by_columns(folder):
     library.arm_sl_jacobian(*(ctypes.c_void_p(each.ctypes.data) for each in (Q, J)))
     T = ours(arm(), Q[None], DQ[None], DDQ[None])[0][0]
     np.testing.assert_allclose(J[0], [-T[1, 3], T[0, 3], 0, 0, 0, 1], atol=1e-14)
-    beta, Ia, ddq = np.zeros(6), np.zeros(2), np.zeros(2)
-    refused = library.arm_sl_forward_dynamics(*(ctypes.c_void_p(x.ctypes.data) for x in (Q, DQ, DDQ, beta, Ia, ddq)))
+    beta, ddq = np.zeros(8), np.zeros(2)
+    refused = library.arm_sl_forward_dynamics(*(ctypes.c_void_p(x.ctypes.data) for x in (Q, DQ, DDQ, beta, ddq)))
     assert refused == 1

@@ -32,8 +32,8 @@ state = json.loads(sys.argv[1])
 q, dq, ddq = (np.array(state[name]) for name in ("q", "dq", "ddq"))
 T = robot.forward_kinematics(q)
 tau = robot.inverse_dynamics(q, dq, ddq)
-beta, Ia = robot.nominal_parameters()
-assert np.array_equal(robot.inverse_dynamics(q[0], dq[0], ddq[0], beta, Ia), tau[0])
+beta = robot.nominal_parameters()
+assert np.array_equal(robot.inverse_dynamics(q[0], dq[0], ddq[0], beta), tau[0])
 assert np.allclose(robot.forward_dynamics(q, dq, tau, beta), ddq)
 terms = robot.dynamics_terms(q, dq)
 assert np.allclose(np.einsum("kij,kj->ki", terms.M, ddq) + terms.c + terms.g, tau)
@@ -71,14 +71,14 @@ assert np.max(np.abs(torque) / [60, 30]) < 1.02
 assert robot.any_gravity.time_path(*path, [0, 0, 0], [60, 30], [6, 6], inf).t[-1] < timed.t[-1]
 wave = robot.fourier([0, 2.5], 0.1, 0 * e, [[1], [2]], [[0], [0]])
 assert np.allclose(wave.dq_d, [[1, 2], [0, 0]]) and np.allclose(wave.q_d[1], np.array([1, 2]) / (0.2 * np.pi))
-ddq_0, failed = robot.forward_dynamics(q, dq, tau, 0 * beta, 0 * Ia, with_status=True)
+ddq_0, failed = robot.forward_dynamics(q, dq, tau, 0 * beta, with_status=True)
 assert failed.shape == (4,) and failed.all() and ddq_0.shape == (4, 2)
 for wrong, error in (
     (lambda: robot.gravity(np.zeros(3)), ValueError),
     (lambda: robot.gravity(q + 0j), ValueError),
     (lambda: robot.time_path(*path, [1, 1]), ValueError),
     (lambda: robot.fourier(0.0, 0.0, 0 * e, [[1], [2]], [[0], [0]]), ValueError),
-    (lambda: robot.forward_dynamics(q, dq, tau, 0 * beta, 0 * Ia), np.linalg.LinAlgError),
+    (lambda: robot.forward_dynamics(q, dq, tau, 0 * beta), np.linalg.LinAlgError),
     (lambda: robot.differential_ik(*free[:1], 9 * e, *free[2:], e, e, 1e-3), np.linalg.LinAlgError),
 ):
     try:
@@ -155,7 +155,7 @@ def test_the_record_lists_every_file(files, tmp_path):
         assert all(len(wheel.read(entry)) == size for entry, size in sizes.items())
         code = wheel.read("arm_model/__init__.py").decode()
     compile(code, "__init__.py", "exec")
-    assert re.search(r"^def forward_dynamics\(q: Array, dq: Array, tau: Array, beta: Array = None, Ia", code, re.M)
+    assert re.search(r"^def forward_dynamics\(q: Array, dq: Array, tau: Array, beta: Array = None, \*", code, re.M)
 
 
 def test_options_that_make_no_sense_are_refused():

@@ -18,7 +18,6 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import function_name
 from rrrgen.backends.interface import Check
 from rrrgen.derive.functions.friction_functions import friction_parameters
-from rrrgen.model.drive_terms import inertia_terms
 from rrrgen.model.standard_parameters import standard_parameters
 from rrrgen.program import Op, Port, Program, Role, evaluate, specialization
 from rrrgen.resources import render
@@ -45,7 +44,6 @@ TABLES = {
     Role.REFERENCE_VELOCITY: "ddq",
     Role.REFERENCE_ACCELERATION: "q",
     Role.BASE_PARAMETERS: "beta",
-    Role.DRIVE_INERTIA: "Ia",
     Role.STANDARD_PARAMETERS: "phi",
     Role.FRICTION: "friction",
     Role.GRAVITY: "gravity",
@@ -112,16 +110,14 @@ def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: 
         real=dialect.real,
         identity=identity,
         n=model.spec.n,
-        b=len(model.base_parameters),
-        standard="10 * N" if len(model.spec.rows) == model.spec.n else str(10 * len(model.spec.rows)),
+        b=model.beta_size,
+        standard="10 * N" if len(parameters["phi"]) == 10 * model.spec.n else str(len(parameters["phi"])),
         count=len(states["q"]),
         states=tables,
         parameters=vectors,
         golden=golden,
         functions=set(model.programs),
-        drives=len(model.drive_inertia_nominal or ()),
         gravity="gravity, " if model.spec.gravity_input else "",
-        reflected=_reflected(model.spec),
         positive=_is_positive(model.programs, states, parameters),
         specializations=_specializations(model, dialect),
         checks=checks,
@@ -158,15 +154,14 @@ def _scattered(rows: int, columns: int, seed: int = 1) -> Array:
 
 
 def _parameters(model: DerivedModel) -> dict[str, Array]:
-    """The parameters phi, beta and Ia of the robot file; made up for plausible links if the file states none."""
-    links = model.spec.links
-    known = [np.array(standard_parameters(link), float) for link in links or ()]
+    """The parameters phi and beta of the robot file; made up for plausible links if the file states none."""
+    known = [np.array(standard_parameters(link), float) for link in model.spec.links or ()]
     phi = np.concatenate(known or _plausible(len(model.spec.rows)))
     K = np.array(model.base_projection, dtype=float).reshape(-1, len(phi))
     nominal = model.beta_nominal
-    parameters = {"phi": phi, "beta": K @ phi if nominal is None else np.array([float(x) for x in nominal])}
-    if model.drive_inertia_nominal is not None:
-        parameters["Ia"] = np.array([float(value) for value in model.drive_inertia_nominal])
+    beta = K @ phi if nominal is None else np.array([float(x) for x in nominal])
+    drives = np.array([float(value) for value in model.drive_inertia_nominal or ()])
+    parameters = {name: np.concatenate([links, drives]) for name, links in (("phi", phi), ("beta", beta))}
     if any(program.takes(Role.FRICTION) for program in model.programs.values()):
         stated = [float(value) for _, value in friction_parameters(model.spec)]
         parameters["friction"] = np.array([value or 0.25 + k / 64 for k, value in enumerate(stated)])
@@ -196,16 +191,6 @@ def _plausible(n: int) -> list[Array]:
         places = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
         rows.append(np.array([m, *(m * c), *(tensor[place] for place in places)]))
     return rows
-
-
-def _reflected(spec: RobotSpec) -> tuple[str, ...]:
-    """The matrix that coupled drives add to M, as rows of C numbers; empty without coupled drives."""
-    terms = inertia_terms(spec) if spec.drives is not None else ()
-    total = np.zeros((spec.n, spec.n))
-    for term in terms:
-        w = np.array([float(weight) for weight in term.direction])
-        total += term.value * np.outer(w, w)
-    return _rows(total) if terms else ()
 
 
 def _golden(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> list[Golden]:

@@ -48,7 +48,8 @@ def header_and_sources(
         opening=_opening(model, identity, dialect, sincos),
         joints=joint_macros(model.spec, dialect),
         n=model.spec.n,
-        b=len(model.base_parameters),
+        b=model.beta_size,
+        drives=bool(model.drive_inertia_nominal),
     )
     files = {f"{dialect.prefix}.h": header}
     for part, names in source_parts(programs.values()).items():
@@ -136,8 +137,8 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
         "threads at once."
     )
     parameters = listing(model)
-    lines += ["", *wrapped(f"Base parameters beta[{macro}_B]. {parameters.statement}")]
+    lines += ["", *wrapped(parameters.heading(f"beta[{macro}_B]"))]
     lines += columns(
-        [(f"beta[{k}]", p.name, p.unit or "-", mathematics(p.expression)) for k, p in enumerate(parameters.rows)]
+        [(f"beta[{k}]", p.name, p.unit or "-", mathematics(p.expression)) for k, p in enumerate(parameters.beta)]
     )
     return lines

@@ -76,11 +76,11 @@ def rebuild_module(
 ) -> str:
     """The text of ``<robot>_casadi.py``: one Python function per program, each returning a ``casadi.Function``.
 
-    ``programs`` pairs public names with programs; ``parameters`` are the base parameters, which the module
+    ``programs`` pairs public names with programs; ``parameters`` are the elements of beta, which the module
     lists for its readers; ``header`` is the text of its opening comment, line by line.
     The module needs CasADi 3.5 or newer and nothing else.
     """
-    rows = parameters.rows if parameters else ()
+    rows = parameters.beta if parameters else ()
     values = [repr(p.nominal) for p in rows if p.nominal is not None]
     return render(
         "casadi/module.py.j2",
@@ -88,6 +88,7 @@ def rebuild_module(
         header=[_quoted(line) for line in header],
         definitions=[_definition(robot, name, program) for name, program in programs],
         convention=textwrap.wrap(parameters.statement, _LINE - 2) if parameters else (),
+        drives=bool(parameters and parameters.drives),
         base_parameters=[(json.dumps(p.name), json.dumps(str(p.expression))) for p in rows],
         beta_nominal=values if parameters and len(values) == len(rows) else None,
     )

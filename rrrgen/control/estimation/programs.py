@@ -88,12 +88,15 @@ class _Recorder:
         builder = Builder()
         inputs = self._inputs(builder)
         rest = _rest(builder)
-        b = self.derived.b
+        b, columns = self.derived.b, self.derived.beta_size
         (flat,) = replay(self.derived.programs["regressor"], builder, self._motion("regressor", inputs))
         forces = self._forces(builder, inputs)
         rows, torques = [], []
         for i in range(self.n):
-            row = [*flat[i * b : (i + 1) * b], *(w[i] * f for w, f in zip(self.directions, forces, strict=True))]
+            row = [
+                *flat[i * columns : i * columns + b],
+                *(w[i] * f for w, f in zip(self.directions, forces, strict=True)),
+            ]
             known: Any = 0
             for value, name in zip(row, self.every, strict=True):
                 known = known + self.fixed.get(name, 0) * value
@@ -128,7 +131,7 @@ class _Recorder:
             self.derived.programs["regressor_transpose"], builder, self._motion("regressor_transpose", inputs, used)
         )
         along = [_dot(w, used) * f for w, f in zip(self.directions, forces, strict=True)]
-        r = [[*transposed, *along][k] for k in self.estimated]
+        r = [[*transposed[: self.derived.b], *along][k] for k in self.estimated]
         step, shortened = _safe_step(builder, gain, _dot(r, r), _dot(used, used))
         outputs = [
             (
@@ -154,16 +157,13 @@ class _Recorder:
         ports = {name: Port(name, (self.n,), MEANINGS[name][0], "joint", *MEANINGS[name][1:]) for name in JOINT_INPUTS}
         return {name: list(builder.input(port)) for name, port in ports.items()}
 
-    def _motion(
-        self, function: str, inputs: Mapping[str, Any], e: Any = None, beta: Any = None, Ia: Any = None
-    ) -> list[Any]:
+    def _motion(self, function: str, inputs: Mapping[str, Any], e: Any = None, beta: Any = None) -> list[Any]:
         values = {
             Role.POSITION: inputs["q"],
             Role.VELOCITY: inputs["dq"],
             Role.ACCELERATION: inputs["ddq"],
             Role.COVECTOR: e,
             Role.BASE_PARAMETERS: beta,
-            Role.DRIVE_INERTIA: Ia,
         }
         return [values[port.role] for port in self.derived.programs[function].inputs]
 
@@ -194,11 +194,11 @@ class _Recorder:
         ``forces`` are the torques per unit of the drive inertias and friction parameters, from :meth:`_forces`.
         """
         beta = [values[parameter.name] for parameter in self.derived.base_parameters]
-        Ia = [values.get(term.name, 0) for term in inertia_terms(self.derived.spec)]
+        beta += [values.get(term.name, 0) for term in inertia_terms(self.derived.spec)]
         (torques,) = replay(
             self.derived.programs["inverse_dynamics"],
             builder,
-            self._motion("inverse_dynamics", inputs, beta=beta, Ia=Ia),
+            self._motion("inverse_dynamics", inputs, beta=beta),
         )
         for term, w, force in zip(self.terms, self.directions, forces, strict=True):
             if term.kind != "inertia":

@@ -157,7 +157,7 @@ def closed_forms(derivation: Derivation, function: str) -> dict[str, ClosedForm]
     recording = Recording(model, parametrization, generators or [sp.Symbol("one")])
     program = FUNCTIONS[name][0](recording)
     drives = [term.name for term in inertia_terms(model.spec)]
-    parameters = {Role.BASE_PARAMETERS: parametrization.names, Role.DRIVE_INERTIA: drives}
+    parameters = {Role.BASE_PARAMETERS: [*parametrization.names, *drives]}
     results = [port.name for port in program.outputs]
     if wanted and wanted not in results:
         known = ", ".join(f"{name}.{result}" for result in results)
@@ -210,7 +210,7 @@ class _Expander:
         self.rates = [s for port, row in zip(program.inputs, inputs, strict=True)
                       if port.role.is_rate for s in row]  # fmt: skip
         self.parameters = [s for port, row in zip(program.inputs, inputs, strict=True)
-                           if port.role in (Role.BASE_PARAMETERS, Role.DRIVE_INERTIA) for s in row]  # fmt: skip
+                           if port.role is Role.BASE_PARAMETERS for s in row]  # fmt: skip
 
     def _angle(self, index: int) -> sp.Expr:
         """The node ``index``, a linear combination of joint angles and constants, as a SymPy expression."""

@@ -137,7 +137,6 @@ def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
     if derivatives.takes(Role.GRAVITY):
         r.gravity()
     r.beta()
-    r.drive_inertia()
 
     def at(ddq: list[Any]) -> list[list[Any]]:
         return replay(derivatives, r.builder, r.inputs_of(derivatives, {Role.ACCELERATION: ddq}))

@@ -185,7 +185,6 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
         r.gravity()
     if mass.takes(Role.BASE_PARAMETERS):
         r.beta()
-        r.drive_inertia()
     M = rows(r.n, replay(mass, r.builder, r.inputs_of(mass))[0])
     h = replay(torques, r.builder, r.inputs_of(torques))[0]
     factors = factorize(r.builder, M)

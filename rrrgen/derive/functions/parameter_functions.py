@@ -3,7 +3,9 @@
 A payload is a rigid body that is fixed to the last link, so it adds the standard parameters ``phi_p`` (10,) to those of
 that link. Base parameters are linear in the standard ones, ``beta = K phi``, hence exactly
 
-    beta_loaded = beta + K_n phi_p,   K_n the last ten columns of K.
+    beta_loaded = beta + K_n phi_p,   K_n the ten columns of that link.
+
+The drive inertias, which follow the parameters of the links in phi and beta, stay as they are.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import sympy as sp
 
 from rrrgen.derive.algebra.polynomials import to_expression
 from rrrgen.derive.algebra.vectors import Matrix, add, dot, product, scale, times, transpose
-from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.derive.functions.recording import Recorder, Recording, drive_inertia_meaning
 from rrrgen.derive.parameter_listing import TENSOR
 from rrrgen.derive.parameters.base_parameters import regroup
 from rrrgen.derive.parameters.user_basis import BasisChange
@@ -58,16 +60,18 @@ Projection = Any
 
 
 def base_parameters(project: Projection) -> Recorder:
-    """Make a recorder of beta = K phi (b,) from the standard parameters phi (10 n,) of all links.
+    """Make a recorder of beta = K phi (b + drives,) from the standard parameters phi (10 n + drives,).
 
     ``project`` is the method that computes K phi: :func:`through_projection` or :func:`by_regrouping`.
     """
 
     def record(r: Recording) -> Program:
-        meaning = "per link: " + ", ".join(STANDARD)
-        port = Port("phi", (10 * r.model.links,), "SI", "link frames", meaning, Role.STANDARD_PARAMETERS)
+        meaning, links = "per link: " + ", ".join(STANDARD), r.model.links
+        if r.drives:
+            meaning += f"; then {drive_inertia_meaning(r.model.spec)}"
+        port = Port("phi", (10 * links + r.drives,), "SI", "link frames", meaning, Role.STANDARD_PARAMETERS)
         phi = r.builder.input(port)
-        beta = project(r, [phi[10 * i : 10 * i + 10] for i in range(r.model.links)])
+        beta = [*project(r, [phi[10 * i : 10 * i + 10] for i in range(links)]), *phi[10 * links :]]
         return r.builder.program(
             "base_parameters",
             [(r.beta_port("base parameters"), beta)],
@@ -88,7 +92,7 @@ def add_payload(project: Projection) -> Recorder:
     def record(r: Recording) -> Program:
         mass, com, inertia = _payload_inputs(r, "the last link frame")
         beta = r.builder.input(r.beta_port("base parameters without the payload"))
-        delta = project(r, _at_tip(r, _standard(mass, com, inertia)))
+        delta = [*project(r, _at_tip(r, _standard(mass, com, inertia))), *[0] * r.drives]
         return r.builder.program(
             "add_payload",
             [(r.beta_port("base parameters with the payload", name="beta_loaded"), add(beta, delta))],
@@ -114,7 +118,8 @@ def add_payload_at(project: Projection) -> Recorder:
         R: Matrix = [list(T[4 * i : 4 * i + 3]) for i in range(3)]
         own = [[inertia[min(i, j)][max(i, j)] for j in range(3)] for i in range(3)]
         com = add(times(R, com), [T[3], T[7], T[11]])
-        delta = project(r, _at_tip(r, _standard(mass, com, product(product(R, own), transpose(R)))))
+        turned = _standard(mass, com, product(product(R, own), transpose(R)))
+        delta = [*project(r, _at_tip(r, turned)), *[0] * r.drives]
         return r.builder.program(
             "add_payload_at",
             [(r.beta_port("base parameters with the payload", name="beta_loaded"), add(beta, delta))],

@@ -10,10 +10,10 @@ from typing import Any, TypeAlias
 import sympy as sp
 
 from rrrgen.derive.algebra.polynomials import to_expression
-from rrrgen.derive.drive_inertia import DriveInertia
+from rrrgen.derive.drive_inertia import DriveInertia, directions
 from rrrgen.derive.parameters.base_parameters import BaseSet
 from rrrgen.derive.parameters.user_basis import BasisChange
-from rrrgen.derive.recursions.chain import Chain, nominal_constant, program_chain, rational, symbolic_constant
+from rrrgen.derive.recursions.chain import Chain, nominal_constant, program_chain, symbolic_constant
 from rrrgen.derive.recursions.inertia import PseudoInertia
 from rrrgen.model import RobotModel
 from rrrgen.model.drive_terms import inertia_terms
@@ -191,43 +191,44 @@ class Recording:
         meaning = "acceleration of gravity; minus the acceleration of an accelerated base"
         return self._input(Port("gravity", (3,), "m/s^2", "base frame", meaning, Role.GRAVITY))
 
+    @cached_property
+    def drives(self) -> int:
+        """Number of drive inertias."""
+        return len(inertia_terms(self.model.spec))
+
     def beta(self) -> list[Value]:
-        """The base parameters beta (b,); declared as an input when first asked for."""
+        """The base parameters, then the drive inertias: beta (b + drives,); an input when first asked for."""
         if Role.BASE_PARAMETERS in self._declared:
             return self._declared[Role.BASE_PARAMETERS]
-        names = self.parametrization.names
-        return self._input(self.beta_port("base parameters " + ", ".join(names)))
+        names = "base parameters " + ", ".join(self.parametrization.names)
+        return self._input(
+            self.beta_port(names + (f", then {drive_inertia_meaning(self.model.spec)}" if self.drives else ""))
+        )
 
     def beta_port(self, meaning: str, role: Role = Role.BASE_PARAMETERS, name: str = "beta") -> Port:
-        """Make a port for base parameters (b,); ``meaning`` describes it in emitted files."""
-        return Port(name, (len(self.parametrization.names),), "SI", "", meaning, role)
+        """Make a port for base parameters and drive inertias (b + drives,); ``meaning`` is for emitted files."""
+        return Port(name, (len(self.parametrization.names) + self.drives,), "SI", "", meaning, role)
 
     def friction(self, port: Port) -> list[Value]:
         """The friction parameters, of the shape of ``port``; declared as an input when first asked for."""
         return self._declared.get(Role.FRICTION) or self._input(port)
 
     def inertias(self) -> list[PseudoInertia]:
-        """Declare the base parameters as an input and return the pseudo-inertias of the links that they give."""
-        return self.parametrization.inertias(self.model.links, self.beta(), self.constant)
+        """Declare beta as an input and return the pseudo-inertias of the links that the base parameters give."""
+        links = self.beta()[: len(self.parametrization.names)]
+        return self.parametrization.inertias(self.model.links, links, self.constant)
 
     def drive_inertia(self) -> DriveInertia:
-        """Declare the drive inertias Ia as an input if the robot file states any; returns them and their directions."""
-        terms = inertia_terms(self.model.spec)
-        if not terms:
-            return DriveInertia((), ())
-        unit = "kg m^2" if self.position_unit == "rad" else "kg" if self.position_unit == "m" else "kg m^2 | kg"
-        meaning = drive_inertia_meaning(self.model.spec)
-        port = Port("Ia", (len(terms),), unit, "", meaning, Role.DRIVE_INERTIA)
-        values = self._declared.get(Role.DRIVE_INERTIA) or self._input(port)
-        return DriveInertia(values, [[w if type(w) is int else rational(w) for w in t.direction] for t in terms])
+        """The drive inertias Ia, the last elements of beta, and their directions; declares beta if there are any."""
+        values = self.beta()[-self.drives :] if self.drives else ()
+        return DriveInertia(values, directions(self.model.spec))
 
 
 def drive_inertia_meaning(spec: RobotSpec) -> str:
-    """The description of the input Ia in generated files."""
-    if spec.drives is None:
-        return "drive inertia seen at the joints"
+    """The description of the drive inertias in generated files."""
     names = ", ".join(term.name for term in inertia_terms(spec))
-    return f"drive inertia, seen at the joint or at the motor it is named after: {names}"
+    where = "at the joints" if spec.drives is None else "at the joint or at the motor it is named after"
+    return f"drive inertia seen {where}: {names}"
 
 
 Recorder: TypeAlias = Callable[[Recording], Program]

@@ -12,6 +12,7 @@ from typing import Any
 import sympy as sp
 
 from rrrgen.derive.algebra.vectors import dot, flat
+from rrrgen.derive.drive_inertia import inertia_columns, virtual_work
 from rrrgen.derive.functions.dynamic_functions import Frames, block_frames_first, link_frames_only
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.parameter_listing import TENSOR
@@ -30,11 +31,12 @@ from rrrgen.program import Port, Program
 
 
 def _regressor_rows(r: Recording, columns: list[list[Any]]) -> list[list[Any]]:
-    """Convert the columns of Y for the compiler's base parameters to the rows of Y (n, b) for the public ones."""
-    inverse = r.parametrization.inverse
+    """Convert the columns of Y for the compiler's base parameters to the rows of Y (n, b + drives) for beta."""
+    inverse, drives = r.parametrization.inverse, inertia_columns(r.model.spec, r.joints("ddq"))
     if inverse is None:
-        return [list(row) for row in zip(*columns, strict=True)]
-    return [_through(r, inverse, [column[j] for column in columns]) for j in range(r.n)]
+        return [list(row) for row in zip(*columns, *drives, strict=True)]
+    rows = [_through(r, inverse, [column[j] for column in columns]) for j in range(r.n)]
+    return [[*row, *(column[j] for column in drives)] for j, row in enumerate(rows)]
 
 
 def _through(r: Recording, inverse: tuple[tuple[sp.Expr, ...], ...], values: list[Any]) -> list[Any]:
@@ -54,7 +56,7 @@ def _motions(r: Recording, *further: str) -> tuple[Chain, list[LinkMotion]]:
 
 
 def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
-    """Make a recorder of Y (n, b) with tau = Y(q, dq, ddq) beta. (14.10)
+    """Make a recorder of Y (n, b + drives) with tau = Y(q, dq, ddq) beta. (14.10)
 
     ``columns`` is the method that computes the columns of Y for canonical parameters; ``frames`` chooses the frame in
     which each link is computed.
@@ -64,7 +66,8 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
         chain = r.chain_in_gravity("dq", "ddq")
         dq, ddq = r.joints("dq"), r.joints("ddq")
         rows = _regressor_rows(r, columns(chain, dq, ddq, frames(chain), r.parametrization.basis.parameters))
-        port = Port("Y", (r.n, len(r.parametrization.names)), "SI", "", "columns in the order of the base parameters")
+        then = ", then of the drive inertias" if r.drives else ""
+        port = Port("Y", (r.n, len(rows[0])), "SI", "", f"columns in the order of the base parameters{then}")
         return r.builder.program(
             "regressor",
             [(port, flat(rows))],
@@ -76,7 +79,7 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
 
 
 def regressor_transpose(r: Recording) -> Program:
-    """Record r = Y(q, dq, ddq)' e, shape (b,), for a vector e (n,), without forming Y. (14.23)"""
+    """Record r = Y(q, dq, ddq)' e, shape (b + drives,), for a vector e (n,), without forming Y. (14.23)"""
     chain, motions = _motions(r, "e")
     e = r.joints("e")
     virtual = composite.velocities(chain, e)
@@ -85,6 +88,7 @@ def regressor_transpose(r: Recording) -> Program:
     inverse = r.parametrization.inverse
     if inverse is not None:
         values = _through(r, inverse, values)
+    values += virtual_work(r.model.spec, r.joints("ddq"), e)
     port = Port("r", (len(values),), "SI", "", "Y' e")
     return r.builder.program(
         "regressor_transpose",
@@ -95,7 +99,7 @@ def regressor_transpose(r: Recording) -> Program:
 
 
 def standard_regressor(r: Recording) -> Program:
-    """Record Y (n, 10 n) with tau = Y(q, dq, ddq) phi, for the standard parameters phi about the link frames."""
+    """Record Y (n, 10 n + drives) with tau = Y(q, dq, ddq) phi, for standard parameters about the link frames."""
     chain = r.chain_in_gravity("dq", "ddq")
     dq, ddq = r.joints("dq"), r.joints("ddq")
     canonical = columns_by_axes(chain, dq, ddq, [True] * chain.n, all_parameters(chain.n))
@@ -105,8 +109,10 @@ def standard_regressor(r: Recording) -> Program:
         for k in range(len(STANDARD)):
             factors = from_standard([int(k == m) for m in range(len(STANDARD))]).moved(X).entries()
             columns.append([dot(factors, values) for values in zip(*entries, strict=True)])
+    columns += inertia_columns(r.model.spec, ddq)
     rows = [[column[j] for column in columns] for j in range(r.n)]
-    port = Port("Y", (r.n, 10 * chain.n), "SI", "", "per link: " + ", ".join(STANDARD))
+    then = "; then the drive inertias" if r.drives else ""
+    port = Port("Y", (r.n, len(columns)), "SI", "", "per link: " + ", ".join(STANDARD) + then)
     return r.builder.program(
         "standard_regressor",
         [(port, flat(rows))],

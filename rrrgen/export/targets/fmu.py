@@ -102,7 +102,6 @@ def _values(code: Code) -> dict[str, Any]:
         Role.VELOCITY: "dq",
         Role.TORQUE: "torque",
         Role.BASE_PARAMETERS: "beta",
-        Role.DRIVE_INERTIA: "Ia",
         Role.FRICTION: "friction",
         Role.OTHER: "friction_width",
     }
@@ -149,7 +148,7 @@ def _tables(code: Code) -> Iterator[tuple[Any, ...]]:
     beta = [f"base parameter {p.name} = {p.expression}" for p in model.base_parameters]
     yield "beta", _floats(model.beta_nominal), beta, (), *fixed
     inertia = _floats(model.drive_inertia_nominal)
-    if inertia:
+    if inertia:  # follow beta, so that both are one array for the model
         yield "Ia", inertia, [f"drive inertia {k + 1}" for k in range(len(inertia))], (), *fixed
     if "friction" in code.programs:
         known = friction_parameters(spec)

@@ -44,8 +44,7 @@ def _values(code: Code) -> dict[str, Any]:
         "package": f"{model.spec.name.lower()}_ros",
         "plugins": {name: row for name, row in _PLUGINS.items() if name != "moveit" or solves_poses},
         "nominal": model.beta_nominal is not None,
-        "beta": [float(value) for value in model.beta_nominal or ()],
-        "Ia": [float(value) for value in model.drive_inertia_nominal or ()],
+        "beta": [float(value) for value in model.nominal.get(Role.BASE_PARAMETERS, ())],
         "friction_size": friction.size,
         "stated_friction": "nominal_friction" in programs,
     }

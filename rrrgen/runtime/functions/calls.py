@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.program import Role, nominal_name
-from rrrgen.runtime.arguments import checked, choose, nominal_values, read_only
+from rrrgen.runtime.arguments import checked, joined, nominal_values, read_only
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
@@ -136,9 +136,34 @@ class Calls:
             )
 
     def _chosen(self, name: str, beta: Any, Ia: Any) -> tuple[str, dict[str, Any]]:
-        """The name of the program to run, the nominal specialization if no parameters are given, and its parameters."""
-        given = {Role.BASE_PARAMETERS: (beta, self.beta), Role.DRIVE_INERTIA: (Ia, self.drive_inertia)}
-        return choose(self.derived.programs, self._specializations, name, given)
+        """Choose the program that evaluates the function ``name``; returns its name and its parameters by port name.
+
+        It is the nominal specialization, if there is one, where no parameters are given. Raises ValueError for
+        parameters that are missing, or that the function does not take.
+        """
+        if name in self._specializations and beta is None and Ia is None:
+            return self._specializations[name], {}
+        if Ia is not None and self.drive_inertia is None:
+            raise ValueError(f"{name}: the robot file gives no drive inertia, so Ia is not part of the model")
+        if not self.derived.programs[name].takes(Role.BASE_PARAMETERS):
+            return name, {}
+        return name, {"beta": self._with_drives(name, beta, Ia)}
+
+    def _with_drives(self, function: str, beta: Any = None, Ia: Any = None) -> Any:
+        """The argument beta of programs: base parameters, then drive inertias, both nominal if None."""
+        if beta is None and self.beta is None:
+            raise ValueError(f"{function}: the robot file has no links, so beta= must be given")
+        chosen = self.beta if beta is None else beta
+        if self.drive_inertia is None:
+            return chosen
+        sizes = (self.derived.b, self.drive_inertia.size)
+        return joined(function, self.engine.dtype, chosen, self.drive_inertia if Ia is None else Ia, sizes)
+
+    def _of_links(self, array: Array) -> Array:
+        """Take off the columns or elements of the drive inertias, the last ones of ``array`` (..., k + d)."""
+        if self.drive_inertia is None:
+            return array
+        return np.ascontiguousarray(array[..., : -self.drive_inertia.size])
 
     @cached_property
     def _specializations(self) -> dict[str, str]:

@@ -89,4 +89,5 @@ class ControlFunctions(Calls):
         Returns:
             r, (..., b), in SI units times the unit of ``e``.
         """
-        return self._evaluate("reference_regressor_transpose", (q, dq, v, a, e), gravity=gravity)[0]
+        found = self._evaluate("reference_regressor_transpose", (q, dq, v, a, e), gravity=gravity)[0]
+        return self._of_links(found)

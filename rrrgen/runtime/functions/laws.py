@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from rrrgen.runtime.functions.calls import Array
@@ -210,7 +211,7 @@ class ControlLaws(DynamicFunctions):
             friction: friction parameters, (k,) or (..., k), SI units; by default those of the robot file.
             width: speeds below which the sign in friction laws is smoothed, (s,), (..., s) or one number, rad/s or m/s.
             tau_max: largest torques, (n,) or (..., n), N m or N; by default the limits of the robot file.
-            gamma: adaptation gains, (b,) or (..., b); zero for parameters to keep.
+            gamma: adaptation gains, (b,) or (..., b); zero for parameters to keep. Drive inertias are kept.
             beta_min: lower bounds of beta, (b,) or (..., b), SI units.
             beta_max: upper bounds of beta, (b,) or (..., b), SI units.
             Ts: the period, (...), s.
@@ -220,8 +221,13 @@ class ControlLaws(DynamicFunctions):
         """
         values = {"q": q, "dq": dq, "q_d": q_d, "dq_d": dq_d, "ddq_d": ddq_d, "lam": lam, "k": k, "gamma": gamma}
         values |= {"beta_min": beta_min, "beta_max": beta_max, "Ts": Ts}
+        if self.drive_inertia is not None:
+            kept = np.zeros_like(self.drive_inertia)
+            adapting = {"gamma": kept, "beta_min": kept - np.inf, "beta_max": kept + np.inf}
+            values |= {name: self._with_drives("slotine_li", values[name], each) for name, each in adapting.items()}
         values |= self._limits_and_friction(friction, width, tau_max)
-        return AdaptiveStep(*self._named("slotine_li", values, beta, Ia, gravity))
+        tau, following = self._named("slotine_li", values, beta, Ia, gravity)
+        return AdaptiveStep(tau, self._of_links(following))
 
     def impedance(
         self,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rrrgen.runtime.arguments import joined
 from rrrgen.runtime.functions.calls import Array, Calls
 
 ASYMMETRY = 1e-9
@@ -30,7 +31,14 @@ class ParameterFunctions(Calls):
         values = np.asarray(phi)
         if values.shape == (self.n, 10) and self.n > 1:  # of one joint: a batch of one
             values = values.reshape(-1)
-        return self._call("base_parameters", values)
+        if self.drive_inertia is None:
+            return self._call("base_parameters", values)
+        sizes = (10 * self.derived.links, self.drive_inertia.size)
+        return self._of_links(
+            self._call(
+                "base_parameters", joined("base_parameters", self.engine.dtype, values, self.drive_inertia, sizes)
+            )
+        )
 
     def add_payload(
         self,
@@ -58,7 +66,7 @@ class ParameterFunctions(Calls):
         Raises:
             ValueError: the tensor is not symmetric, or the robot file has no links and ``beta`` is not given.
         """
-        return self._call("add_payload", mass, com, *self._symmetric(inertia, beta, "add_payload"))
+        return self._of_links(self._call("add_payload", mass, com, *self._symmetric(inertia, beta, "add_payload")))
 
     def add_payload_at(
         self,
@@ -86,18 +94,17 @@ class ParameterFunctions(Calls):
             ValueError: as for :meth:`add_payload`.
         """
         tensor, known = self._symmetric(inertia, beta, "add_payload_at")
-        return self._call("add_payload_at", mass, com, tensor, frame, known)
+        return self._of_links(self._call("add_payload_at", mass, com, tensor, frame, known))
 
     def _symmetric(self, inertia: Any, beta: Any, function: str) -> tuple[Any, Any]:
-        """Check the arguments of a payload ``function``: returns the inertia tensor (default zero) and base parameters.
+        """Check the arguments of a payload ``function``: returns the inertia tensor (default zero) and beta.
 
         Raises ValueError if the tensor is not symmetric, or if neither ``beta`` nor links are given.
         """
-        if beta is None and self.beta is None:
-            raise ValueError(f"{function}: the robot file has no links, so beta= must be given")
+        parameters = self._with_drives(function, beta)
         tensor = np.zeros((3, 3)) if inertia is None else np.asarray(inertia)
         if tensor.shape[-2:] != (3, 3):
             raise ValueError(f"{function}: inertia must be a tensor (3, 3) or (..., 3, 3), got shape {tensor.shape}")
         if np.max(np.abs(tensor - np.swapaxes(tensor, -1, -2))) > ASYMMETRY * np.max(np.abs(tensor)):
             raise ValueError(f"{function}: the inertia tensor is not symmetric")
-        return tensor, self.beta if beta is None else beta
+        return tensor, parameters

@@ -53,7 +53,7 @@ class RegressorFunctions(Calls):
         Returns:
             Y, (..., n, b), in SI units; its columns belong to ``base_parameter_names``.
         """
-        return self._evaluate("regressor", (q, dq, ddq), gravity=gravity)[0]
+        return self._of_links(self._evaluate("regressor", (q, dq, ddq), gravity=gravity)[0])
 
     def regressor_transpose(
         self,
@@ -76,7 +76,7 @@ class RegressorFunctions(Calls):
         Returns:
             r, (..., b), in SI units times the unit of ``e``.
         """
-        return self._evaluate("regressor_transpose", (q, dq, ddq, e), gravity=gravity)[0]
+        return self._of_links(self._evaluate("regressor_transpose", (q, dq, ddq, e), gravity=gravity)[0])
 
     def standard_regressor(
         self,
@@ -100,7 +100,7 @@ class RegressorFunctions(Calls):
         Returns:
             Y, (..., n, 10 n), in SI units.
         """
-        return self._evaluate("standard_regressor", (q, dq, ddq), gravity=gravity)[0]
+        return self._of_links(self._evaluate("standard_regressor", (q, dq, ddq), gravity=gravity)[0])
 
     def identification_regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Base regressor followed by the columns of the drive inertia, friction and offset that the robot file states.

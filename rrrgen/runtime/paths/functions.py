@@ -102,9 +102,8 @@ class PathFunctions(DynamicFunctions):
         kernel = self._timing_kernel()
         given = {"tau_max": tau_max, "dq_max": dq_max, "ddq_max": ddq_max}
         limits = {name: self._bound(name, value) for name, value in given.items()}
-        nominal = {"beta": self.beta, "Ia": self.drive_inertia, "gravity": self.nominal_gravity}
-        wanted = {"beta": beta, "Ia": Ia, "gravity": gravity}
-        values = self._parameters_for(kernel, {k: nominal[k] if v is None else v for k, v in wanted.items()})
+        chosen = self.nominal_gravity if gravity is None else gravity
+        values = self._parameters_for(kernel, {"beta": self._with_drives("time_path", beta, Ia), "gravity": chosen})
         losses = self._friction_for(friction)
         status, where, ds_dt, t = kernel.time(path, limits, losses, (start, end), values)
         if status:
@@ -118,7 +117,7 @@ class PathFunctions(DynamicFunctions):
 
     def _heavy(self, q: Any, tau_max: Any, values: dict[str, Any]) -> str:
         """Text for an error message: the joints whose torque limits cannot hold the arm at ``q`` against gravity."""
-        g = self._evaluate("gravity", (q,), values["beta"], gravity=values.get("gravity"))[0]
+        g = self._evaluate("gravity", (q,), self._of_links(values["beta"]), gravity=values.get("gravity"))[0]
         each = zip(self.spec.joints, np.abs(g), tau_max, strict=True)
         found = [f"{joint.name} needs {need:.3g} and has {limit:.3g}" for joint, need, limit in each if need > limit]
         return f"; to hold the arm against gravity {', '.join(found)} N m (N)" if found else ""
@@ -151,12 +150,9 @@ class PathFunctions(DynamicFunctions):
         return checked if np.any(checked) else None
 
     def _parameters_for(self, kernel: TimingKernel, given: dict[str, Any]) -> dict[str, Any]:
-        """Check ``given`` parameters and complete them by nominal ones; returns those that the path dynamics take."""
+        """Check the ``given`` parameters; returns those that the path dynamics take."""
         program = self._with("path_dynamics").derived.programs["path_dynamics"]
         sizes = {port.name: port.size for port in program.inputs}
-        for name in kernel.further:
-            if given[name] is None:
-                raise ValueError(f"time_path: the robot file has no links, so {name}= must be given")
         return {name: self._vector(name, given[name], sizes[name]) for name in kernel.further}
 
     @staticmethod

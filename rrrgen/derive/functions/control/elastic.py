@@ -104,9 +104,9 @@ def _link_torques(r: Recording, links: Program, motion: Sequence[Vector]) -> lis
         if port.role is Role.GRAVITY:
             inputs.append(list(r.gravity()))
         elif port.role is Role.BASE_PARAMETERS:
-            inputs.append(list(r.beta()))
+            inputs.append([*r.beta()[: port.size - r.drives], *[0] * r.drives])
         else:
-            inputs.append([0] * port.size if port.role is Role.DRIVE_INERTIA else given[port.name])
+            inputs.append(given[port.name])
     values = record(program, r.builder, inputs)
     return [[values[index] for index in row] for row in program.results]
 

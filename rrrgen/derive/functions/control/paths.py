@@ -30,7 +30,6 @@ def path_dynamics(r: Recording) -> Program:
 
     def torques(dq: Sequence[Value], ddq: Sequence[Value], g: Sequence[Value]) -> list[Value]:
         known = {Role.VELOCITY: dq, Role.ACCELERATION: ddq, Role.GRAVITY: g, Role.BASE_PARAMETERS: r.beta()}
-        known[Role.DRIVE_INERTIA] = r.drive_inertia().values
         return replay(program, r.builder, r.inputs_of(program, known))[0]
 
     ports = [

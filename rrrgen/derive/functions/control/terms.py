@@ -68,7 +68,7 @@ def reference_torque(frames: Frames) -> Recorder:
 
 
 def reference_regressor_transpose(r: Recording) -> Program:
-    """Record r = Y(q, dq, v, a)' e (b,) for tau = Y beta = M a + C(q, dq) v + g (without drive inertia)."""
+    """Record r = Y(q, dq, v, a)' e (b,) for tau = Y beta = M a + C(q, dq) v + g."""
     _declared(r, "q", "dq")
     (found,) = along_reference(r, regressor_transpose, _declared(r, "v", "a", "e"))
     port = r.beta_port("Y' e", Role.OTHER, "r")
@@ -98,7 +98,6 @@ def along_reference(r: Recording, recorder: Recorder, reference: Mapping[Role, S
     }
     if program.takes(Role.BASE_PARAMETERS):
         given[Role.BASE_PARAMETERS] = r.beta()
-        given[Role.DRIVE_INERTIA] = r.drive_inertia().values
     half = [Fraction(1, 2) * rate for rate in reference[Role.REFERENCE_VELOCITY]]
     a = reference[Role.REFERENCE_ACCELERATION]
     direction = {Role.VELOCITY: half, Role.ACCELERATION: a, Role.GRAVITY: gravity}
