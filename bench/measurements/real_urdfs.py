@@ -34,9 +34,6 @@ if TYPE_CHECKING:
 AGREE = 1e-9
 """Largest difference of poses (parts of the reach) and torques (parts of the largest one) from the source."""
 
-NEARLY_PARALLEL = 2e-9
-"""The same for an arm whose file has axes that are parallel to 3.6e-9 rad, which are taken as parallel."""
-
 MEETS = 1e-12
 """Largest error of a solution: entries of the rotation matrix, positions in reaches."""
 
@@ -52,7 +49,6 @@ class File:
     path: str
     tip: str = ""
     base: str = ""
-    agree: float = AGREE
 
 
 TOOLBOX, DATA = "rtb-data", "example-robot-data"
@@ -63,7 +59,7 @@ ARMS = {
     "kr210": File(TOOLBOX, "kuka_description/kuka_kr210/urdf/kr210l150.urdf", "tool0"),
     "iiwa14": File(TOOLBOX, "kuka_description/kuka_lbr_iiwa/urdf/lbr_iiwa_14_r820.urdf"),
     "puma560": File(TOOLBOX, "unimation_puma560_description/urdf/puma560_robot.urdf"),
-    "al5d": File(TOOLBOX, "lynxmotion_al5d_description/urdf/al5d_robot.urdf", agree=NEARLY_PARALLEL),
+    "al5d": File(TOOLBOX, "lynxmotion_al5d_description/urdf/al5d_robot.urdf"),
     "panda": File(TOOLBOX, "qut_frankie_description/robots/panda_arm.urdf.xacro"),
     "px100": File(TOOLBOX, "trossen_descriptions/urdf/px100.urdf.xacro", "px100/ee_gripper_link"),
     "wx250s": File(TOOLBOX, "trossen_descriptions/urdf/wx250s.urdf.xacro", "wx250s/ee_gripper_link"),
@@ -119,11 +115,11 @@ def imported(name: str, folder: Path, angle_tolerance: float = ChainChoice.angle
     return import_robot(urdf_of(name, folder), name="arm", chain=chain)
 
 
-def agrees(name: str, difference: SourceComparison) -> bool:
+def agrees(difference: SourceComparison) -> bool:
     """Whether poses, and torques where the file has inertia, are those of the source."""
     return (
         difference.pose is not None
-        and difference.pose <= ARMS[name].agree
+        and difference.pose <= AGREE
         and (difference.torque is None or difference.torque <= AGREE)
     )
 
@@ -205,7 +201,7 @@ def real_urdfs(poses: int, samples: int, seed: int, only: tuple[str, ...]) -> in
                 f"{name:14} {spec.n:6} {pose:>8} {torque:>8}  {verdict:7} {ik.family:10} {ik.rows:9.2f} {ik.lost:5} "
                 f"{ik.error:8.1e} {ik.microseconds:8.2f}  {ik.prescribed}"
             )
-            sound = sound and agrees(name, difference) and verdict == "pass" and ik.ok
+            sound = sound and agrees(difference) and verdict == "pass" and ik.ok
     return 0 if sound else 1
 
 

@@ -24,7 +24,7 @@ class NumericBody:
     of the joint's frame in the frame of that body, at q = 0. ``mass`` (kg), ``com`` (3,) and ``tensor`` (3, 3) about it
     are in the joint's frame; None where the robot file has no links. ``follows`` are the joints that this one follows,
     with their factors; empty for one with a drive. ``direction`` is -1 for a joint of a mechanism that is stated with
-    ``sign: -1``.
+    ``sign: -1``. ``fixed`` marks a row of a mechanism that does not move.
     """
 
     joint: JointSpec
@@ -35,6 +35,7 @@ class NumericBody:
     tensor: Array
     follows: tuple[tuple[str, float], ...] = ()
     direction: int = 1
+    fixed: bool = False
 
     @property
     def axis(self) -> str:
@@ -70,7 +71,8 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
         inertia = _inertia(spec, i, after)
         joint, follows, direction = _motion(spec, i)
         place = (base if parent < 0 else behind[parent]) @ before
-        bodies.append(NumericBody(joint, parent, _cleaned(place), *inertia, follows, direction))
+        fixed = spec.mechanism is not None and not any(spec.mechanism.matrix[i])
+        bodies.append(NumericBody(joint, parent, _cleaned(place), *inertia, follows, direction, fixed))
         behind.append(after)
     gravity = np.array([float(spec.nominal(g)) for g in spec.gravity])
     tip = _cleaned(behind[spec.tip_row] @ _matrix(spec, spec.tool))

@@ -13,6 +13,7 @@ from rrrgen.ik import families
 from rrrgen.ik.coupling import coupling_of, solved_chain
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, numeric_chain
+from rrrgen.ik.geometry.fixed_rows import largest_tilt
 from rrrgen.ik.geometry.nearest import changes, deviation, nearest_special, with_near_frames
 from rrrgen.ik.geometry.snap import snapped
 from rrrgen.ik.geometry.virtual import extended
@@ -87,7 +88,7 @@ def _coupled(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
     The plan has a ``coupling``, which converts solutions of these rows to joint positions.
     """
     chain, S = solved_chain(spec)
-    found = _planned(chain, redundancy)
+    found = _with_tilts(_planned(chain, redundancy))
     if not found.solvable:
         return found
     try:
@@ -99,11 +100,21 @@ def _coupled(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
     if redundancy is not None:
         return _none(chain, f"{chain.joints[redundancy].name} cannot be prescribed, because it follows several joints")
     leading = (k for k in range(chain.n) if coupling.leader(k) is not None)
-    plans = (_planned(chain, k) for k in leading)
+    plans = (_with_tilts(_planned(chain, k)) for k in leading)
     return next(
         (replace(each, coupling=coupling) for each in plans if each.solvable),
         _none(chain, "the rows to the tip are redundant, and none that follows one joint can be prescribed"),
     )
+
+
+def _with_tilts(found: SolverPlan) -> SolverPlan:
+    """Mark the plan of a chain with fixed rows: its equations are those of the arm without their tilts."""
+    tilt = largest_tilt(found.chain)
+    if tilt == 0.0 or not found.solvable:
+        return found
+    why = f"its fixed rows hold tilts of up to {tilt:.1g}, and equations are known without them only"
+    incomplete = found.incomplete or ("" if tilt < SPECIAL else _only_nearby(why))
+    return replace(found, snapped=True, incomplete=incomplete)
 
 
 @lru_cache(maxsize=16)
@@ -139,7 +150,7 @@ def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
         if beside:
             general = replace(general, companion=nearby)
             return replace(general, companion=_quadratic_companion(general) or nearby) if chain.slides else general
-        return nearby if tolerance == SPECIAL else replace(nearby, incomplete=_only_nearby(general))
+        return nearby if tolerance == SPECIAL else replace(nearby, incomplete=_only_nearby(general.reason))
     return general
 
 
@@ -230,11 +241,11 @@ def _dependent(chain: Chain, rank: int, redundancy: int | None) -> str:
     )
 
 
-def _only_nearby(general: SolverPlan) -> str:
+def _only_nearby(reason: str) -> str:
     """Text that says why solutions may be missing: a simpler arm close to the true one is solved instead of it."""
     return (
         "the arm has no complete solver; the configurations of a special arm that is nearly this one are refined on "
-        f"it, and those that only this arm has are not found ({general.reason})"
+        f"it, and those that only this arm has are not found ({reason})"
     )
 
 

@@ -18,6 +18,7 @@ import sympy as sp
 
 from rrrgen.errors import DerivationError
 from rrrgen.ik.geometry.chain import Chain, numeric_chain
+from rrrgen.ik.geometry.fixed_rows import without_fixed_rows
 from rrrgen.ik.geometry.telescope import without_telescopes
 from rrrgen.model.mechanism import FollowerLimits, chain_to_tip, coupling_to_tip, follower_limits
 
@@ -79,8 +80,11 @@ class Coupling:
 
 
 def solved_chain(spec: RobotSpec) -> tuple[Chain, sp.Matrix]:
-    """The chain from base to tip whose joints are solved for, and its coupling ``y = S q``: rows, telescopes joined."""
-    return without_telescopes(numeric_chain(chain_to_tip(spec)), coupling_to_tip(spec))
+    """The chain from base to tip whose joints are solved for, and its coupling ``y = S q``.
+
+    Its joints are the rows, without fixed ones; the slides of a telescope are one joint.
+    """
+    return without_fixed_rows(*without_telescopes(numeric_chain(chain_to_tip(spec)), coupling_to_tip(spec)))
 
 
 def coupling_of(spec: RobotSpec, chain: Chain, S: sp.Matrix) -> Coupling:

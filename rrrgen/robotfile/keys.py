@@ -87,7 +87,9 @@ JOINT = (
     Key("sign", "choice", "-1: q moves against the axis of the row", choices=("1", "+1", "-1")),
     Key("parent", "name", "joint whose link carries this one, or base; the joint before it if missing"),
     Key(
-        "follows", "names", "the joint moves by a sum of multiples of others, {elbow: -1}; its own name: its own drive"
+        "follows",
+        "names",
+        "the joint moves by a sum of multiples of others, {elbow: -1}; its own name: its own drive; {}: a fixed row",
     ),
     Key("limits", "mapping", "joint limits", section="limits"),
     Key("friction", "mapping", "friction at the joint; each key adds its column", section="friction"),

@@ -142,13 +142,13 @@ class _Printer:
         unit = self.units.of(target) if file_units else FileUnits().of(target)
         return _float_text(value, target, unit)
 
-    def joint(self, joint: JointSpec, parent: str, follows: dict[str, sp.Expr]) -> list[str]:
+    def joint(self, joint: JointSpec, parent: str, follows: dict[str, sp.Expr] | None) -> list[str]:
         lines = [f"  - name: {joint.name}", f"    type: {joint.type}"]
         for name, quantity in (("alpha", "angle"), ("a", "length"), ("d", "length"), ("theta", "angle")):
             lines.append(f"    {name}: {self.value(getattr(joint, name), quantity)}")
         if parent:
             lines.append(f"    parent: {parent}")
-        if follows:
+        if follows is not None:
             terms = ", ".join(f"{name}: {number_text(factor)}" for name, factor in follows.items())
             lines.append(f"    follows: {{{terms}}}")
         if joint.limits != Limits():
@@ -233,16 +233,16 @@ class _Printer:
         return lines
 
 
-def _row(spec: RobotSpec, i: int) -> tuple[JointSpec, str, dict[str, sp.Expr]]:
-    """Row ``i`` with the parent and the followed joints that the file must state; empty where they are the default."""
+def _row(spec: RobotSpec, i: int) -> tuple[JointSpec, str, dict[str, sp.Expr] | None]:
+    """Row ``i`` with the parent and the followed joints that the file must state; "" and None for the default."""
     row, mechanism = spec.rows[i], spec.mechanism
     if mechanism is None:
-        return row, "", {}
+        return row, "", None
     counted = {joint.name: joint for joint in spec.joints}
     before = mechanism.parents[i]
     parent = "" if before == i - 1 else BASE if before < 0 else mechanism.rows[before].name
     follows = {name: factor for name, factor in zip(counted, mechanism.matrix[i], strict=True) if factor != 0}
-    return counted.get(row.name, row), parent, {} if follows == {row.name: 1} else follows
+    return counted.get(row.name, row), parent, None if follows == {row.name: 1} else follows
 
 
 def _float_text(value: float, target: Quantity, unit: Unit) -> str:

@@ -55,6 +55,12 @@ def test_a_joint_that_names_itself_has_a_drive_of_its_own():
     assert loads_spec(dumps(spec)) == spec
 
 
+def test_a_row_that_follows_none_is_fixed():
+    spec = loads_spec(TEXT.replace("follows: {crank: 0.02}, limits: {upper: 0.03}", "follows: {}"))
+    assert spec.mechanism.matrix[5] == (0, 0, 0)
+    assert loads_spec(dumps(spec)) == spec
+
+
 def test_sign_turns_the_row_of_the_matrix():
     spec = loads_spec(
         TEXT.replace("d: 0, follows: {arm: 1, crank: -1}", "d: 0, sign: -1, follows: {arm: 1, crank: -1}")
@@ -70,7 +76,7 @@ def test_sign_turns_the_row_of_the_matrix():
         ("parent: column", "parent: rod", "parent of joint 3 is 'rod'", "allowed are base, column, arm"),
         ("{arm: 1, crank: -1}", "{arm: 1, cranck: -1}", "follows 'cranck', which is no joint", "'crank'"),
         ("{crank: 0.02}", "{rod: 0.02}", "joint 'finger' follows 'rod', which follows others itself", "allowed are"),
-        ("{crank: 0.02}", "{}", "follows of joint 'finger' names no joint", "follows: {elbow: -1}"),
+        ("{crank: 0.02}", "{}", "joint 'finger' is fixed and has no limits", "it follows no joint"),
         ("{arm: 1, crank: -1}", "{arm: sqrt(2)}", "follows of joint 'rod' is irrational", "decimal"),
         ("{arm: 1, crank: -1}", "{arm: 1 m}", "m measures a length", ""),
         ("{upper: 0.03}", "{velocity: 0.03}", "joint 'finger': velocity belongs to the joint", "lower"),

@@ -66,21 +66,25 @@ def quaternion(R: Array) -> Array:
 
 
 def _body(name: str, body: NumericBody) -> Iterator[str]:
-    joint = body.joint
     yield f'<body name="{name}" {_place(body.place)}>'
+    if not body.fixed:
+        yield f"  <joint {' '.join(_joint(body))}/>"
+    if body.mass is not None and (body.mass or not body.fixed):
+        J = body.tensor
+        entries = np.array([J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
+        inertia = f'fullinertia="{numbers(entries)}"'
+        yield f'  <inertial pos="{numbers(body.com)}" mass="{number(body.mass)}" {inertia}/>'
+
+
+def _joint(body: NumericBody) -> list[str]:
+    joint = body.joint
     texts = [f'name="{joint.name}"', f'type="{"hinge" if joint.is_revolute else "slide"}"', f'axis="{body.axis}"']
     limits = joint.limits
     if limits.lower is not None and limits.upper is not None:
         texts.append(f'range="{number(limits.lower)} {number(limits.upper)}"')
     if joint.drive is not None and joint.drive.inertia:
         texts.append(f'armature="{number(joint.drive.inertia)}"')
-    texts += _friction(joint.friction)
-    yield f"  <joint {' '.join(texts)}/>"
-    if body.mass is not None:
-        J = body.tensor
-        entries = np.array([J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
-        inertia = f'fullinertia="{numbers(entries)}"'
-        yield f'  <inertial pos="{numbers(body.com)}" mass="{number(body.mass)}" {inertia}/>'
+    return texts + _friction(joint.friction)
 
 
 def _friction(friction: FrictionSpec | None) -> list[str]:
@@ -155,7 +159,9 @@ def _notes(spec: RobotSpec) -> Iterator[str]:
     half = [j.name for j in spec.joints if (j.limits.lower is None) != (j.limits.upper is None)]
     if half:
         yield f"the limits of {', '.join(half)} are left out: MuJoCo limits a joint on both sides or not at all"
-    if spec.mechanism is not None:
+    names = {joint.name for joint in spec.joints}
+    factors = () if spec.mechanism is None else zip(spec.rows, spec.mechanism.matrix, strict=True)
+    if any(row.name not in names and any(each) for row, each in factors):
         yield "joints that follow others are held by equality constraints, which MuJoCo keeps softly"
     yield from unused_entries(spec)
 

@@ -75,10 +75,13 @@ def _joint(body: NumericBody, parent: str, child: str, kinds: Mapping[str, str])
     A joint without limits that follows one with limits has the type of that one, as Pinocchio needs it.
     """
     joint, kind = body.joint, kinds[body.joint.name]
+    ends = [f'    <parent link="{parent}"/>', f'    <child link="{child}"/>']
+    if body.fixed:
+        return [f'  <joint name="{joint.name}" type="fixed">', f"    {_origin(body.place)}", *ends, "  </joint>"]
     if kind == "continuous" and any(kinds[leader] == "revolute" for leader, _ in body.follows):
         kind = "revolute"
     lines = [f'  <joint name="{joint.name}" type="{kind}">', f"    {_origin(body.place)}"]
-    lines += [f'    <parent link="{parent}"/>', f'    <child link="{child}"/>', f'    <axis xyz="{body.axis}"/>']
+    lines += [*ends, f'    <axis xyz="{body.axis}"/>']
     limits = joint.limits
     found = {"effort": limits.torque, "velocity": limits.velocity}
     if kind != "continuous":

@@ -83,7 +83,8 @@ class Chain:
     ``links[i]`` is the constant transform between ``joints[i]`` and ``joints[i+1]``; ``base`` (K_0) comes before the
     first joint and ``tip`` (K_n) after the last one. ``slides``, if any, are displacements (m) of the frames of the
     joints along their axes, which bring frames that lie far away to the arm: :attr:`transforms` and :attr:`reach` are
-    those of the displaced frames.
+    those of the displaced frames. ``between``, if any, are the true transforms between the joints where the ``links``
+    hold them only nearly (:mod:`rrrgen.ik.geometry.fixed_rows`).
     """
 
     name: str
@@ -92,6 +93,7 @@ class Chain:
     links: tuple[Link, ...]
     tip: Matrix
     slides: tuple[float, ...] = field(default=(), repr=False)
+    between: tuple[Matrix, ...] = field(default=(), repr=False)
 
     @property
     def n(self) -> int:
@@ -125,6 +127,8 @@ class Chain:
     @cached_property
     def transforms(self) -> tuple[Matrix, ...]:
         """The constant 3x4 transforms before joint 1, between the joints and behind the last one."""
+        if self.between:
+            return (self.base, *self.between, self.tip)
         plain = (self.base, *(link.matrix() for link in self.links), self.tip)
         if not self.slides:
             return plain
@@ -153,10 +157,11 @@ class Chain:
         """The frames (4, 4) of the joints in the base frame, each before its own displacement, and that of the tip."""
         import numpy as np
 
+        base, *after_joints = self.transforms
         T = np.eye(4)
-        T[:3] = np.array(self.base, dtype=float)
+        T[:3] = np.array(base, dtype=float)
         frames = [T]
-        for i, joint in enumerate(self.joints):
+        for joint, behind in zip(self.joints, after_joints, strict=True):
             x = joint.sign * float(q[joint.index]) + float(joint.offset)
             J = np.eye(4)
             if joint.revolute:
@@ -166,7 +171,7 @@ class Chain:
             else:
                 J[2, 3] = x
             after = np.eye(4)
-            after[:3] = np.array(self.links[i].matrix() if i < self.n - 1 else self.tip, dtype=float)
+            after[:3] = np.array(behind, dtype=float)
             T = T @ J @ after
             frames.append(T)
         return frames

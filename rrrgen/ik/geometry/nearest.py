@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import acos, atan2, cos, hypot, pi, sin
 
-from rrrgen.ik.geometry.chain import Chain, Link
+from rrrgen.ik.geometry.chain import Chain, Link, Matrix
 from rrrgen.ik.geometry.snap import snapped
 from rrrgen.ik.tolerances import NEARLY_PARALLEL, SHORTER
 
@@ -41,7 +41,8 @@ def _levelled(chain: Chain) -> tuple[Chain, tuple[float, ...]]:
         moved = replace(link, d=float(link.d) + shift, ct=ct, st=st)
         c, s, shift = 1.0, 0.0, 0.0
         if abs(float(link.sa)) < NEARLY_PARALLEL and chain.joints[i].revolute and chain.joints[i + 1].revolute:
-            moved, c, s, shift = _pierced(moved)
+            moved, rest, shift = pierced(moved.matrix())
+            c, s = cos(rest), sin(rest)
         links.append(moved)
         slides.append(-shift)
     tip = tuple(
@@ -53,20 +54,19 @@ def _levelled(chain: Chain) -> tuple[Chain, tuple[float, ...]]:
     return level, tuple(slides)
 
 
-def _pierced(link: Link) -> tuple[Link, float, float, float]:
-    """Replace a link between nearly parallel axes by one between parallel axes: (link, c, s, shift).
+def pierced(M: Matrix) -> tuple[Link, float, float]:
+    """Replace the transform ``M`` between nearly parallel axes by a link between parallel axes: (link, angle, shift).
 
-    The new link ends where the second axis pierces the plane of the first frame. ``Rz Tz(shift)``, with c and s the
-    cosine and sine of the rotation, leads from there to where ``link`` ends.
+    The link ends where the second axis pierces the plane of the first frame. ``Rz(angle) Tz(shift)`` leads from there
+    to where ``M`` ends.
     """
-    M = link.matrix()
     shift = float(M[2][3]) / float(M[2][2])
     x, y = (float(M[i][3]) - shift * float(M[i][2]) for i in range(2))
     a = hypot(x, y)
     ct, st = (x / a, y / a) if a > 0.0 else (1.0, 0.0)
     ca = 1.0 if float(M[2][2]) > 0 else -1.0
     rest = atan2(ca * (float(M[1][0]) * ct - float(M[0][0]) * st), float(M[0][0]) * ct + float(M[1][0]) * st)
-    return Link(0.0, a, ca, 0.0, ct, st), cos(rest), sin(rest), shift
+    return Link(0.0, a, ca, 0.0, ct, st), rest, shift
 
 
 def deviation(chain: Chain, special: Chain) -> float:

@@ -12,7 +12,7 @@ from rrrgen.ik.geometry.chain import Chain, Link, Number
 def snapped(chain: Chain, tolerance: float) -> Chain:
     """Set the lengths below ``tolerance`` times the reach, and sines and cosines below ``tolerance``, to zero."""
     least = tolerance * chain.reach
-    return replace(chain, links=tuple(_snap(link, least, tolerance) for link in chain.links))
+    return replace(chain, links=tuple(_snap(link, least, tolerance) for link in chain.links), between=())
 
 
 def _snap(link: Link, least: float, tolerance: float) -> Link:

@@ -47,29 +47,36 @@ def followed_rows(chain: SerialChain) -> list[Followed | None]:
 
 
 def with_followers(
-    joints: Sequence[JointSpec], follows: Sequence[Followed | None], faults: FaultList, chain: SerialChain
+    joints: Sequence[JointSpec], places: Sequence[int | None], faults: FaultList, chain: SerialChain
 ) -> tuple[tuple[JointSpec, ...], MechanismSpec | None]:
-    """Make the driven joints and the mechanism that relates all rows to them; None for the latter without followers.
+    """Make the driven joints and the mechanism that relates all rows to them; None where each row is a driven joint.
 
+    ``joints`` are the rows, and ``places`` the number in ``chain`` of the joint of each, None for a fixed row.
     Friction, inertia and limits of a following joint are transferred to the joint that it follows; a warning says so.
     """
-    if not any(follows):
+    found = followed_rows(chain)
+    if not any(found) and None not in places:
         return tuple(joints), None
     rows = list(joints)
+    row_of = {joint: k for k, joint in enumerate(places) if joint is not None}
+    follows = {row_of[k]: None if each is None else replace(each, of=row_of[each.of]) for k, each in enumerate(found)}
     matrix = []
-    driven = [k for k, each in enumerate(follows) if each is None]
-    for k, each in enumerate(follows):
+    driven = [k for k, each in follows.items() if each is None]
+    for k, row in enumerate(joints):
+        if k not in follows:
+            matrix.append([sp.S.Zero for _ in driven])
+            continue
+        each = follows[k]
         matrix.append([sp.S.One if (k if each is None else each.of) == i else sp.S.Zero for i in driven])
         if each is None:
             continue
-        row = rows[k]
         offset = {"theta" if row.is_revolute else "d": (row.theta if row.is_revolute else row.d) + each.offset}
         rows[each.of] = _carrying(rows[each.of], row, float(each.factor))
         # limits count from the zero of the row's own variable, which now is the offset
         bounds = (None if v is None else v - float(each.offset) for v in (row.limits.lower, row.limits.upper))
         rows[k] = replace(row, limits=Limits(*bounds), friction=None, drive=None, **offset)
         matrix[-1] = [value * each.factor for value in matrix[-1]]
-        place = chain.joints[k].joint.place
+        place = chain.joints[places[k] or 0].joint.place
         message = f"joint '{row.name}' follows '{rows[each.of].name}' and is no joint of q"
         hint = "its friction, inertia and limits of position and speed count at the joint that it follows"
         told = "" if row.limits.torque is None else "; its torque limit is left out"

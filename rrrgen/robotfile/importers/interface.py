@@ -49,7 +49,8 @@ class ImportedChain:
     """The serial chain that an importer took from a tree of bodies: ends, moving joints, held joints, by their names.
 
     ``offsets`` are the displacements (rad, m) of the moving joints at q = 0; they are not zero for some joints that
-    follow others.
+    follow others. ``rows`` are the numbers (from 0) of the moving joints' rows in the table, which may have fixed rows
+    besides.
     """
 
     base: str
@@ -57,6 +58,7 @@ class ImportedChain:
     joints: tuple[str, ...]
     held: Mapping[str, float]
     offsets: tuple[float, ...] = ()
+    rows: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Reader of mechanisms: lists of joints in which some follow others, or which branch.
 
-Keys of a row: ``follows`` gives its displacement as a sum of multiples of joint positions, ``parent`` names the joint
-whose link carries it. The file's key ``tip`` names the joint whose link carries the tool.
+Keys of a row: ``follows`` gives its displacement as a sum of multiples of joint positions, none for a fixed row;
+``parent`` names the joint whose link carries it. The file's key ``tip`` names the joint whose link carries the tool.
 """
 
 from __future__ import annotations
@@ -94,7 +94,10 @@ def _read_parent(entry: tuple[Scalar, Node] | None, i: int, names: list[str], sc
 
 
 def _read_follows(entry: tuple[Scalar, Node] | None, row: JointSpec, scope: Scope) -> Factors | None:
-    """Read the factors, by joint name, of the joints that a row follows; None for a row with a drive of its own."""
+    """Read the factors, by joint name, of the joints that a row follows; None for a row with a drive of its own.
+
+    A row that follows none is fixed.
+    """
     if entry is None:
         return None
     factors: Factors = {}
@@ -107,10 +110,6 @@ def _read_follows(entry: tuple[Scalar, Node] | None, row: JointSpec, scope: Scop
             scope.faults.error(value, f"the factor of {name} in {what} is irrational", hint)
         elif factor is not None:
             factors[name] = factor
-    if not factors:
-        scope.faults.error(
-            entry[1], f"{what} names no joint", "follows: {elbow: -1}; a fixed joint belongs to the link"
-        )
     return factors
 
 
@@ -136,6 +135,9 @@ def _check_followed(
         why = "follows others itself" if itself is not None else "is no joint"
         scope.faults.error(key, f"joint '{row.name}' follows '{name}', which {why}", hint)
     if row.name in factors:
+        return
+    if not factors and "limits" in keys:
+        scope.faults.error(keys["limits"][0], f"joint '{row.name}' is fixed and has no limits", "it follows no joint")
         return
     for section in _OF_DRIVES:
         if section in keys:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from robotfile.importers.random_trees import random_tree
 from rrrgen.errors import InputError
+from rrrgen.export.exporting import export_robot
 from rrrgen.robotfile import dumps, loads_spec
 from rrrgen.robotfile.importers.importing import import_robot
 from rrrgen.robotfile.importers.interface import ChainChoice
@@ -85,6 +87,28 @@ def test_random_chains_equal_pinocchio(convention, tmp_path):
         assert compared.torque < AGREE, (seed, compared)
         joints += found.spec.n
     assert joints > 25
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+@pytest.mark.parametrize("tilt", [1e-3, 1e-5, 1e-8])
+def test_nearly_parallel_axes_keep_their_tilt(tilt, convention, tmp_path):
+    """Common perpendiculars up to 1e8 m away would cost the digits of torques; fixed rows hold such tilts instead."""
+    pytest.importorskip("pinocchio")
+    text = ARM.replace('<origin xyz="0.5 0 0"/>', f'<origin xyz="0.5 0.1 0.2" rpy="{tilt} {tilt} 0"/>')
+    text = text.replace('rpy="1.5708 0 0"', 'rpy="1.2 0 0.3"')
+    choice = ChainChoice(angle_tolerance=0.0, convention=convention)
+    found = import_robot(write(tmp_path, text), chain=choice)
+    compared = compare_with_source(found)
+    assert max(compared.pose, compared.torque) < 1e-10, compared
+    fixed = [row.name for row in found.spec.rows if row.name not in {joint.name for joint in found.spec.joints}]
+    assert fixed == ([] if tilt > 1e-4 else ["tilt_fore_arm"])
+    assert ("the fixed row tilt_fore_arm holds that tilt" in said(found)) == bool(fixed)
+    if fixed:
+        (text,) = export_robot(found.spec, "urdf").files.values()
+        again = import_robot(write(tmp_path, text, "again.urdf"), chain=replace(choice, tip="tip"))
+        assert [row.name for row in again.spec.rows] == [row.name for row in found.spec.rows]
+        assert compare_with_source(again).torque < AGREE
+        assert import_robot(tmp_path / "arm.urdf").spec.mechanism is None or tilt > 5e-6  # parallel within 1e-5 rad
 
 
 def test_a_chain_may_begin_anywhere_and_run_towards_the_root(tmp_path):

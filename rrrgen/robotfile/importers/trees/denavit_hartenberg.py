@@ -6,6 +6,10 @@ intersect, it has the direction of their vector product; where they are parallel
 they coincide, the last x axis is kept. Of its two directions the one with theta in (-90, 90] degrees is taken, so that
 a may be negative.
 
+The common perpendicular of nearly parallel axes may lie kilometres away, where doubles lose the digits of positions and
+inertia. There a *fixed row* stands between the rows of the two joints: a row without motion, whose axis leads from one
+joint axis to the other at a right angle. It holds the small tilt, and all frames stay at the arm.
+
 Every row starts from the frame that the rows before it give. Where an angle was replaced by an exact one, the following
 rows are computed from the changed frame, so that errors do not add up from row to row; only the change of the last row
 moves the tip.
@@ -38,6 +42,8 @@ from rrrgen.robotfile.importers.trees.serial_chain import SerialChain
 from rrrgen.robotfile.robot_spec import Convention
 
 PARALLEL = 1e-8  # rad; nearer directions are one: doubles lose as much at a perpendicular 10^8 times as far away
+NO_TILT = 1e-11  # rad; the same where fixed rows are allowed: the pose changes by 3e-11 of the reach
+FAR = 1e3  # m; with frames farther away doubles lose more than 1e-10 of the torques of an arm of 1 m, as (d/m)^2 eps
 _Z = vector((0, 0, 1))
 
 
@@ -45,13 +51,14 @@ _Z = vector((0, 0, 1))
 class Row:
     """One row of the table at q = 0: ``theta`` about and ``d`` along z, then ``a`` along and ``alpha`` about the new x.
 
-    Angles are in rad, lengths in m.
+    Angles are in rad, lengths in m. ``joint`` is the number (from 0) of its joint in the chain; None for a fixed row.
     """
 
     theta: Any = 0
     d: Any = 0
     a: Any = 0
     alpha: Any = 0
+    joint: int | None = None
 
 
 @dataclass
@@ -68,21 +75,47 @@ class DenavitHartenberg:
     rounded: list[Any] = field(default_factory=list)
 
 
-def denavit_hartenberg(chain: SerialChain, convention: Convention, tolerance: float) -> DenavitHartenberg:
-    """The rows of ``chain``; an angle within ``tolerance`` (rad) of a multiple of 15 degrees becomes that multiple."""
-    return _Walk(chain, convention, number(tolerance)).result
+def denavit_hartenberg(
+    chain: SerialChain, convention: Convention, tolerance: float, fixed_rows: bool = False
+) -> DenavitHartenberg:
+    """The rows of ``chain``; an angle within ``tolerance`` (rad) of a multiple of 15 degrees becomes that multiple.
+
+    With ``fixed_rows``, fixed rows hold the tilt of nearly parallel axes; otherwise there is a row for every joint.
+    """
+    return _Walk(chain, convention, number(tolerance), fixed_rows).result
 
 
 class _Walk:
-    def __init__(self, chain: SerialChain, convention: Convention, tolerance: Any) -> None:
+    def __init__(self, chain: SerialChain, convention: Convention, tolerance: Any, fixed_rows: bool) -> None:
         self.chain, self.tolerance = chain, tolerance
+        self.parallel = max(tolerance, number(NO_TILT if fixed_rows else PARALLEL))
         self.frame, d = _first_frame(chain)
-        self.rows = [Row(d=d)]
+        self.rows = [Row(d=d, joint=0)]
         self.result = DenavitHartenberg(self.frame, self.rows, identity(), [])
         self._move(transform(identity(3), (0, 0, d)))
-        for joint in chain.joints[1:]:
-            self._to_axis(joint.point, joint.direction, convention)
+        for k, joint in enumerate(chain.joints[1:], 1):
+            across = self._tilted_axis(joint.point, joint.direction) if fixed_rows else None
+            if across is not None:
+                self._to_axis(*across, convention, None)
+            self._to_axis(joint.point, joint.direction, convention, k)
         self._to_tip(convention)
+
+    def _tilted_axis(self, point: Array, direction: Array) -> tuple[Array, Array] | None:
+        """The axis (point, direction) of a fixed row towards the next axis; None where no fixed row is needed.
+
+        It starts at the last origin and meets the next axis where that crosses the plane normal to z.
+        """
+        p, u = self._seen(point, direction)
+        _, height = self._perpendicular(p, u)
+        if abs(height) <= FAR:
+            return None
+        met = p - p[2] / u[2] * u
+        return self.frame[:3, 3], self.frame[:3, :3] @ (met / norm(met))
+
+    def _seen(self, point: Array, direction: Array) -> tuple[Array, Array]:
+        """An axis in the last frame."""
+        to_frame = inverse(self.frame)
+        return to_frame[:3, :3] @ point + to_frame[:3, 3], to_frame[:3, :3] @ direction
 
     def _move(self, step: Array) -> None:
         self.frame = self.frame @ step
@@ -93,10 +126,9 @@ class _Walk:
             self.result.rounded.append(abs(exact - angle))
         return exact
 
-    def _to_axis(self, point: Array, direction: Array, convention: Convention) -> None:
-        """Complete the last row so that it leads to the next axis (``point``, ``direction``), and begin a new row."""
-        to_frame = inverse(self.frame)
-        p, u = to_frame[:3, :3] @ point + to_frame[:3, 3], to_frame[:3, :3] @ direction
+    def _to_axis(self, point: Array, direction: Array, convention: Convention, joint: int | None) -> None:
+        """Complete the last row so that it leads to the next axis (``point``, ``direction``), and begin its row."""
+        p, u = self._seen(point, direction)
         x, height = self._perpendicular(p, u)
         theta = self._exact(HIGH.atan2(x[1], x[0]))
         x = vector((HIGH.cos(theta), HIGH.sin(theta), 0))
@@ -109,7 +141,7 @@ class _Walk:
         self._link_frame(convention, "modified")
         self._move(transform(rotation((1, 0, 0), alpha), (a, 0, 0)))
         self._link_frame(convention, "standard")
-        self.rows.append(Row())
+        self.rows.append(Row(joint=joint))
 
     def _link_frame(self, convention: Convention, ends_here: Convention) -> None:
         if convention == ends_here:
@@ -120,7 +152,7 @@ class _Walk:
         across = HIGH.sqrt(u[0] ** 2 + u[1] ** 2)
         offset = HIGH.sqrt(p[0] ** 2 + p[1] ** 2)
         height = number(0)
-        if across > max(self.tolerance, number(PARALLEL)):
+        if across > self.parallel:
             x = vector((-u[1] / across, u[0] / across, 0))
             y = cross(_Z, x)
             height = _no_noise(p[2] - sum(p * y) / sum(u * y) * u[2])

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import chain as in_turn
+from itertools import count
 from typing import Any
 
 import sympy as sp
 
 from rrrgen.robotfile.importers.followers import followed_rows, with_followers
 from rrrgen.robotfile.importers.interface import ChainChoice, Found, ImportedChain, Source
-from rrrgen.robotfile.importers.trees.denavit_hartenberg import DenavitHartenberg, denavit_hartenberg
+from rrrgen.robotfile.importers.trees.denavit_hartenberg import DenavitHartenberg, Row, denavit_hartenberg
 from rrrgen.robotfile.importers.trees.exact_numbers import (
     NOISE,
     Array,
+    cross,
     decimal,
     exact_angle,
     exact_length,
     exact_rotation,
     inverse,
+    norm,
 )
 from rrrgen.robotfile.importers.trees.serial_chain import Ends, SerialChain, serial_chain
 from rrrgen.robotfile.importers.trees.shaft_drives import drives_of
@@ -36,15 +41,15 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     chain = serial_chain(tree, Ends(choice.base, choice.tip, choice.held), faults)
     if chain is None:
         return None
-    table = denavit_hartenberg(chain, choice.convention, choice.angle_tolerance)
+    table = denavit_hartenberg(chain, choice.convention, choice.angle_tolerance, fixed_rows=True)
     _tell_about_angles([*rounded, *table.rounded], choice, faults)
     _tell_about_distance(chain, table, faults)
     _tell_about_held(chain, faults)
     names = _joint_names(chain, faults)
     links = _links(chain, table, faults)
-    follows = followed_rows(chain)
-    rows = [_joint(k, name, chain, table, choice) for k, name in enumerate(names)]
-    joints, mechanism = with_followers(rows, follows, faults, chain)
+    rows = _rows(names, chain, table, choice)
+    _tell_about_fixed_rows(chain, table, rows, choice, faults)
+    joints, mechanism = with_followers(rows, [row.joint for row in table.rows], faults, chain)
     if mechanism is not None and tree.shafts:
         faults.warning(
             tree.shafts[0].place, "tendons are left out", "beside joints that follow others they are not read"
@@ -64,9 +69,10 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
         description=f"{chain.base} to {chain.tip}",
     )
     held = {joint: float(value) for joint, value in chain.held.items()}
-    offsets = tuple(0.0 if each is None else float(each.offset) for each in follows)
+    offsets = tuple(0.0 if each is None else float(each.offset) for each in followed_rows(chain))
     moving = tuple(each.joint.name for each in chain.joints)
-    return Found(spec, ImportedChain(chain.base, chain.tip, moving, held, offsets))
+    places = tuple(i for i, row in enumerate(table.rows) if row.joint is not None)
+    return Found(spec, ImportedChain(chain.base, chain.tip, moving, held, offsets, places))
 
 
 def _tell_about_angles(rounded: list[Any], choice: ChainChoice, faults: FaultList) -> None:
@@ -78,11 +84,24 @@ def _tell_about_angles(rounded: list[Any], choice: ChainChoice, faults: FaultLis
 
 
 def _tell_about_distance(chain: SerialChain, table: DenavitHartenberg, faults: FaultList) -> None:
-    for joint, row in zip(chain.joints, table.rows, strict=True):
-        if abs(row.d) > LARGEST_BARE_LENGTH:
+    for row in table.rows:
+        if row.joint is not None and abs(row.d) > LARGEST_BARE_LENGTH:
+            joint = chain.joints[row.joint]
             message = f"d of '{joint.joint.name}' is {float(row.d):g} m: two axes are nearly parallel"
             hint = "a larger --angle-tolerance takes them as parallel; far frames lose digits of positions and inertia"
             faults.warning(joint.joint.place, message, hint)
+
+
+def _tell_about_fixed_rows(
+    chain: SerialChain, table: DenavitHartenberg, rows: list[JointSpec], choice: ChainChoice, faults: FaultList
+) -> None:
+    for i, row in enumerate(table.rows):
+        if row.joint is None:
+            before, behind = (chain.joints[table.rows[k].joint or 0] for k in (i - 1, i + 1))
+            tilt = float(norm(cross(before.direction, behind.direction)))
+            between = f"the axes of '{before.joint.name}' and '{behind.joint.name}' are parallel to {tilt:.1e} rad"
+            hint = f"a larger --angle-tolerance than {choice.angle_tolerance:g} rad takes them as parallel"
+            faults.warning(behind.joint.place, f"{between}: the fixed row {rows[i].name} holds that tilt", hint)
 
 
 def _tell_about_held(chain: SerialChain, faults: FaultList) -> None:
@@ -105,23 +124,27 @@ def _joint_names(chain: SerialChain, faults: FaultList) -> list[str]:
     return names
 
 
-def _joint(k: int, name: str, chain: SerialChain, table: DenavitHartenberg, choice: ChainChoice) -> JointSpec:
-    row = table.rows[k]
-    joint = chain.joints[k].joint
-    standard = choice.convention == "standard"
-    twist = row if standard else (table.rows[k - 1] if k else None)
-    kind: JointType = "revolute" if joint.kind == "revolute" else "prismatic"
-    return JointSpec(
-        name=name,
-        type=kind,
-        alpha=exact_angle(twist.alpha) if twist else sp.S.Zero,
-        a=exact_length(twist.a) if twist else sp.S.Zero,
-        d=exact_length(row.d),
-        theta=exact_angle(row.theta),
-        limits=joint.limits,
-        friction=joint.friction,
-        drive=joint.drive,
-    )
+def _rows(names: list[str], chain: SerialChain, table: DenavitHartenberg, choice: ChainChoice) -> list[JointSpec]:
+    """The rows of the robot file; those without a joint are named after the joint behind them."""
+    rows: list[JointSpec] = []
+    taken = set(names)
+    for i, row in enumerate(table.rows):
+        twist = row if choice.convention == "standard" else table.rows[i - 1] if i else Row()
+        geometry = {"alpha": exact_angle(twist.alpha), "a": exact_length(twist.a)}
+        geometry |= {"d": exact_length(row.d), "theta": exact_angle(row.theta)}
+        if row.joint is None:
+            behind = names[table.rows[i + 1].joint or 0]
+            name = next(
+                each for each in in_turn((f"tilt_{behind}",), map("tilt{}".format, count(1))) if each not in taken
+            )
+            taken.add(name)
+            rows.append(JointSpec(name, "revolute", **geometry))
+        else:
+            joint = chain.joints[row.joint].joint
+            kind: JointType = "revolute" if joint.kind == "revolute" else "prismatic"
+            named = JointSpec(names[row.joint], kind, **geometry)
+            rows.append(replace(named, limits=joint.limits, friction=joint.friction, drive=joint.drive))
+    return rows
 
 
 def _links(chain: SerialChain, table: DenavitHartenberg, faults: FaultList) -> tuple[LinkSpec, ...] | None:
@@ -130,9 +153,10 @@ def _links(chain: SerialChain, table: DenavitHartenberg, faults: FaultList) -> t
         faults.warning(None, "no link of the chain has inertia", hint)
         return None
     links = []
-    for k, (inertia, frame) in enumerate(zip(chain.links, table.link_frames, strict=True)):
-        if inertia is None:
-            joint = chain.joints[k].joint
+    for row, frame in zip(table.rows, table.link_frames, strict=True):
+        inertia = None if row.joint is None else chain.links[row.joint]
+        if row.joint is not None and inertia is None:
+            joint = chain.joints[row.joint].joint
             faults.warning(joint.place, f"the link behind '{joint.name}' has no inertia", "its mass is taken as 0")
         links.append(link_in_frame(inertia, frame))
     return tuple(links)
