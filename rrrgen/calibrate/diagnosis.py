@@ -9,12 +9,13 @@ residuals are clearly the smallest; where several fit alike, all of them are.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from rrrgen.calibrate.estimation import USED, Calibration, calibrate, fitted_ends
-from rrrgen.calibrate.geometry import Geometry
+from rrrgen.calibrate.geometry import Geometry, rotation_vectors
 from rrrgen.calibrate.measurement_file import MeasurementTable
 from rrrgen.calibrate.measurements import Measurements
 from rrrgen.calibrate.minimal_set import UnreachableError
@@ -32,6 +33,10 @@ MENDED = 1e3
 CLEARLY = 9.0
 """Ratio of the mean squares of two readings above which the smaller one is right, for many degrees of freedom. With f
 of them the ratio is ``CLEARLY (1 + 10 / f)``, which normal errors exceed with a probability below 1e-3 from f = 6."""
+STEPS = 12
+"""Steps in which a fit of base and tool comes to the millimetres of the table."""
+FIRST_STEPS, HOPELESS = 3, 400.0
+"""Readings whose mean square is this many times the least one after the first steps are not followed further."""
 NAMED = 4
 """Largest number of mistakes that fit alike and are all named."""
 
@@ -40,8 +45,8 @@ NAMED = 4
 class Reading:
     """How well measurements fit a robot by its base and tool alone.
 
-    ``square`` is the mean square of residuals, lengths over ``LARGE`` reaches, angles over ``LARGE_ANGLE``, per degree
-    of freedom; ``freedom`` is the number of these.
+    ``square`` is the mean square of residuals per degree of freedom, lengths over ``LARGE`` reaches, angles over
+    ``LARGE_ANGLE``; ``freedom`` is the number of these degrees.
     """
 
     square: float
@@ -66,11 +71,9 @@ def estimate_checked(
     Raises :class:`InputError`, with the mistake if it is found, and what :func:`calibrate` raises.
     """
     message = "the robot does not reach most of the measured values from where its base stands"
-    found, hint = None, None
-    try:
+    found = None
+    with suppress(UnreachableError):
         found = calibrate(nominal, measured, robust)
-    except UnreachableError:
-        pass
     belongs = found is not None and _belongs(found, nominal, measured)
     if found is not None and belongs and (found.outliers or _reading(nominal, measured).fits):
         return found
@@ -101,11 +104,20 @@ def _reach(nominal: Geometry, measured: Measurements) -> float:
     return float(np.max(np.linalg.norm(p, axis=1)))
 
 
-def _reading(nominal: Geometry, measured: Measurements) -> Reading:
-    """Fit base, tool and fixtures to the measurements; raises what the fit raises."""
-    residuals, count = fitted_ends(nominal, measured)
-    scale = np.full(residuals.shape[1], LARGE * _reach(nominal, measured))
-    scale[3:] = LARGE_ANGLE
+def _reading(nominal: Geometry, measured: Measurements, steps: int = STEPS) -> Reading:
+    """Fit base, tool and fixtures to the measurements; raises what the fit raises.
+
+    Residuals count relative to how far the tip moves, too: where units are mistaken such that nothing moves, base and
+    tool fit anything.
+    """
+    residuals, count = fitted_ends(nominal, measured, steps)
+    T = nominal.forward(measured.q)
+    p, R = T[:, :3, 3], T[:, :3, :3]
+    moved = 2 * float(np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))))
+    turned = float(np.sqrt(np.mean(np.sum(rotation_vectors(R @ R[0].T) ** 2, axis=1))))
+    scale = np.full(residuals.shape[1], LARGE * min(_reach(nominal, measured), moved))
+    scale[3:] = LARGE_ANGLE * min(1.0, turned)
+    scale = np.maximum(scale, 1e-12)
     freedom = residuals.size - count
     return Reading(float(np.sum((residuals / scale) ** 2)) * min(3, len(scale)) / max(1, freedom), freedom)
 
@@ -113,7 +125,7 @@ def _reading(nominal: Geometry, measured: Measurements) -> Reading:
 def _outliers(found: Calibration, nominal: Geometry, measured: Measurements, robust: bool) -> str | None:
     """What robust estimation makes of the measurements; None if most of them do not fit even then."""
     try:
-        trial = found if robust else calibrate(nominal, measured, robust=True)
+        trial = found if robust else calibrate(nominal, measured, robust=True, steps=STEPS)
     except DerivationError:
         return None
     if trial.outliers and _belongs(trial, nominal, measured) and trial.chi2_per_dof < MENDED:
@@ -123,13 +135,16 @@ def _outliers(found: Calibration, nominal: Geometry, measured: Measurements, rob
 
 def _cause(nominal: Geometry, measured: Measurements, table: MeasurementTable) -> str | None:
     """The mistakes that, undone, leave the smallest residuals; None if none of them explains the measurements."""
-    tried: list[tuple[Mistake, Reading]] = []
+    rough: list[tuple[Mistake, Measurements, Reading]] = []
     for mistake in mistakes(table, nominal):
         try:
             again = mistake.table.measurements(measured.sigma, measured.sigma_angle)
-            tried.append((mistake, _reading(nominal, again)))
+            rough.append((mistake, again, _reading(nominal, again, FIRST_STEPS)))
         except (DerivationError, InputError, np.linalg.LinAlgError):
             continue
+    least = min((reading.square for *_, reading in rough), default=0.0)
+    likely = [(mistake, again) for mistake, again, reading in rough if reading.square <= HOPELESS * least]
+    tried = [(mistake, _reading(nominal, again)) for mistake, again in likely]
     best = min((reading for _, reading in tried), key=lambda each: each.square, default=None)
     if best is None or not best.fits or _reading(nominal, measured).as_good_as(best):
         return None

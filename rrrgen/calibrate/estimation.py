@@ -14,7 +14,6 @@ from rrrgen.errors import DerivationError
 
 STEPS = 50
 CONVERGED = 1e-10  # of the standard deviations: a step this small ends the iteration
-ROUGH_STEPS = 10  # by then a fit of base and tool has millimetres, of decimetres that wrong readings leave
 HUBER = 1.345  # tuning constant of Huber's weights: 95 % efficiency for normal errors
 TUKEY = 4.685
 REWEIGHTED = 30
@@ -137,16 +136,17 @@ def _aligned(nominal: Geometry, measured: Measurements) -> Geometry:
     return nominal if len(p) < 3 else replace(nominal, base=T @ nominal.base)
 
 
-def fitted_ends(nominal: Geometry, measured: Measurements) -> tuple[Array, int]:
+def fitted_ends(nominal: Geometry, measured: Measurements, steps: int) -> tuple[Array, int]:
     """Fit base, tool and fixtures alone: the residuals (N, components) that stay, and the number of parameters.
 
-    Where no positions are measured the base stays. Steps are shortest ones, as base and tool need not be determined.
+    Where no positions are measured the base stays. At most ``steps`` are made, shortest ones, as base and tool need not
+    be determined.
     """
     start = measured.with_fixtures(_aligned(nominal, measured))
     places = ("base", "tool") if measured.kind in ("pose", "point") else ("fixture", "tool")
     entries = tuple(entry for entry in start.entries() if entry.place in places)
     ones: Array = np.ones(len(measured.q))
-    geometry, _ = _solve(start, measured, entries, ones, ROUGH_STEPS)
+    geometry, _ = _solve(start, measured, entries, ones, steps)
     A, _ = _system(geometry, measured, entries, ones)
     rank = int(np.linalg.matrix_rank(A / np.maximum(np.linalg.norm(A, axis=0), 1e-12), tol=1e-6))
     return measured.residuals(geometry), rank

@@ -47,7 +47,7 @@ def _units(table: MeasurementTable, nominal: Geometry) -> Iterator[Mistake]:
         for what, columns, units in (
             ("joint positions", turning, rad),
             ("lengths", lengths, m),
-            ("angles", angles, rad),
+            ("rotation angles", angles, rad),
         )
         if columns
     ]

@@ -86,7 +86,7 @@ MISTAKES: dict[str, Change] = {
     "mm": lambda c, r: _scaled(c, list("xyz"), 1e3, "lengths in mm"),
     "inches": lambda c, r: _scaled(c, list("xyz"), 1 / 0.0254, "lengths in inches"),
     "degrees": lambda c, r: _scaled(c, _joints(c), 180 / np.pi, "joint positions in deg"),
-    "angles in degrees": lambda c, r: _scaled(c, ["roll", "pitch", "yaw"], 180 / np.pi, "angles in deg"),
+    "angles in degrees": lambda c, r: _scaled(c, ["roll", "pitch", "yaw"], 180 / np.pi, "rotation angles in deg"),
     "angle columns": lambda c, r: _exchange(c, "roll", "yaw").replace("the columns roll and yaw exchanged",
                                                                        "in the order yaw, pitch, roll"),
     "a column of other rows": _shifted,

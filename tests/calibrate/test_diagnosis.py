@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from calibrate.mistakes_study import outcome
 from calibrate.virtual import NOISE, measure, off_the_table, positions
 from rrrgen.calibrate.diagnosis import estimate_checked
 from rrrgen.calibrate.measurement_file import read_table
@@ -53,7 +54,7 @@ def test_columns_that_were_exchanged_are_found(tmp_path):
     for header, hint in (
         ("q2,q1,q3,x,y,z,qw,qx,qy,qz", "the columns q1 and q2 exchanged"),
         ("q1,q2,q3,y,x,z,qw,qx,qy,qz", "the columns x and y exchanged"),
-        ("q1,q2,q3,x,y,z,qz,qw,qx,qy", "if the four numbers are in the order qx qy qz qw"),
+        ("q1,q2,q3,x,y,z,qz,qw,qx,qy", "with the four numbers in the order qx qy qz qw"),
     ):
         quaternions = [quaternion(R) for R in T[:, :3, :3]]
         rows = np.column_stack([q, T[:, :3, 3], quaternions])
@@ -63,6 +64,12 @@ def test_columns_that_were_exchanged_are_found(tmp_path):
         with pytest.raises(InputError) as caught:
             estimate_checked(nominal, table.measurements(NOISE, 1e-4), table)
         assert hint in str(caught.value)
+
+
+@pytest.mark.parametrize("mistake", ["position columns", "joint columns", "none"])
+def test_a_mistake_is_named_rightly_from_few_poses_or_not_at_all(mistake, tmp_path):
+    """The kind of mistake that had the wrong name from 16 poses; ``mistakes_study`` asks for more seeds and arms."""
+    assert [outcome("rrr", mistake, count, 3, tmp_path) for count in (8, 16)] == ["right", "right"]
 
 
 def quaternion(R):
