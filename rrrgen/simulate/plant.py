@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -194,7 +195,7 @@ class Plant:
         flexible = self.joints is not None or self.base is not None
         return flexible or self.friction.has_state or self.friction.couples_joints
 
-    @property
+    @cached_property
     def layout(self) -> dict[str, slice]:
         """Slices of the state vector by name: ``q``, ``dq`` of the links, then rotors, bristles and base if present."""
         parts = [("q", self.n), ("dq", self.n)]
