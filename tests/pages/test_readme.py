@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from pages.test_pages import blocks, calls
-from pages.test_tutorials import READER, ROOT
+from pages.test_tutorials import ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXTRAS = ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel", "pinocchio", "mujoco", "roboticstoolbox")
@@ -36,6 +36,13 @@ class Missing(importlib.abc.MetaPathFinder):
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 
 sys.meta_path.insert(0, Missing())
+
+import json
+from pages.reader import follow
+from rrrgen.runs import figures
+
+figures.PRINT = 60  # as for all tests, whose conftest.py does not reach this process
+follow(json.loads(sys.argv[1]))
 """
 
 
@@ -58,8 +65,9 @@ def test_a_newcomer_gets_to_a_verified_model(tmp_path: Path) -> None:
         *(("sh", each) for each in others),
     ]
     done = subprocess.run(
-        [sys.executable, "-c", WITHOUT + READER, json.dumps(steps)],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=False,
+        [sys.executable, "-c", WITHOUT, json.dumps(steps)],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])},
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, f"{done.stdout[-3000:]}\n{done.stderr}"
     assert "elbow3: all comparisons pass" in done.stdout
