@@ -49,6 +49,15 @@ def compile_all(folder: Path, command: list[str], program: str = "selftest") -> 
     return folder / program
 
 
+def check_all(folder: Path, command: list[str]) -> None:
+    """Let a compiler read every C file of ``folder`` without making code; a complaint fails the test with its words."""
+    sources = sorted(path.name for path in folder.glob("*.c"))
+    done = subprocess.run(
+        [*command, "-fsyntax-only", *sources], cwd=folder, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr[:3000]
+
+
 def run(program: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run([str(program)], capture_output=True, text=True, timeout=120)
 

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen import pipeline
+from backends.c_tools import IDENTITY
+from pipeline.optimized import bundled
+from rrrgen.backends.c.backend import CBackend
 from rrrgen.errors import BuildError
 
 EPS = np.finfo(float).eps
@@ -27,7 +29,7 @@ def arm(request):
 
 def stated(arm) -> tuple[float, float, float] | None:
     """Rounding per addition, and the loss that the header names for one large angle; None where it names none."""
-    header = pipeline.emit(pipeline.derive(arm.spec))[f"{arm.spec.name}.h"]
+    header = CBackend().sources(bundled(arm.spec.name), IDENTITY, "double")[f"{arm.spec.name}.h"]
     text = " ".join(re.sub(r"^ \* *", "", header[: header.index("*/")], flags=re.MULTILINE).split())
     found = re.search(r"Range of q joint angles .* up to (\S+) times .* (\S+) rad cost about (\S+) rad", text)
     return tuple(float(number) for number in found.groups()) if found else None

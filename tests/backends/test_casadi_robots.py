@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from backends.casadi_cases import arguments, as_matrices, build, call
+from pipeline.optimized import bundled
 from rrrgen.backends.casadi import function, is_reproducible, serialized, sources
 from rrrgen.backends.casadi.sources import casadi_programs, derivatives_of
 from rrrgen.derive.parameter_listing import listing
@@ -53,7 +54,7 @@ def model(name: str) -> Any:
         return derive(loads_spec(FRICTION_ARM, file="friction_arm.yaml"))
     if name == "bare_gantry":
         return derive(replace(load_spec("gantry"), name=name, links=None))
-    return derive(load_spec(name))
+    return bundled(name)
 
 
 def imported(path: Path) -> Any:

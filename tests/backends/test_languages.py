@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 
@@ -20,21 +21,23 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_language_costs_four_files(language):
     module = ROOT / "rrrgen" / "backends" / f"{language}.py"
-    others = [path for path in (ROOT / "rrrgen").rglob("*.py") if path != module and names(path, language)]
+    others = [path for path in (ROOT / "rrrgen").rglob("*.py") if path != module and language in names(path)]
     assert [path.name for path in others] == ["keys.py"]
     templates = [path for path in (ROOT / "templates" / language).rglob("*") if path.is_file()]
     assert len([module, *others, *templates]) <= 4
     assert language in EMIT
 
 
-def names(path: Path, language: str) -> bool:
-    """Whether the code of a file imports the module of a language, or has its name as a constant."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Constant) and node.value == language:
-            return True
-        if isinstance(node, ast.ImportFrom) and node.module == f"rrrgen.backends.{language}":
-            return path.parent.name != "targets"  # a package for another tool may contain the language
-    return False
+@cache
+def names(path: Path) -> set[str]:
+    """The languages whose module the code of a file imports, or whose name it has as a constant."""
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    constants = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    modules = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
+    imported = {language for language in LANGUAGES if f"rrrgen.backends.{language}" in modules}
+    if path.parent.name == "targets":  # a package for another tool may contain the language
+        return constants.intersection(LANGUAGES) - imported
+    return constants.intersection(LANGUAGES) | imported
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
