@@ -54,7 +54,9 @@ def unoptimized() -> Iterator[None]:
     of the code is the matter of the tests beside them that are built as users build it.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiler, "FLAGS", tuple("-O0" if flag == "-O2" else flag for flag in compiler.FLAGS))
+        flags = tuple("-O0" if flag == "-O2" else flag for flag in compiler.FLAGS)
+        patch.setattr(compiler, "FLAGS", flags)
+        patch.setattr("rrrgen.export.platforms.FLAGS", flags)
         yield
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,9 +14,9 @@ from click.testing import CliRunner
 from cli.test_coupled_wrist import WRIST
 from oracles.random_robots import random_robot, to_yaml
 from rrrgen.cli.main import cli
+from rrrgen.derive import derive_model
 from rrrgen.errors import DerivationError, InputError
 from rrrgen.export.exporting import export_robot, exporters
-from rrrgen.pipeline import derive
 from rrrgen.robotfile import load_spec, loads_spec
 from rrrgen.robotfile.importers.importing import import_robot
 from rrrgen.robotfile.importers.interface import ChainChoice
@@ -26,10 +27,10 @@ from rrrgen.verify.references.newton_euler import NewtonEuler
 AGREE = 1e-12  # relative; both sides compute with doubles
 
 
+@cache
 def specs():
-    yield from (load_spec(name) for name in ("rrr", "scara", "stanford", "panda"))
-    for seed in range(6):
-        yield loads_spec(to_yaml(random_robot(seed, right_angles=0.5)))
+    bundled = [load_spec(name) for name in ("rrr", "scara", "stanford", "panda")]
+    return [*bundled, *(loads_spec(to_yaml(random_robot(seed, right_angles=0.5))) for seed in range(6))]
 
 
 def states(spec, seed=0, count=5):
@@ -142,7 +143,7 @@ def test_round_trips(tmp_path):
 def test_links_that_are_no_bodies_are_lifted():
     """All of a link's mass moved to the link before: the same torques, which no simulator accepts as bodies."""
     spec = load_spec("rrr")
-    model = derive(spec)
+    model = derive_model(spec, ())
     K = np.array(model.base_projection, dtype=float)
     beta = K @ nominal_parameters(spec).ravel()
     exported = export_robot(replace(spec, links=None), "mjcf", dict(zip(names_of(model), beta, strict=True)))
@@ -172,7 +173,7 @@ def test_what_cannot_be_done_is_refused(tmp_path):
     with pytest.raises(InputError, match="'Izz9R' is no base parameter"):
         export_robot(bare, "urdf", {"Izz9R": 1.0})
     with pytest.raises(DerivationError, match="no rigid bodies"):
-        export_robot(bare, "mjcf", dict.fromkeys(names_of(derive(bare)), -1.0))
+        export_robot(bare, "mjcf", dict.fromkeys(names_of(derive_model(bare, ())), -1.0))
     with pytest.raises(InputError, match="there is no target 'urf'; did you mean 'urdf'"):
         export_robot(bare, "urf")
     assert exporters().keys() >= {"urdf", "mjcf", "par"}

@@ -22,6 +22,8 @@ from rrrgen.export.exporting import export_robot
 from rrrgen.export.interface import ExportOptions
 from rrrgen.robotfile import loads_spec
 
+pytestmark = pytest.mark.usefixtures("unoptimized")
+
 USE = """
 import json, sys
 import numpy as np
@@ -96,7 +98,7 @@ except ImportError:
 
 
 @pytest.fixture(scope="module")
-def files():
+def files(unoptimized):
     return export_robot(arm(), "wheel", options=ExportOptions(further=(*WITH_CONTROL, *FURTHER))).files
 
 

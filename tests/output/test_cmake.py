@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -37,13 +38,20 @@ def cmake(*words: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["cmake", *map(str, words)], capture_output=True, text=True, timeout=300, check=False)
 
 
-@pytest.fixture(scope="module", params=["lib", "lib/some-triplet", "absolute"])
-def installed(request, tmp_path_factory):
-    """The prefix and the folder of libraries of an installation."""
-    folder = tmp_path_factory.mktemp("cmake")
+LAYOUTS = ("lib", "lib/some-triplet", "absolute")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """A function of the layout: prefix and folder of libraries of an installation, made when first asked for."""
+    return cache(lambda layout: installation(layout, tmp_path_factory.mktemp("cmake")))
+
+
+def installation(layout: str, folder: Path) -> tuple[Path, Path]:
+    """Build and install the committed code; the prefix and the folder of libraries."""
     prefix = folder / "prefix"
-    libraries = folder / "elsewhere" / "lib" if request.param == "absolute" else Path(request.param)
-    shared = "ON" if request.param == "absolute" else "OFF"
+    libraries = folder / "elsewhere" / "lib" if layout == "absolute" else Path(layout)
+    shared = "ON" if layout == "absolute" else "OFF"
     options = [
         f"-DBUILD_SHARED_LIBS={shared}",
         f"-DCMAKE_INSTALL_PREFIX={prefix}",
@@ -59,10 +67,14 @@ def installed(request, tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("version", "found"), [("", True), ("0.2", True), ("0.1", False), ("0.3", False), ("1", False)]
+    ("layout", "version", "found"),
+    [
+        *((layout, "0.2", True) for layout in LAYOUTS),
+        *(("lib", version, found) for version, found in (("", True), ("0.1", False), ("0.3", False), ("1", False))),
+    ],
 )
-def test_cmake_finds_the_version(installed, version, found, tmp_path):
-    prefix, libraries = installed
+def test_cmake_finds_the_version(installed, layout, version, found, tmp_path):
+    prefix, libraries = installed(layout)
     (tmp_path / "CMakeLists.txt").write_text(PROJECT.format(version=version), encoding="utf-8")
     (tmp_path / "use.c").write_text(PROGRAM, encoding="utf-8")
     config = f"-Drrr_DIR={libraries / 'cmake' / 'rrr'}"
@@ -75,8 +87,9 @@ def test_cmake_finds_the_version(installed, version, found, tmp_path):
 
 
 @pytest.mark.skipif(shutil.which("pkg-config") is None, reason="needs pkg-config")
-def test_pkg_config_finds_headers_and_library(installed, tmp_path):
-    _, libraries = installed
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_pkg_config_finds_headers_and_library(installed, layout, tmp_path):
+    _, libraries = installed(layout)
     (tmp_path / "use.c").write_text(PROGRAM, encoding="utf-8")
     path = {"PKG_CONFIG_PATH": str(libraries / "pkgconfig"), "PATH": "/usr/bin:/bin:/usr/local/bin"}
     asked = subprocess.run(

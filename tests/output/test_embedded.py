@@ -35,9 +35,8 @@ def test_bare_metal_arm(name, tmp_path):
 def test_static_analysis_finds_nothing_in_the_inverse_kinematics(tmp_path):
     from rrrgen.backends.c.solver.files import sources as ik_sources
 
-    for name in ("scara", "puma560"):
-        for file, text in ik_sources(pipeline.read(name)).items():
-            (tmp_path / file).write_text(text)
+    for file, text in ik_sources(pipeline.read("stanford")).items():  # a joint that slides, and a wrist
+        (tmp_path / file).write_text(text)
     done = subprocess.run(
         ["cppcheck", "-q", "--enable=warning,portability", "--error-exitcode=1", *map(str, tmp_path.glob("*.c"))],
         capture_output=True,

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+from html import unescape
 from itertools import combinations
 from math import radians
 from pathlib import Path
@@ -99,10 +100,17 @@ parent.postMessage(JSON.stringify(found), "*");
 """
 
 # a window is at least 500 px wide; a frame in it may have the width of a phone
-FRAME = """<pre id="found"></pre>
-<script>addEventListener("message", (said) => { document.getElementById("found").textContent = said.data; });</script>
-<iframe src="report.html" style="width:WIDTHpx;height:900px;border:0"></iframe>
+FRAMES = """<pre id="found"></pre>
+<script>
+const found = [];
+addEventListener("message", (said) => {
+  const frames = Array.from(document.querySelectorAll("iframe"), (frame) => frame.contentWindow);
+  found[frames.indexOf(said.source)] = said.data;
+  document.getElementById("found").textContent = JSON.stringify(found);
+});
+</script>
 """
+FRAME = '<iframe src="FILE" style="display:block;border:0;width:WIDTHpx;height:900px"></iframe>\n'
 
 
 @pytest.fixture(scope="module")
@@ -117,34 +125,53 @@ def page() -> str:
     return html_report(model, forms, notice=f"Written from model {64 * 'a'}.", motions=motions, figures=[figure])
 
 
-def opened(text: str, width: int, folder: Path, *options: str) -> tuple[dict, str]:
-    """What the probe found on the page of this width, and what the browser said on its console."""
-    file = folder / "report.html"
-    file.write_text(text.replace("</body>", PROBE.replace("ANGLES", json.dumps(ANGLES)) + "</body>"), encoding="utf-8")
-    frame = folder / "frame.html"
-    frame.write_text(FRAME.replace("WIDTH", str(width)), encoding="utf-8")
-    command = [CHROMIUM, *QUIET, *options, f"--user-data-dir={folder / 'profile'}", f"--window-size={width + 100},1000"]
+def opened(pages: list[tuple[str, int]], folder: Path, *options: str) -> tuple[list[dict], str]:
+    """What the probe found on pages, each opened in a frame of a width, and what the browser said on its console."""
+    probe, frames = PROBE.replace("ANGLES", json.dumps(ANGLES)), FRAMES
+    for k, (text, width) in enumerate(pages):
+        (folder / f"report{k}.html").write_text(text.replace("</body>", probe + "</body>"), encoding="utf-8")
+        frames += FRAME.replace("FILE", f"report{k}.html").replace("WIDTH", str(width))
+    frame = folder / "frames.html"
+    frame.write_text(frames, encoding="utf-8")
+    size = f"--window-size={max(width for _, width in pages) + 100},{900 * len(pages) + 200}"  # all in sight
     done = subprocess.run(
-        [*command, "--dump-dom", frame.as_uri()], capture_output=True, text=True, timeout=120, check=True
+        [CHROMIUM, *QUIET, *options, f"--user-data-dir={folder / 'profile'}", size, "--dump-dom", frame.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
     )
     found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
     assert found is not None
     assert found[1], done.stderr[-2000:]
     console = "\n".join(line for line in done.stderr.splitlines() if "CONSOLE" in line)
-    return json.loads(found[1].replace("&amp;", "&")), console
+    return [json.loads(each) for each in json.loads(unescape(found[1]))], console
 
 
 @pytest.fixture(scope="module")
-def laptop(page: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, str]:
-    return opened(page, 1280, tmp_path_factory.mktemp("laptop"))
+def screens(page: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str | int, tuple[dict, str]]:
+    """What is found at the widths of a phone and a laptop, and on "paper", in one browser: it takes long to start."""
+    paper = page.replace("@media print", "@media all")
+    found, console = opened([(page, 390), (page, 1280), (paper, 718)], tmp_path_factory.mktemp("screens"))
+    return {name: (each, console) for name, each in zip((390, 1280, "paper"), found, strict=True)}
+
+
+@pytest.fixture(scope="module")
+def laptop(screens: dict[str | int, tuple[dict, str]]) -> tuple[dict, str]:
+    return screens[1280]
 
 
 @pytest.mark.parametrize("width", [390, 1280, 1920])
-def test_report_is_whole_at_every_width(page: str, laptop: tuple[dict, str], width: int, tmp_path: Path) -> None:
-    dark = ["--force-dark-mode"] if width == 1920 else []
-    found, console = laptop if width == 1280 else opened(page, width, tmp_path, *dark)
+def test_report_is_whole_at_every_width(
+    page: str, screens: dict[str | int, tuple[dict, str]], width: int, tmp_path: Path
+) -> None:
+    dark = width not in screens
+    if dark:
+        (found,), console = opened([(page, width)], tmp_path, "--force-dark-mode")
+    else:
+        found, console = screens[width]
     assert found["width"] == width
-    assert found["dark"] == bool(dark)
+    assert found["dark"] == dark
     assert found["pale"] == [], "text has too little contrast"
     assert found["plot"] == DRAWN, "the text of plots is smaller than they were drawn"
     assert console == ""
@@ -171,9 +198,9 @@ def test_frames_are_hidden_by_a_click(laptop: tuple[dict, str]) -> None:
     assert found["unframed"] == ["tip"]
 
 
-def test_paper_needs_no_scrolling(page: str, tmp_path: Path) -> None:
+def test_paper_needs_no_scrolling(screens: dict[str | int, tuple[dict, str]]) -> None:
     """What is printed, at the width of a page of paper: nothing stands out, and nothing scrolls."""
-    found, console = opened(page.replace("@media print", "@media all"), 718, tmp_path)
+    found, console = screens["paper"]
     assert console == ""
     assert found["scroll"] <= 718, found["outside"]
     assert found["outside"] == []

@@ -16,6 +16,8 @@ from oracles.random_robots import random_link, random_robot, random_state, to_ya
 from rrrgen import compile, pipeline
 from rrrgen.robotfile import loads_spec
 
+pytestmark = pytest.mark.usefixtures("unoptimized")
+
 G = np.array([2.5, -6.0, -4.25])
 EXACT = 1e-11
 

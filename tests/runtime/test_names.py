@@ -13,9 +13,11 @@ from rrrgen.backends.c.dialect import Dialect
 from rrrgen.backends.c.signature import prototype
 from rrrgen.backends.c.solver.files import emit
 from rrrgen.backends.casadi.derivatives import matrix_size
-from rrrgen.derive import derive_model
-from rrrgen.derive.functions.table import GROUPS
+from rrrgen.derive import derive_model, prepare
+from rrrgen.derive.functions.friction_functions import friction_with, smooth_friction
+from rrrgen.derive.functions.table import GROUPS, functions_of
 from rrrgen.ik.classify import plan
+from rrrgen.pipeline import without_collection
 from rrrgen.program import Program
 from rrrgen.robotfile import bundled_names, load_spec, loads_spec
 from rrrgen.runtime.inverse_kinematics import InverseKinematics
@@ -43,10 +45,21 @@ joints:
 
 
 @cache
+@without_collection()
 def programs(name: str) -> dict[str, Program]:
-    """The functions as recorded: optimization keeps their ports."""
-    spec = loads_spec(WITH_FRICTION) if name == "with_friction" else load_spec(name)
-    return {function: equivalent[0] for function, equivalent in derive_model(spec, tuple(GROUPS)).alternatives.items()}
+    """The functions as recorded: optimization keeps their ports, and the ways to record a function have the same."""
+    if name == "with_friction":
+        every = derive_model(loads_spec(WITH_FRICTION), tuple(GROUPS)).alternatives
+        assert all(
+            {(way.inputs, way.outputs) for way in ways} == {(ways[0].inputs, ways[0].outputs)}
+            for ways in every.values()
+        )
+        return {function: ways[0] for function, ways in every.items()}
+    spec = load_spec(name)
+    recorded = prepare(spec)
+    recorders = {name: ways[0] for group in GROUPS for name, ways in functions_of(group, spec.n).items()}
+    recorders |= {"friction_with": friction_with, "smooth_friction": smooth_friction}
+    return {function: record(recorded.recording()) for function, record in recorders.items()}
 
 
 def arguments(method: object) -> list[str]:
@@ -110,6 +123,10 @@ def test_several_results_are_named_tuples():
 
 def test_inverse_kinematics():
     casadi = pytest.importorskip("casadi")
+    from rrrgen.backends.casadi.branches import branch_function
+
+    model = rrrgen.compile("rrr", backend="numpy")
+    assert model.casadi_function("inverse_kinematics").name_in() == branch_function(model.spec).name_in()
     for robot in ("rrr", "puma560", "iiwa14"):
         spec = load_spec(robot)
         header = emit(spec, plan(spec)).files[f"{robot}_ik.h"]
@@ -121,7 +138,7 @@ def test_inverse_kinematics():
             each for each in python if each in declared
         ]
         assert {"limits", "residual"} < set(python), "the options, which C adds up"
-        made = rrrgen.compile(robot, backend="numpy").casadi_function("inverse_kinematics")
+        made = branch_function(spec)
         assert isinstance(made, casadi.Function)
         assert [each for each in made.name_in() if each != "branch_signs"] == [
             each for each in declared if each in ("target", "redundancy")
