@@ -108,6 +108,11 @@ class Candidate:
         """Whether the friction torque is discontinuous at zero speed, so that the joint can stick."""
         return self.law.name not in ("neural", "lugre")
 
+    @property
+    def has_bristles(self) -> bool:
+        """Whether the law has a state: the deflection of bristles."""
+        return self.law.rate is not None
+
     @cached_property
     def is_logarithmic(self) -> NDArray[np.bool_]:
         """Mask (k,) of the parameters whose logarithm is estimated."""

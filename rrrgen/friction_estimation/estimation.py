@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from rrrgen.friction_estimation.joint_data import JointData
 from rrrgen.friction_estimation.kalman_filter import kalman_estimates
 from rrrgen.friction_estimation.selection import FOLDS, Score, choose, fold_of, score
 from rrrgen.friction_estimation.shooting.bootstrap import resampled
-from rrrgen.friction_estimation.shooting.output_error import Fit, fit, likely_noise, start_cost
+from rrrgen.friction_estimation.shooting.output_error import Fit, fit, likely_noise, rigid_limit, start_cost
 from rrrgen.friction_estimation.shooting.windows import Noise, Windows, make_noise
 
 SCHEMA = "rrrgen-friction/1"
@@ -24,12 +25,16 @@ FIRST_RATIO = 100.0  # assumed ratio of torque noise to encoder noise, until it 
 FIRST_ITERATIONS = 6
 REFITTED = 3  # iterations of a fit that leaves out one fold of the cross-validation
 BRISTLES = 15  # iterations of the fit of the bristles' stiffness and damping
-STIFFNESS_FACTORS = (0.1, 0.3, 3.0, 10.0)  # the bristles' stiffness is also tried at these multiples of its first guess
+JOINT = 10  # iterations of the fit of all parameters of the LuGre law, which follows it
+STIFFNESS_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)  # the bristles' stiffness is tried at these multiples of its first guess
+DAMPING_RATIOS = (0.05, 0.3)  # and their damping at these ratios to the critical one
 LEAST_WINDOWS = 40
 DISCRETE = 2e-4  # relative error of a simulation with steps of one sampling period; resampling does not reveal it
 UNRELATED = 0.5  # relative error of the best least-squares fit above which torque and motion count as unrelated
 EXTRAPOLATED = 1.0  # s: with less time of sliding below the Stribeck speed, stiction is an extrapolation
+FASTEST = 0.4  # frequency of an oscillation on bristles, in sampling rates, above which they count as rigid
 HARDLY = 0.02  # relative standard deviation of the inertia above which a note warns the user
+UNEXPLAINED = 0.1  # torque error in sliding above which a note warns that no law fits
 LARGEST_INERTIA_STD = 0.1  # relative: above it the recording is refused
 
 Progress = Callable[[int, int, str], None]
@@ -146,8 +151,15 @@ def estimate_friction(
     for k, law in enumerate(laws):
         tell(k, len(laws), f"held-out error, {law.name}")
         scores.append(score(full[law.name], inside[law.name], work.whole, sigma))
-        estimates.append(_estimate(law, full, scores[-1], work, filtered[law.name], data, seed))
-    chosen = estimates[choose(scores, work.whole.block)]
+        estimates.append(_estimate(full[law.name], scores[-1], work.windows(law), filtered[law.name], data, seed))
+    best = choose(scores, work.whole.block)
+    if _unresolved(full[laws[best].name], data):
+        rigid = next(k for k, law in enumerate(laws) if law.name == "stribeck")
+        limit = [rigid_limit(each, laws[rigid]) for each in (full[laws[best].name], *inside[laws[best].name])]
+        rating = score(limit[0], limit[1:], work.whole, sigma)
+        estimates[rigid] = _without_bristles(estimates[best], estimates[rigid], limit[0], rating)
+        best = rigid
+    chosen = estimates[best]
     _check(chosen, data)
     return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), _notes(chosen, data))
 
@@ -155,8 +167,8 @@ def estimate_friction(
 class _OutputError:
     """Fits all laws by output error: the error of positions simulated over short windows of the recording.
 
-    Inertia, gravity and sliding friction are fitted to windows in which the joint slides; the bristles of the LuGre law
-    are fitted to all windows, with rest and reversals.
+    Inertia, gravity and friction are fitted to windows in which the joint slides. For the LuGre law, stiffness and
+    damping of the bristles, then all parameters are fitted to all windows, with rest and reversals.
     """
 
     def __init__(self, laws: Sequence[Candidate], data: JointData, tell: Progress) -> None:
@@ -192,7 +204,8 @@ class _OutputError:
                 before = first[law.name]
                 full[law.name] = fit(law, before.theta, self.sliding, self.noise, start=before.start)
             else:
-                full[law.name] = self._bristles(law, full["stribeck"], starts[law.name], self.whole)
+                before = self._bristles(law, full["stribeck"], starts[law.name])
+                full[law.name] = fit(law, before.theta, self.whole, self.noise, start=before.start, iterations=JOINT)
         return full
 
     def without_folds(self, full: dict[str, Fit]) -> dict[str, list[Fit]]:
@@ -202,38 +215,36 @@ class _OutputError:
         """
         found: dict[str, list[Fit]] = {law.name: [] for law in self.laws}
         for fold in range(FOLDS):
-            sliding, whole = (w.of(fold_of(w) != fold) for w in (self.sliding, self.whole))
             for law in self.laws:
-                before = full[law.name]
-                if law.name == "lugre":
-                    again = self._bristles(law, found["stribeck"][fold], (before.theta,), whole, REFITTED)
-                else:
-                    start = before.start[:, fold_of(self.sliding) != fold]
-                    again = fit(law, before.theta, sliding, self.noise, start=start, iterations=REFITTED)
+                before, windows = full[law.name], self.windows(law)
+                kept = fold_of(windows) != fold
+                again = fit(
+                    law, before.theta, windows.of(kept), self.noise, start=before.start[:, kept], iterations=REFITTED
+                )
                 found[law.name].append(again)
         return found
 
-    def _bristles(
-        self, law: Candidate, sliding: Fit, starts: Sequence[Array], windows: Windows, iterations: int = BRISTLES
-    ) -> Fit:
-        """Fit stiffness and damping of the LuGre bristles to ``windows``; all else is taken from the fit ``sliding``.
+    def windows(self, law: Candidate) -> Windows:
+        """The windows to which ``law`` is fitted: all for a law with bristles, otherwise those in sliding."""
+        return self.whole if law.has_bristles else self.sliding
 
-        ``starts`` are initial parameters (k,) of the LuGre ``law``; the best of them is used.
+    def _bristles(self, law: Candidate, sliding: Fit, starts: Sequence[Array]) -> Fit:
+        """Fit stiffness and damping of the LuGre bristles to all windows; all else is taken from the fit ``sliding``.
+
+        ``starts`` are initial parameters (k,) of the LuGre ``law``; of these and of multiples of their stiffness the
+        best are used.
         """
         known = dict(zip(sliding.candidate.names, sliding.theta, strict=True))
-        bristles = [name for name in law.names if name not in known]
         tried = []
         for start in starts:
             own = dict(zip(law.names, start, strict=True)) | known
-            tried.append(law.clipped(np.array([own[name] for name in law.names])))
-        if len(starts) > 1:
-            stiffness = law.names.index("sigma0")
-            tried += [
-                np.array([v * f if i == stiffness else v for i, v in enumerate(tried[0])]) for f in STIFFNESS_FACTORS
-            ]
-        better = min(tried, key=lambda theta: start_cost(law, theta, windows, self.noise))
-        held = tuple(name for name in law.names if name not in bristles)
-        return fit(law, better, windows, self.noise, held=held, iterations=iterations)
+            for factor, ratio in product(STIFFNESS_FACTORS, DAMPING_RATIOS):
+                stiffness = factor * own["sigma0"]
+                damping = 2.0 * ratio * float(np.sqrt(stiffness * own["inertia"]))
+                bristles = {"sigma0": stiffness, "sigma1": damping}
+                tried.append(law.clipped(np.array([(own | bristles)[name] for name in law.names])))
+        better = min(tried, key=lambda theta: start_cost(law, theta, self.whole, self.noise))
+        return fit(law, better, self.whole, self.noise, held=tuple(known), iterations=BRISTLES)
 
     @property
     def _static(self) -> list[Candidate]:
@@ -264,22 +275,15 @@ def _filtered(laws: Sequence[Candidate], starts: dict[str, Array], data: JointDa
 
 
 def _estimate(
-    law: Candidate,
-    full: dict[str, Fit],
+    found: Fit,
     rating: Score,
-    work: _OutputError,
+    windows: Windows,
     kalman: Array,
     data: JointData,
     seed: int,
 ) -> LawEstimate:
-    found = full[law.name]
-    if law.name == "lugre":
-        spread = resampled(found, work.whole.block, seed)
-        sliding = full["stribeck"]
-        drawn_sliding = dict(zip(sliding.candidate.names, resampled(sliding, work.sliding.block, seed), strict=True))
-        spread = np.array([drawn_sliding.get(name, row) for name, row in zip(law.names, spread, strict=True)])
-    else:
-        spread = resampled(found, work.sliding.block, seed)
+    law = found.candidate
+    spread = resampled(found, windows.block, seed)
     drawn = [reported(law, each, data.period) for each in spread.T]
     values = reported(law, found.theta, data.period)
     std = {name: _deviation(np.array([each[name] for each in drawn]), name) for name in values}
@@ -306,6 +310,26 @@ def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
     found |= {name: given[name] for name in law.law_names}
     found["delay"] = given[DELAY] * period
     return found
+
+
+def _unresolved(found: Fit, data: JointData) -> bool:
+    """Whether bristles are so stiff that the joint oscillates on them too fast for the sampling rate.
+
+    Then the recording cannot tell them from rigid ones, and the law is that of its sliding friction.
+    """
+    if not found.candidate.has_bristles:
+        return False
+    given = dict(zip(found.candidate.names, found.theta.tolist(), strict=True))
+    return float(np.sqrt(given["sigma0"] / given["inertia"])) * data.period > 2.0 * np.pi * FASTEST
+
+
+def _without_bristles(bent: LawEstimate, rigid: LawEstimate, limit: Fit, rating: Score) -> LawEstimate:
+    """The estimate ``rigid`` of the law of sliding with the values of ``bent``, the same law with bristles.
+
+    ``limit`` is the fit with these values, ``rating`` its score.
+    """
+    values, std = ({name: part[name] for name in rigid.values} for part in (bent.values, bent.std))
+    return replace(rigid, theta=limit.theta, values=values, std=std, score=rating, torque_error=bent.torque_error)
 
 
 def _deviation(values: Array, name: str) -> float:
@@ -341,6 +365,11 @@ def _check(chosen: LawEstimate, data: JointData) -> None:
 
 def _notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
     notes = []
+    if chosen.torque_error > UNEXPLAINED:
+        notes.append(
+            f"no law fits well: {100 * chosen.torque_error:.0f} % of the torque in sliding remain unexplained; check "
+            "that the other joints stand still, and look for torque ripple, backlash or a limit cycle in the recording"
+        )
     if chosen.std["inertia"] > HARDLY * chosen.values["inertia"]:
         notes.append("inertia is hardly determined: the joint accelerates too little; add a fast multisine")
     if "stribeck_speed" in chosen.values:

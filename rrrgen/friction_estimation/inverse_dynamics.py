@@ -10,7 +10,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.friction_estimation.candidates import DELAY, Candidate
-from rrrgen.friction_estimation.joint_data import CUTOFF, JointData
+from rrrgen.friction_estimation.joint_data import JointData
 from rrrgen.friction_estimation.shooting.simulation import Torque
 
 DELAYS = np.arange(-1.5, 6.1, 0.5)  # sampling periods that are tried
@@ -45,14 +45,10 @@ def sliding_samples(data: JointData, delay: float) -> SlidingSamples:
     The motion lags the torque by ``delay`` sampling periods. The torque at an instant is the mean of the values held
     before and after it.
     """
-    from scipy.signal import butter, sosfiltfilt
-
     torque = np.empty_like(data.u)
-    sections = butter(4, min(CUTOFF, 0.2 / data.period), fs=1.0 / data.period, output="sos")
     for first, last in data.stretches:
-        own = Torque(data.u[first:last], np.arange(last - first), 1)
-        around = 0.5 * (own.held(0, np.array([[delay]])) + own.held(-1, np.array([[delay]])))
-        torque[first:last] = sosfiltfilt(sections, around[0])
+        own = Torque(data.smoothed[first:last], np.arange(last - first), 1)
+        torque[first:last] = own.centred(np.array([[delay]]))[0]
     chosen = np.flatnonzero(data.sliding)
     chosen = chosen[:: max(1, len(chosen) // MOST_SAMPLES)]
     q, dq, ddq = (part[chosen] for part in data.motion)

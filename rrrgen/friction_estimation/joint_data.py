@@ -26,6 +26,7 @@ WINDOW = 0.2  # s, longest window in fast motion
 SLOW_WINDOW = 0.06  # s, longest window in slow motion
 FAST = 0.3  # times the rms speed: faster motion counts as fast
 SPACING = 5e-3  # s between two positions at which simulation and recording are compared
+ROUGH = 5.0  # factor by which initial states are less certain where the joint may start, stop or ring on its bristles
 BLOCK = 2.0  # s: windows within a block are held out or resampled together
 LEAST_POINTS = 6  # compared positions that a window needs
 MARGIN = 8  # samples at the ends of a stretch at which only the torque is used
@@ -65,6 +66,14 @@ class JointData:
         return q, dq, ddq
 
     @cached_property
+    def smoothed(self) -> Array:
+        """Torque (N,), N m (N), after the zero-phase low-pass filter of :attr:`motion`."""
+        from scipy.signal import butter, sosfiltfilt
+
+        sections = butter(4, min(CUTOFF, 0.2 / self.period), fs=1.0 / self.period, output="sos")
+        return np.concatenate([sosfiltfilt(sections, self.u[first:last]) for first, last in self.stretches])
+
+    @cached_property
     def speed(self) -> float:
         """Root mean square of the speed, rad/s (m/s), the scale for thresholds."""
         return float(np.sqrt(np.mean(self.motion[1] ** 2)))
@@ -93,8 +102,12 @@ class JointData:
         return np.asarray(~binary_dilation(turning, iterations=round(0.03 / self.period)) & self.usable)
 
     def windows(self) -> Windows:
-        """Consecutive short windows over the whole recording, except where the torque is unknown."""
-        return self._tiled(self.usable)
+        """Consecutive short windows over the whole recording, except where the torque is unknown.
+
+        The low-pass filter, which gives the initial states, rounds off reversals: they are less certain here.
+        """
+        found = self._tiled(self.usable)
+        return replace(found, q0_std=ROUGH * found.q0_std, v0_std=ROUGH * found.v0_std)
 
     def sliding_windows(self) -> Windows:
         """Windows in which the joint slides in one direction without sticking.
@@ -135,15 +148,17 @@ class JointData:
 
     def _cut(self, starts: NDArray[np.int64], lengths: NDArray[np.int64]) -> Windows:
         length, stride = self._grid
-        q, dq, _ = self.motion
+        q, dq, ddq = self.motion
         ticks = np.arange(0, length + 1, stride)
         return Windows(
             period=self.period,
             stride=stride,
             torque=Torque(self.u, starts, length),
+            smoothed=Torque(self.smoothed, starts, 1),
             measured=self.q[starts + ticks[:, None]],
             q0=q[starts],
             v0=dq[starts],
+            a0=ddq[starts],
             q0_std=self.resolution,
             v0_std=max(3.0 * self.speed_noise, 1e-3 * self.speed),
             used=ticks[:, None] <= lengths,

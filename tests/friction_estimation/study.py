@@ -53,6 +53,7 @@ CASES: dict[str, tuple[Joint, dict[str, object]]] = {
         Joint("asymmetric", coulomb_n=0.5, viscous_n=0.15),
         {"period": 5e-4, "resolution": COARSE},
     ),
+    "stribeck, fast motion alone": (STRIBECK, {"motion": "fast"}),
     "stribeck, plain sines": (STRIBECK, {"motion": "sines"}),
     "asymmetric, plain sines": (Joint("asymmetric", coulomb_n=0.5, viscous_n=0.15), {"motion": "sines"}),
     "stribeck, six decimals": (STRIBECK, {"decimals": 6}),
@@ -74,6 +75,18 @@ def plain_sines(duration: float, period: float) -> tuple[np.ndarray, np.ndarray,
     return t, q, np.gradient(q, period)
 
 
+def fast_multisine(duration: float, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Reference t, q, dq of 0.05-4 Hz without slow reversals: the law is told by the reversals alone."""
+    t = np.arange(round(duration / period)) * period
+    f = np.arange(0.05, 4.0, 0.05)
+    phases = np.random.default_rng(7).uniform(0.0, 2 * np.pi, len(f))
+    dq = 1.2 * np.sqrt(2.0 / len(f)) * np.cos(2 * np.pi * f * t[:, None] + phases).sum(axis=1) * np.minimum(t, 1.0)
+    return t, np.cumsum(dq) * period, dq
+
+
+MOTIONS = {"sines": plain_sines, "fast": fast_multisine}
+
+
 def run_case(name: str, seed: int) -> tuple[str, dict[str, float], dict[str, float]]:
     """The law chosen, relative errors and errors in standard deviations of the true law's parameters."""
     truth, options = CASES[name]
@@ -81,7 +94,7 @@ def run_case(name: str, seed: int) -> tuple[str, dict[str, float], dict[str, flo
     coefficients = options.get("coefficients", 0 if truth.gravity == 0.0 else 2)
     recorded = {key: value for key, value in options.items() if key not in ("offset", "coefficients", "decimals")}
     if "motion" in options:
-        recorded["motion"] = plain_sines(40.0, float(options.get("period", 1e-3)))
+        recorded["motion"] = MOTIONS[str(options["motion"])](40.0, float(options.get("period", 1e-3)))
     found = record(truth, seed=seed, **recorded)
     q = np.round(found["q"], options.get("decimals", 12))
     data = joint_data(Log(("q",), found["t"], q[:, None], found["tau"][:, None] + offset), "q")

@@ -44,7 +44,11 @@ def write_log(path, found, joints=("q1", "q2", "q3"), moving="q3"):
 @pytest.mark.parametrize(
     ("truth", "rival", "options"),
     [
-        (Joint("stribeck", angle=0.4), "coulomb_viscous", {"torque_noise": 0.01, "centred": True}),
+        (
+            Joint("stribeck", angle=0.4),
+            "coulomb_viscous",
+            {"torque_noise": 0.01, "centred": True},
+        ),
         (
             Joint("asymmetric", coulomb_n=0.45, viscous_n=0.2),
             "coulomb_viscous",
@@ -161,6 +165,20 @@ def test_an_unknown_joint_is_named(tmp_path, capsys):
     code, message = refused(tmp_path, capsys, record(Joint(), duration=1.0, substeps=2), joint="elbow")
     assert code == 3
     assert "q1, q2, q3" in message
+
+
+def test_soft_bristles_are_told_with_honest_deviations():
+    """How far they are bent when a window begins is unknown; a guess spoils stiffness, damping and their deviations."""
+    truth = Joint("lugre", sigma0=5e3, sigma1=10.0, gravity=0.0)
+    found = record(truth, duration=16.0, period=2e-3, substeps=6)
+    data = joint_data(Log(("q",), found["t"], found["q"][:, None], found["tau"][:, None]), "q")
+    chosen = estimate_friction(data, 0, ("lugre",)).chosen
+    assert chosen.name == "lugre"
+    assert chosen.score.held_out < 1.0
+    actual = {"inertia": truth.inertia, "sigma0": truth.sigma0, "sigma1": truth.sigma1, "stiction_excess": truth.excess}
+    for name, value in actual.items():
+        assert chosen.values[name] == pytest.approx(value, rel=0.01), name
+        assert abs(chosen.values[name] - value) < 3.0 * chosen.std[name], name
 
 
 def test_an_offset_of_the_torque_is_told_where_gravity_does_not_act():

@@ -3,11 +3,13 @@
 Positions simulated over a window from its initial state are compared with the recorded ones. The residuals are whitened
 by the covariance of encoder noise plus white torque noise that the joint integrates twice. The initial states have a
 prior, the state of a low-pass filter with its uncertainty, and are eliminated from the normal equations of each window.
+Bristles have a state, too: their initial force is what smoothed torque and acceleration leave for friction, plus a
+correction that is estimated like position and speed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +26,16 @@ MOST_ITERATIONS = 25
 ADAPTING = 4  # iterations in which only the initial states are fitted
 LARGEST_STEP = 0.7  # largest change of a logarithm in one iteration
 QUADRATIC = 0.6  # factor by which the lower bound on the robust scale falls in every iteration
+FRICTION_STD = 1.0  # prior standard deviation of the bristles' initial force, relative to the break-away torque
+FRICTION_STEP = 1e-3  # step of finite differences of that force
 SMALL_GAIN = 1e-4  # relative decrease of the cost at which the search ends
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Result of fitting a law to S windows: parameters ``theta`` (k,) and initial states ``start`` (2, S), q and dq.
+    """Result of fitting a law to S windows: parameters ``theta`` (k,) and initial states ``start`` (s, S).
+
+    The initial states are q and dq, for a law with bristles also a correction of their force, relative to break-away.
 
     ``sigma`` is the robust standard deviation of the residuals whitened by ``noise``; ``cost`` (S,) are the robust
     losses of the windows in units of its square. ``free`` (f,) are the indices of the fitted parameters; ``normal``
@@ -60,12 +66,12 @@ def fit(
     """Fit the parameters of ``candidate`` to ``windows`` by the Levenberg-Marquardt method.
 
     ``theta`` (k,) are the initial values. ``noise`` whitens the residuals. Parameters named in ``held`` keep their
-    values. ``start`` (2, S) are initial states of the windows to begin with, those of the recording's filter if None;
+    values. ``start`` (s, S) are initial states of the windows to begin with, those of the recording's filter if None;
     ``iterations`` is the largest number.
     """
     work = _Problem(candidate, windows, noise, held)
     theta = candidate.clipped(theta)
-    start = np.stack([windows.q0, windows.v0]) if start is None else start
+    start = work.usual if start is None else start
     damping, done = 1e-2, 0
     found = work.linearise(theta, start, 1.0)
     for done in range(1, iterations + 1):
@@ -92,11 +98,28 @@ def fit(
     )  # fmt: skip
 
 
+def rigid_limit(found: Fit, law: Candidate) -> Fit:
+    """The ``law`` of sliding with the parameters of a law with bristles, ``found``, as if these were rigid.
+
+    The bristles are fitted to rest and reversals too, which tell the friction at low speed where the joint hardly ever
+    slides slowly.
+    """
+    kept = [found.candidate.names.index(name) for name in law.names]
+    normal, gradient = found.normal[:, kept][:, :, kept], found.gradient[:, kept]
+    return replace(
+        found, candidate=law, theta=found.theta[kept], start=found.start[:2],
+        free=np.arange(len(kept)), normal=normal, gradient=gradient,
+    )  # fmt: skip
+
+
 def start_cost(candidate: Candidate, theta: Array, windows: Windows, noise: Noise) -> float:
-    """Robust standard deviation of the whitened residuals at ``theta`` (k,), to choose between initial parameters."""
-    start = np.stack([windows.q0, windows.v0])
-    r = _Problem(candidate, windows, noise, ()).residuals(theta[:, None], start[:, None])
-    return _scale(r[:-2, 0][windows.used]) if np.all(np.isfinite(r)) else np.inf
+    """Mean magnitude of the whitened residuals at ``theta`` (k,), to choose between initial parameters.
+
+    A median would ignore the few windows with reversals, which alone tell bristles.
+    """
+    work = _Problem(candidate, windows, noise, ())
+    r = work.residuals(theta[:, None], work.usual[:, None])
+    return float(np.mean(np.abs(work.errors(r)[:, 0][windows.used]))) if np.all(np.isfinite(r)) else np.inf
 
 
 def window_losses(candidate: Candidate, theta: Array, windows: Windows, noise: Noise, sigma: float) -> Array:
@@ -141,33 +164,54 @@ class _Problem:
     def __init__(self, candidate: Candidate, windows: Windows, noise: Noise, held: tuple[str, ...]) -> None:
         self.candidate, self.windows, self.noise = candidate, windows, noise
         self.free = np.array([i for i, name in enumerate(candidate.names) if name not in held], dtype=int)
-        # standard deviations of the initial states' prior
+        self.usual = np.stack([windows.q0, windows.v0])
+        # standard deviations of the initial states' prior, and steps of finite differences
         self.prior = np.array([windows.q0_std, windows.v0_std])
+        self.steps = np.array([windows.resolution, max(windows.v0_std, 1e-6)]) * 0.1
+        if candidate.has_bristles:
+            self.usual = np.vstack([self.usual, np.zeros(len(windows))])
+            self.prior, self.steps = np.append(self.prior, FRICTION_STD), np.append(self.steps, FRICTION_STEP)
 
     def positions(self, theta: Array, start: Array) -> Array:
-        """Simulated positions (m, C, S) for parameters ``theta`` (k, C) and initial states ``start`` (2, C, S)."""
+        """Simulated positions (m, C, S) for parameters ``theta`` (k, C) and initial states ``start`` (s, C, S)."""
         w = self.windows
-        return simulate(self.candidate, theta, w.torque, start[0], start[1], w.period, w.stride, w.direction)
+        friction = self.bristle_force(theta, start[2]) if self.candidate.has_bristles else None
+        q, v = start[:2]
+        return simulate(self.candidate, theta, w.torque, q, v, w.period, w.stride, w.direction, friction)
+
+    def bristle_force(self, theta: Array, correction: Array) -> Array:
+        """Force (C, S) of the bristles at the start of the windows, for a relative ``correction`` (C, S)."""
+        w, law = self.windows, self.candidate
+        columns = [row[:, None] for row in theta]
+        known = dict(zip(law.names, columns, strict=True))
+        net = w.smoothed.centred(columns[-1]) - law.gravity_torque(w.q0, columns) - columns[0] * w.a0
+        level = np.abs(law.torque(w.v0, columns, 1.0) - known["viscous"] * w.v0)
+        force = np.clip(net - known["viscous"] * w.v0, -level, level)
+        return np.asarray(force + correction * (known["coulomb"] + known["stiction_excess"]))
 
     def whitened(self, plain: Array, start: Array) -> Array:
-        """Whitened residuals (m + 2, C, S): m position errors, then the initial states' deviation from their prior.
+        """Whitened residuals (m + s, C, S): m position errors, then the initial states' deviation from their prior.
 
-        ``plain`` (m, C, S) are the errors before whitening, ``start`` (2, C, S) the initial states.
+        ``plain`` (m, C, S) are the errors before whitening, ``start`` (s, C, S) the initial states.
         """
         w = self.windows
         points, C, S = plain.shape
         first = (self.noise.whitener @ plain.reshape(points, C * S)).reshape(points, C, S) / w.resolution
         first *= w.used[:, None]
-        prior = np.stack([w.q0 - start[0], w.v0 - start[1]]) / self.prior[:, None, None]
+        prior = (self.usual[:, None] - start) / self.prior[:, None, None]
         return np.concatenate([first, prior])
 
     def residuals(self, theta: Array, start: Array) -> Array:
         return self.whitened(self.windows.measured[:, None] - self.positions(theta, start), start)
 
+    def errors(self, residuals: Array) -> Array:
+        """The position errors (m, ...) among whitened ``residuals`` (m + s, ...)."""
+        return residuals[: -len(self.prior)]
+
     def cost(self, theta: Array, start: Array, sigma: float) -> Array:
         """Robust loss of each window, summed over its residuals divided by ``sigma``.
 
-        ``theta`` (k, C) are parameters, ``start`` (2, C, S) initial states.
+        ``theta`` (k,) are parameters, ``start`` (s, S) initial states.
         """
         r = self.residuals(theta[:, None], start[:, None])[:, 0]
         return np.asarray(np.sum(_loss(r / sigma), axis=0))
@@ -179,28 +223,27 @@ class _Problem:
         ``quadratic`` at the start of a search makes it ordinary least squares, because far from the optimum a robust
         loss would treat informative windows as outliers.
         """
-        k = len(self.free)
+        k, own_k = len(self.free), len(self.prior)
         free = self.candidate.to_free(theta)
         steps = STEP * np.maximum(np.abs(theta), 0.05)
         steps = np.where(self.candidate.is_logarithmic, STEP, steps)
-        shifted = np.repeat(free[:, None], k + 3, axis=1)
+        shifted = np.repeat(free[:, None], k + 1 + own_k, axis=1)
         shifted[self.free, np.arange(1, k + 1)] += steps[self.free]
-        states = np.repeat(start[:, None, :], k + 3, axis=1)
-        own_steps = np.array([self.windows.resolution, max(self.windows.v0_std, 1e-6)]) * 0.1
-        states[0, k + 1] += own_steps[0]
-        states[1, k + 2] += own_steps[1]
+        states = np.repeat(start[:, None, :], k + 1 + own_k, axis=1)
+        for i, step in enumerate(self.steps):
+            states[i, k + 1 + i] += step
         r = self.residuals(self.candidate.from_free(shifted), states)
         base = r[:, 0]
-        counted = base[:-2][self.windows.used]
+        counted = self.errors(base)[self.windows.used]
         sigma = max(_scale(counted), quadratic * float(np.sqrt(np.mean(counted**2))))
         weight = np.sqrt(_weights(base / sigma))
         J = (r[:, 1 : k + 1] - base[:, None]) / steps[self.free][None, :, None] * weight[:, None] / sigma
-        B = (r[:, k + 1 :] - base[:, None]) / own_steps[None, :, None] * weight[:, None] / sigma
+        B = (r[:, k + 1 :] - base[:, None]) / self.steps[None, :, None] * weight[:, None] / sigma
         e = base * weight / sigma
         own = np.einsum("mas,mbs->sab", B, B)
         cross = np.einsum("mas,mks->sak", B, J)
         own_gradient = np.einsum("mas,ms->sa", B, e)
-        own[:, [0, 1], [0, 1]] *= 1.0 + 1e-12
+        own[:, np.arange(own_k), np.arange(own_k)] *= 1.0 + 1e-12
         back = np.linalg.solve(own, cross)
         settled = np.linalg.solve(own, own_gradient[:, :, None])[:, :, 0]
         normal = np.einsum("mjs,mks->sjk", J, J) - np.einsum("saj,sak->sjk", cross, back)
@@ -219,8 +262,7 @@ class _Problem:
         limit = np.where(self.candidate.is_logarithmic, LARGEST_STEP, np.inf)[self.free]
         step = np.clip(step, -limit, limit)
         free[self.free] += step
-        own = -at.own_gradient - at.back @ step
-        own = own / (1.0 + damping)
+        own = -at.own_gradient / (1.0 + damping) - at.back @ step  # initial states follow the step that is taken
         return self.candidate.clipped(self.candidate.from_free(free)), start + own.T
 
 

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from rrrgen.arrays import Array
 from rrrgen.friction_estimation.candidates import Candidate
 
-LUGRE_STEPS = 4
-"""Steps within a sampling period of about 1 ms: bristles are stiff."""
+LUGRE_STEPS = (4, 8)
+"""Fewest and most steps within a sampling period of about 1 ms: bristles are stiff."""
+RESOLVED = 0.15  # angle, in rad, by which the joint on its bristles may oscillate within a step
 NEURAL_STEPS = 4
 
 
@@ -43,6 +44,10 @@ class Torque:
         first, second = np.clip(low, 0, last), np.clip(low + 1, 0, last)
         return np.asarray((1.0 - weight) * self.samples[first] + weight * self.samples[second])
 
+    def centred(self, delay: Array) -> Array:
+        """Torque (C, S) at the start of each window: the mean of the values held before and after that instant."""
+        return 0.5 * (self.held(0, delay) + self.held(-1, delay))
+
 
 def simulate(
     candidate: Candidate,
@@ -53,6 +58,7 @@ def simulate(
     period: float,
     stride: int,
     direction: Array | None = None,
+    friction: Array | None = None,
 ) -> Array:
     """Simulate one joint over S windows for C parameter vectors.
 
@@ -60,18 +66,21 @@ def simulate(
     ``v`` (C, S) are the positions and speeds at the start of the windows, ``theta`` (k, C) the parameters of
     ``candidate``, ``torque`` the recorded torque, ``period`` is the sampling period (s). With a ``direction`` (S,), +1
     or -1, the joint is taken to slide that way all the time, even where a simulation with wrong parameters would stop:
-    then positions are smooth functions of the parameters.
+    then positions are smooth functions of the parameters. ``friction`` (C, S) is the force of the bristles at the
+    start, for a law with a state.
     """
     columns = [row[:, None] for row in theta]
     advance: Any
     if direction is not None and candidate.jumps:
         advance = _Sliding(candidate, columns, period, direction)
+    elif friction is not None:
+        advance = _Bristles(candidate, columns, period, friction)
     else:
-        advance = {"lugre": _Bristles, "neural": _Smooth}.get(candidate.name, _Sticking)(candidate, columns, period)
+        advance = (_Smooth if candidate.name == "neural" else _Sticking)(candidate, columns, period)
     delay = columns[-1]
     positions = np.empty((torque.length // stride + 1, *q.shape))
     positions[0] = q
-    state = advance.start(q, v, torque.held(0, delay))
+    state = advance.start(q, v)
     for k in range(torque.length):
         state = advance.step(state, torque.held(k, delay))
         if (k + 1) % stride == 0:
@@ -85,7 +94,7 @@ class _Sliding:
     def __init__(self, candidate: Candidate, theta: list[Array], period: float, direction: Array) -> None:
         self.candidate, self.theta, self.h, self.direction = candidate, theta, period, direction
 
-    def start(self, q: Array, v: Array, u: Array) -> tuple[Array, ...]:
+    def start(self, q: Array, v: Array) -> tuple[Array, ...]:
         return q, v
 
     def step(self, state: tuple[Array, ...], u: Array) -> tuple[Array, ...]:
@@ -109,7 +118,7 @@ class _Sticking:
         self.forward = candidate.torque(zero, theta, 1.0)
         self.backward = candidate.torque(zero, theta, -1.0)
 
-    def start(self, q: Array, v: Array, u: Array) -> tuple[Array, ...]:
+    def start(self, q: Array, v: Array) -> tuple[Array, ...]:
         return q, v
 
     def step(self, state: tuple[Array, ...], u: Array) -> tuple[Array, ...]:
@@ -143,7 +152,7 @@ class _Smooth:
         units = (len(values) - 1) // 2
         self.f, self.w, self.viscous = values[:units], values[units:-1], values[-1]
 
-    def start(self, q: Array, v: Array, u: Array) -> tuple[Array, ...]:
+    def start(self, q: Array, v: Array) -> tuple[Array, ...]:
         return q, v
 
     def step(self, state: tuple[Array, ...], u: Array) -> tuple[Array, ...]:
@@ -165,28 +174,26 @@ class _Smooth:
 class _Bristles:
     """Integrator for the LuGre law: trapezoidal rule for the speed, exact bristle deflection at a step's mean speed."""
 
-    def __init__(self, candidate: Candidate, theta: list[Array], period: float) -> None:
+    def __init__(self, candidate: Candidate, theta: list[Array], period: float, friction: Array) -> None:
         self.candidate, self.theta, self.J = candidate, theta, theta[0]
-        self.h = period / LUGRE_STEPS
         self.s0, self.s1, self.excess, self.coulomb, self.viscous, self.speed = candidate.law_values(theta)
+        self.friction = friction
+        angle = period * float(np.sqrt(np.max(self.s0 / self.J)))
+        self.steps = int(np.clip(np.ceil(angle / RESOLVED), *LUGRE_STEPS))
+        self.h = period / self.steps
 
     def level(self, v: Array) -> Array:
         ratio = v / self.speed
         return np.asarray(self.excess * np.exp(-ratio * ratio) + self.coulomb)
 
-    def start(self, q: Array, v: Array, u: Array) -> tuple[Array, ...]:
-        """Initial deflection of the bristles: that of steady sliding, or at rest the one that carries the load."""
-        net = u - self.candidate.gravity_torque(q, self.theta)
-        level = self.level(v)
-        carried = np.clip(net, -level, level)
-        fast = np.minimum(np.abs(v) / (0.1 * self.speed), 1.0)
-        return q, v, (fast * np.sign(v) * level + (1.0 - fast) * carried) / self.s0
+    def start(self, q: Array, v: Array) -> tuple[Array, ...]:
+        return q, v, self.friction / self.s0
 
     def step(self, state: tuple[Array, ...], u: Array) -> tuple[Array, ...]:
         q, v, z = state
         h, s0, s1, b = self.h, self.s0, self.s1, self.viscous
         per_step = self.J / h
-        for _ in range(LUGRE_STEPS):
+        for _ in range(self.steps):
             net = u - self.candidate.gravity_torque(q + 0.5 * h * v, self.theta)
             mean = v
             for _ in range(2):

@@ -22,14 +22,17 @@ class Windows:
     start, with the standard deviations ``q0_std``, ``v0_std``. ``block`` (S,) is the number of the longer stretch that
     a window belongs to; blocks are held out or resampled as a whole. ``resolution`` is that of the encoder, rad (m).
     ``direction`` (S,), +1 or -1, is the direction of sliding if it is constant in each window, otherwise None.
+    ``a0`` (S,) is the acceleration at the start, ``smoothed`` the torque after the low-pass filter that gave it.
     """
 
     period: float
     stride: int
     torque: Torque
+    smoothed: Torque
     measured: Array
     q0: Array
     v0: Array
+    a0: Array
     q0_std: float
     v0_std: float
     used: NDArray[np.bool_]
@@ -47,9 +50,10 @@ class Windows:
 
     def of(self, chosen: NDArray[Any]) -> Windows:
         """The ``chosen`` windows, given by a mask (S,) or by their numbers."""
-        torque = replace(self.torque, starts=self.torque.starts[chosen])
+        torque, smoothed = (replace(each, starts=each.starts[chosen]) for each in (self.torque, self.smoothed))
         return replace(
-            self, torque=torque, measured=self.measured[:, chosen], q0=self.q0[chosen], v0=self.v0[chosen],
+            self, torque=torque, smoothed=smoothed, measured=self.measured[:, chosen],
+            q0=self.q0[chosen], v0=self.v0[chosen], a0=self.a0[chosen],
             direction=None if self.direction is None else self.direction[chosen],
             used=self.used[:, chosen], block=self.block[chosen],
         )  # fmt: skip
