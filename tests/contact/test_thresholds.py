@@ -48,26 +48,36 @@ def model():
 
 
 @pytest.fixture(scope="module")
-def free(model):
-    """Sixty arms alone, and their residuals: what a recording without contact tells."""
-    arms = Arms(model, 60, FRICTION, seed=1, q0=REST, errors=1)
-    return arms, arms.run(1.5)[500:]
+def arms(model):
+    """Twice sixty arms on different motions, and their residuals: the second sixty are touched from 1.4 s on."""
+    both = Arms(model, 120, FRICTION, q0=REST, errors=1)
+    return both, both.run(1.56, np.concatenate([np.zeros((60, 3)), forces(60)]), at=1.4)[500:]
 
 
 @pytest.fixture(scope="module")
-def touched(model):
-    """The same arms on other motions, 10 N at the tip of each from 1.4 s on, and their residuals."""
-    arms = Arms(model, 60, FRICTION, seed=2, q0=REST, errors=1)
-    return arms, arms.run(1.56, forces(60), at=1.4)[500:]
+def free(arms):
+    """Positions and residuals of arms alone: what a recording without contact tells."""
+    return np.array(arms[0].seen)[500:, :60, :, 0], arms[1][:, :60]
 
 
-def test_contacts_are_detected_in_time_and_nothing_else_is(model, free, touched):
+@pytest.fixture(scope="module")
+def touched(arms):
+    """The same for the arms with 10 N at their tips in the last 0.16 s."""
+    return np.array(arms[0].seen)[500:, 60:, :, 0], arms[1][:, 60:]
+
+
+@pytest.fixture(scope="module")
+def responses(arms):
+    return step_responses([arms[0].matrices] * 3, 50.0, 0.3)
+
+
+def test_contacts_are_detected_in_time_and_nothing_else_is(model, free, touched, responses):
     found = contact_thresholds(list(free[1].transpose(1, 0, 2)), Ts, 50.0, 3600.0)
-    arms, r = touched
+    q, r = touched
     over = ratios(r, found) > 1.0
     assert not over[:900].any()  # 54 s without a contact
     delays = np.where(over[900:].any(axis=0), over[900:].argmax(axis=0), np.inf)
-    poses, responses = model.jacobian(arms.desired(1.4)[0]), step_responses([arms.matrices] * 3, 50.0, 0.3)
+    poses = model.jacobian(q[900])
     seen = visibility(poses, forces(60), found, responses) > 1.25  # the tip has hardly a lever arm in some directions
     assert np.count_nonzero(seen) >= 57
     assert delays[seen].max() <= 10
@@ -77,13 +87,12 @@ def test_contacts_are_detected_in_time_and_nothing_else_is(model, free, touched)
     assert expected.missed < 0.02
 
 
-def test_the_changes_of_residuals_show_contacts_that_the_residuals_hide(model, free, touched):
+def test_the_changes_of_residuals_show_contacts_that_the_residuals_hide(model, free, touched, responses):
     """600 contacts of 5 N, whose responses are added to residuals alone: 5 % are late, without the changes 20 %."""
     found = contact_thresholds(list(free[1].transpose(1, 0, 2)), Ts, 50.0, 3600.0)
-    arms, r = touched
-    J = model.jacobian(np.array(arms.seen)[500:1400:90, ..., 0]).reshape(600, 6, 3)[:, :3]
+    q, r = touched
+    J = model.jacobian(q[:900:90]).reshape(600, 6, 3)[:, :3]
     torques = np.einsum("kij,ki->kj", J, forces(600, 5.0))
-    responses = step_responses([arms.matrices] * 3, 50.0, 0.3)
     before = np.stack([r[start + 40 : start + 90] for start in range(0, 900, 90)], axis=1).reshape(50, 600, 3)
     after = before + np.concatenate([np.zeros((34, 3)), responses[:16]])[:, None] * torques
     late = 1 - np.mean(ratios(after, found).max(axis=0) > 1.0)
@@ -94,12 +103,12 @@ def test_the_changes_of_residuals_show_contacts_that_the_residuals_hide(model, f
 
 def test_the_covariance_of_a_force_is_that_of_its_errors(model, free, touched):
     """It contains the mean errors of the model; variances alone predict errors that are too small."""
-    arms, r = free
-    poses = model.jacobian(np.array(arms.seen)[500::10, ..., 0])
+    q, r = free
+    poses = model.jacobian(q[::10])
     found = residual_covariance(r[::10].reshape(-1, 3), poses.reshape(-1, 6, 3))
     assert 1.0 <= found.enlarged < 1.3
-    arms, r = touched
-    J = model.jacobian(np.array(arms.seen)[-60:, ..., 0])  # the lag of r is over
+    q, r = touched
+    J = model.jacobian(q[-60:])  # the lag of r is over
 
     def normalised(covariance):
         load = model.external_force(J, r[-60:], covariance)
@@ -130,7 +139,7 @@ def test_residuals_of_a_recording_are_those_of_the_controller(model):
     """Positions and torques of one arm, recorded: the same residuals, whatever the filters were at the start."""
     arms = Arms(model, 1, model.friction_parameters, seed=5)
     arms.believed, arms.beta = model.friction_parameters, model.beta
-    r = arms.run(1.2)[:, 0]
+    r = arms.run(0.8)[:, 0]
     q, tau = np.array(arms.readings)[:, 0], np.array(arms.torques)[:, 0]
     kalman = KalmanSmoother(RESOLUTION**2 / 12, 300.0**2, smooth=False)
     found = observer_residuals(model, q, tau, Ts, kalman, 50.0, WIDTH)
