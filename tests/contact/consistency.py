@@ -73,6 +73,8 @@ def the_loads(model, free, r, touched, F):
     seen = np.array(touched.seen)[..., 0]
     J = model.jacobian(seen)
     lagged = first_order_lag(J - J[0], np.exp(-touched.gain * Ts)) + J[0]
+    found = model.external_force(J[1600:], r[1600:], np.diag(alone.var(axis=(0, 1))))
+    told("force of a contact (NEES), by the deviations of the residuals alone", normalised(found.F - F, found.P), 3)
     for name, place in (("J of this tick", J), ("J low-passed like r", lagged)):
         found = model.external_force(place[1600:], r[1600:], covariance.matrix)
         told(f"force of a contact (NEES), {name}", normalised(found.F - F, found.P), 3)

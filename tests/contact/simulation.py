@@ -39,6 +39,14 @@ class Arms:
         a, w, angle = self.amplitude, self.omega, self.omega * t + self.phase
         return self.centre + a * np.sin(angle), a * w * np.cos(angle), -a * w * w * np.sin(angle)
 
+    def acceleration(self, q, dq, tau, step):
+        """Mean acceleration over a ``step``, with friction linearised: it changes within less for a light wrist."""
+        viscous, coulomb = self.friction[::3], self.friction[1::3]
+        slope = viscous + coulomb / WIDTH / np.cosh(dq / WIDTH) ** 2
+        M = self.model.mass_matrix(q) + step * np.einsum("ki,ij->kij", slope, np.eye(self.n))
+        friction = self.model.smooth_friction(dq, friction=self.friction, width=WIDTH)
+        return np.linalg.solve(M, (tau - friction - self.model.bias(q, dq))[..., None])[..., 0]
+
     def run(self, seconds, force=None, at=np.inf):
         """Residuals (N, count, n) of the observer in the loop; ``force`` (count, 3) acts on the tips from ``at`` on."""
         m, n = self.model, self.n
@@ -70,8 +78,7 @@ class Arms:
             if k * Ts >= at:
                 pushed = np.einsum("kij,ki->kj", m.jacobian(q)[:, :3], force)
             for _ in range(2):
-                friction = m.smooth_friction(dq, friction=self.friction, width=WIDTH)
-                dq = dq + Ts / 2 * m.forward_dynamics(q, dq, tau - friction + pushed)
+                dq = dq + Ts / 2 * self.acceleration(q, dq, tau + pushed, Ts / 2)
                 q = q + Ts / 2 * dq
             self.torques.append(tau)  # applied from this reading to the next
             tau = command

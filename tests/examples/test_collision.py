@@ -13,7 +13,7 @@ pytest.importorskip("scipy", reason="thresholds need the extra 'identify'")
 
 
 def test_a_contact_is_reported_within_15_ms(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ("--seconds", "13", "--block", "0.35", "-o", tmp_path)
+    arguments = ("--seconds", "9", "--block", "0.25", "-o", tmp_path)
     assert exit_code("collision", *arguments) == 0  # 1 for a false alarm or a late report
     assert "reported after" in capsys.readouterr().out
     assert (tmp_path / "collision.png").exists()
