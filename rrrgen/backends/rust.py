@@ -36,6 +36,8 @@ _LONGEST_LINE = 110
 
 LARGEST: dict[Real, str] = {"double": "1e150", "float": "1e15"}
 """Larger numbers than this count as infinite in differential inverse kinematics."""
+ROUGH: dict[Real, str] = {"double": "1048576.0", "float": "64.0"}
+"""Slopes that rounding leaves at free joints there, in units of what counts as zero, with half of all digits lost."""
 
 _MATHS = {Op.SQRT: "F::sqrt", Op.ABS: "abs", Op.EXP: "F::exp", Op.TANH: "F::tanh"}
 _HELPERS = {"abs": Op.ABS, "sign": Op.SIGN}
@@ -145,6 +147,7 @@ def _source(model: DerivedModel, identity: Identity, real: Real) -> str:
         failures=list(failures.items()),
         differential=_differential(model),
         largest=LARGEST[real],
+        rough=ROUGH[real],
         helpers=[name for name, op in _HELPERS.items() if op in used],
         functions=[_function(program, _Rust(real)) for program in programs.values()],
     )

@@ -26,18 +26,15 @@ ROUNDING = {"double": Fraction(1, 2**52), "float": Fraction(1, 2**23)}
 TOLERANCE = 64
 """Values whose magnitude is below this many rounding errors of the terms they are summed from count as zero."""
 
+ROUGH = {"double": 2**20, "float": 2**6}
+"""Slopes that rounding leaves at free joints, in units of what counts as zero, above which a decomposition takes the place
+of a correction: half of all digits are lost."""
+
 REAL_BYTES = {"double": 8, "float": 4}
 PROMISE = (
     "The function has no state, allocates nothing and takes a bounded time; it may be called from several threads at "
     "once. Matrices are row-major."
 )
-
-
-SWEEPS = 4
-"""Largest number of coordinate-descent sweeps that find the first active set."""
-
-NEWTON_STEPS = 8
-"""Number of Newton steps along the box; then joints enter or leave the set one at a time."""
 
 
 def steps(n: int) -> int:
@@ -100,26 +97,26 @@ def differential_ik_files(robot: str, n: int, real: Real) -> dict[str, str]:
     def literal(value: float | Fraction) -> str:
         return dialect.literal(Fraction(value))
 
-    declared = declaration(n)
+    declared, fabs = declaration(n), dialect.function("fabs")
     rows = [(way, port) for way, ports in (("in", declared.inputs), ("out", declared.data_outputs)) for port in ports]
     arguments = columns([(way, port.name, port.unit, port.meaning) for way, port in rows])
     values: dict[str, object] = {
         "n": n,
         "steps": steps(n),
-        "sweeps": SWEEPS,
-        "newton_steps": NEWTON_STEPS,
         "arguments": arguments,
-        "stack": 512 + (2 * n * n + 12 * n) * REAL_BYTES[real] + 12 * n,
+        "stack": 512 + (3 * n * n + 16 * n) * REAL_BYTES[real] + 12 * n,
         "zero": literal(0.0),
         "one": literal(1.0),
         "two": literal(2.0),
         "largest": literal(LARGEST[real]),
         "epsilon": literal(ROUNDING[real]),
         "tolerance": literal(TOLERANCE * ROUNDING[real]),
+        "rough": literal(ROUGH[real]),
         "sqrt": dialect.function("sqrt"),
-        "fabs": dialect.function("fabs"),
+        "fabs": fabs,
         "row_x": _sum_of_products([(f"row[{k}]", f"x[{k}]") for k in range(n)]),
-        "row_d": _sum_of_products([(f"row[{k}]", f"d[{k}]") for k in range(n)]),
+        "row_slope": _sum_of_products([(f"row[{k}]", f"slope[{k}]") for k in range(n)]),
+        "size_x": " + ".join(f"{fabs}(row[{k}] * x[{k}])" for k in range(n)),
         "column_other": _sum_of_products([(f"column[{k}]", f"other[{k * n}]") for k in range(6)]),
     }
     title = f"differential inverse kinematics of {robot} within speeds, accelerations and positions"

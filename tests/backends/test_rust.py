@@ -17,7 +17,7 @@ from pages.test_pages import ROOT, blocks
 from pipeline.optimized import bundled
 from rrrgen import pipeline
 from rrrgen.backends.description import programs_of
-from rrrgen.backends.rust import LARGEST, RustBackend, _function, _Rust
+from rrrgen.backends.rust import LARGEST, ROUGH, RustBackend, _function, _Rust
 from rrrgen.errors import BackendError
 from rrrgen.program import Builder, Port
 from rrrgen.resources import template_text
@@ -214,7 +214,8 @@ def test_differential_inverse_kinematics_is_that_of_the_c(tmp_path):
     """Random problems: limits that are met, touched, infinite, or not to be kept, and unusable inputs."""
     module = template_text("rust/lib.rs.j2").partition("\npub mod differential_ik")[2].rpartition("{% endif %}")[0]
     text = DIFFERENTIAL.replace("pub mod differential_ik;", "pub mod differential_ik" + module)
-    (tmp_path / "main.rs").write_text(text.replace("{{ largest }}", LARGEST["double"]), encoding="utf-8")
+    text = text.replace("{{ largest }}", LARGEST["double"]).replace("{{ rough }}", ROUGH["double"])
+    (tmp_path / "main.rs").write_text(text, encoding="utf-8")
     compiled(tmp_path, "main.rs")
     rng, n = np.random.default_rng(2), 7
     rows, expected, solve = [], [], compiled_solver("arm", n, "double")
