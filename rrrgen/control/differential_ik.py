@@ -27,8 +27,8 @@ TOLERANCE = 64
 """Values whose magnitude is below this many rounding errors of the terms they are summed from count as zero."""
 
 ROUGH = {"double": 2**20, "float": 2**6}
-"""Slopes that rounding leaves at free joints, in units of what counts as zero, above which a decomposition takes the place
-of a correction: half of all digits are lost."""
+"""Slopes that rounding leaves at free joints, in units of what counts as zero, with half of all digits lost: above them
+a decomposition takes the place of a correction."""
 
 REAL_BYTES = {"double": 8, "float": 4}
 PROMISE = (

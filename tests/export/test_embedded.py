@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import tarfile
+from importlib.util import find_spec
 
 import pytest
 
@@ -94,3 +96,20 @@ def test_the_zephyr_module_finds_its_files(folder):
     assert (folder / "zephyr" / "Kconfig").read_text(encoding="utf-8").startswith("config ARM\n")
     (folder / "check.cmake").write_text(ZEPHYR, encoding="utf-8")
     run("cmake", "-P", "check.cmake", cwd=folder)
+
+
+@pytest.mark.skipif(shutil.which("pio") is None, reason="needs PlatformIO (pip install platformio)")
+def test_platformio_packs_the_library(folder, tmp_path, monkeypatch):
+    monkeypatch.setenv("PLATFORMIO_CORE_DIR", str(tmp_path / "core"))
+    run("pio", "pkg", "pack", "-o", tmp_path / "arm.tar.gz", ".", cwd=folder)
+    with tarfile.open(tmp_path / "arm.tar.gz") as packed:
+        assert {"library.json", "src/arm.c", "src/arm.h", "zephyr/module.yml"} <= set(packed.getnames())
+
+
+@pytest.mark.skipif(find_spec("kconfiglib") is None, reason="needs kconfiglib (pip install kconfiglib)")
+def test_the_option_of_zephyr_is_read(folder):
+    import kconfiglib
+
+    read = kconfiglib.Kconfig(str(folder / "zephyr" / "Kconfig"))
+    assert read.syms["ARM"].type == kconfiglib.BOOL
+    assert not read.warnings

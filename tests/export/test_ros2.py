@@ -107,21 +107,49 @@ int main()
 """
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    place = tmp_path_factory.mktemp("ros2")
-    for name, text in export_robot(load_spec("scara"), "ros2").files.items():
+AMENT = """\
+function(ament_target_dependencies target)
+  target_include_directories(${target} SYSTEM PUBLIC ${STAND_INS} ${EIGEN})
+endfunction()
+function(pluginlib_export_plugin_description_file interface file)
+  install(FILES ${file} DESTINATION share/${PROJECT_NAME})
+endfunction()
+function(ament_package)
+  install(FILES package.xml DESTINATION share/${PROJECT_NAME})
+endfunction()
+"""
+"""Stand-ins of the functions that packages of ROS 2 get from ament_cmake."""
+
+
+def headers_of_eigen() -> Path:
+    """The folder that holds eigen3: that of CasADi's package, or of the system."""
+    casadi = find_spec("casadi")
+    eigen = Path("/usr/include") if casadi is None else Path(casadi.submodule_search_locations[0]) / "include"
+    if not (eigen / "eigen3" / "Eigen" / "Core").is_file():
+        pytest.skip("needs the headers of Eigen")
+    return eigen
+
+
+def written(files, place: Path) -> Path:
+    for name, text in files.items():
         (place / name).parent.mkdir(parents=True, exist_ok=True)
         (place / name).write_text(text, encoding="utf-8")
     return place
 
 
+@pytest.fixture(scope="module")
+def package():
+    return export_robot(load_spec("scara"), "ros2").files
+
+
+@pytest.fixture(scope="module")
+def folder(package, tmp_path_factory):
+    return written(package, tmp_path_factory.mktemp("ros2"))
+
+
 @pytest.mark.skipif(COMPILER is None, reason="needs clang++ or g++")
 def test_the_plugins_answer(folder):
-    casadi = find_spec("casadi")
-    eigen = Path("/usr/include") if casadi is None else Path(casadi.submodule_search_locations[0]) / "include"
-    if not (eigen / "eigen3" / "Eigen" / "Core").is_file():
-        pytest.skip("needs the headers of Eigen")
+    eigen = headers_of_eigen()
     (folder / "use.cpp").write_text(PROGRAM, encoding="utf-8")
     for source in ("scara.c", "scara_nominal.c", "scara_ik.c"):
         run("gcc", "-std=c99", "-O0", "-c", source, "-o", folder / f"{source}.o", cwd=folder / "model")
@@ -164,3 +192,25 @@ def test_the_package_is_consistent(folder):
         assert described.name in build
     needed = {each.text for each in package.findall("depend")}
     assert {"pluginlib", "rclcpp", "inverse_dynamics_solver", "kinematics_interface", "moveit_core"} <= needed
+
+
+@pytest.mark.skipif(shutil.which("colcon") is None, reason="needs colcon (pip install colcon-common-extensions)")
+def test_colcon_builds_and_installs_the_package(package, tmp_path):
+    """With stand-ins of the packages that it depends on."""
+    place, found = written(package, tmp_path / "src" / "scara_ros"), tmp_path / "found" / "lib" / "cmake"
+    needed = {each.text for each in ElementTree.parse(place / "package.xml").getroot().findall("depend")} - {"eigen"}
+    for name in ("ament_cmake", "Eigen3", *needed):
+        (found / name).mkdir(parents=True)
+        (found / name / f"{name}Config.cmake").write_text(AMENT if name == "ament_cmake" else "", encoding="utf-8")
+    eigen = headers_of_eigen()
+    folders = (
+        f"-DSTAND_INS={STAND_INS}",
+        f"-DEIGEN={eigen};{eigen / 'eigen3'}",
+        "-DCMAKE_CXX_FLAGS=-DEIGEN_DONT_VECTORIZE",
+    )
+    options = ("--executor", "sequential", "--cmake-args", f"-DCMAKE_PREFIX_PATH={tmp_path / 'found'}", *folders)
+    run("colcon", "--log-base", "log", "build", *options, cwd=tmp_path, timeout=600)
+    installed = {path.name for path in (tmp_path / "install" / "scara_ros").rglob("*") if path.is_file()}
+    for plugin in ("dynamics", "kinematics", "moveit"):
+        assert {f"libscara_{plugin}.so", f"{plugin}_plugin.xml"} <= installed
+    assert {"parameters.yaml", "package.xml"} <= installed

@@ -23,6 +23,8 @@ FIGURES = {
     "path-timing": "examples/path-timing/figure.py",
 }
 """The scripts that draw the figures of the pages; those of the benchmark are drawn by it."""
+BY_PAGES = {"optimal-motion": "docs/optimal-control.md", "mpc": "docs/optimal-control.md"}
+"""Figures that blocks of a page itself draw."""
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 
 
@@ -107,7 +109,9 @@ def test_python_on_the_first_page_runs(monkeypatch):
 def test_every_figure_is_made_by_a_command_on_a_page():
     pages = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     shown = {Path(target).stem for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", pages)}
-    assert shown == {*FIGURES, "benchmark"}
+    assert shown == {*FIGURES, *BY_PAGES, "benchmark"}
+    for figure, page in BY_PAGES.items():
+        assert f'savefig("{figure}.png"' in (ROOT / page).read_text(encoding="utf-8")
     for figure, script in FIGURES.items():
         assert f"python {script}" in pages
         assert figure in (ROOT / script).read_text(encoding="utf-8")
