@@ -17,7 +17,7 @@ from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel
 from rrrgen.identify.friction_laws import choice
 from rrrgen.identify.friction_laws.choice import CANDIDATES, LawChoice
-from rrrgen.identify.friction_laws.surfaces import FrictionSurface
+from rrrgen.identify.friction_laws.surfaces import FrictionSurface, stated_surfaces
 from rrrgen.identify.identification import identify
 from rrrgen.identify.options import Options
 from rrrgen.identify.results import identified_spec
@@ -139,13 +139,20 @@ def test_the_written_robot_file_is_the_model_that_was_scored(arm, log, chosen):
     ("law", "message"),
     [
         ("dhal", "no friction law 'dhal' can be fitted; there are"),
-        ("lugre", "no friction law 'lugre' can be fitted"),
+        ("lugre", "'lugre' can be fitted .dahl_exponential has its presliding"),
         ("c=dahl", "no joint or motor 'c' states friction; there are a, b"),
     ],
 )
 def test_wrong_laws_are_refused(arm, law, message):
     with pytest.raises(InputError, match=message):
         LawChoice.parse([law], arm.spec)
+
+
+def test_a_stated_law_that_cannot_be_fitted_names_another():
+    stated = "{law: lugre, sigma0: 400, sigma1: 1, coulomb: 0.6, stribeck_speed: 0.3}"
+    spec = loads_spec(ARM.replace("{viscous: 0, coulomb: 0}", stated))
+    with pytest.raises(InputError, match="dahl_exponential has its presliding"):
+        stated_surfaces(spec)
 
 
 def test_the_command_prints_the_table_and_writes_the_law(tmp_path, arm, log, monkeypatch):

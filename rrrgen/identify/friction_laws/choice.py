@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.friction.laws import LAWS
 from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
 from rrrgen.identify.estimation.observations import KnownTorque, Recording, RowMaker
 from rrrgen.identify.friction_laws.load import tune_under_load
 from rrrgen.identify.friction_laws.problem import Problem
 from rrrgen.identify.friction_laws.surfaces import (
+    FITTED_LAWS,
     FrictionSurface,
+    not_fitted,
     stated_surfaces,
     surfaces_with,
     without_laws,
@@ -47,8 +48,6 @@ CANDIDATES = (
     "dahl_load_dependent",
 )
 """The laws compared by ``auto``, the simpler ones first."""
-FITTED_LAWS = tuple(name for name, law in LAWS.items() if law.factors is not None)
-"""The laws that can be named."""
 PARTS = 6  # stretches into which the fitted part is cut, alternating between the two halves
 TOLERANCE = 0.02  # share by which the error of a simpler law may be larger
 BLOCKS = 24  # number of blocks of rows over which errors are compared
@@ -144,7 +143,7 @@ class LawChoice:
         for text in texts:
             where, _, law = text.rpartition("=")
             if law not in (*FITTED_LAWS, AUTO):
-                raise InputError(f"no friction law '{law}' can be fitted; there are {', '.join((*FITTED_LAWS, AUTO))}")
+                raise InputError(not_fitted(law, (AUTO,)))
             if where and where not in owners:
                 raise InputError(
                     f"no joint or motor '{where}' states friction; there are {', '.join(owners) or 'none'}"

@@ -149,6 +149,22 @@ def recursion(a: Array, b: Array) -> Array:
     return y
 
 
+FITTED_LAWS = tuple(name for name, law in LAWS.items() if law.factors is not None)
+"""The laws that can be fitted: those that are linear for known shapes."""
+INSTEAD = {
+    "lugre": "dahl_exponential has its presliding with a level that depends on the speed, stribeck its friction in "
+    "sliding; `rrrgen friction` fits lugre itself to a recording of one joint",
+    "logistic": "neural and asymmetric_exponential have such curves",
+}
+"""What to fit instead of a law that is not linear for known shapes."""
+
+
+def not_fitted(law: str, others: Sequence[str] = ()) -> str:
+    """Message that the friction ``law`` cannot be fitted, with what can; ``others`` are further allowed names."""
+    told = f" ({INSTEAD[law]})" if law in INSTEAD else ""
+    return f"no friction law '{law}' can be fitted{told}; there are {', '.join((*FITTED_LAWS, *others))}"
+
+
 def stated_laws(spec: Any) -> list[tuple[FrictionSurface, LawSpec]]:
     """Joints and motors for which the robot file states a friction law, each paired with that law.
 
@@ -171,8 +187,7 @@ def stated_surfaces(spec: Any) -> tuple[FrictionSurface, ...]:
     found = tuple(surface for surface, _ in stated_laws(spec))
     for surface in found:
         if surface.definition.factors is None:
-            fitted = ", ".join(name for name, each in LAWS.items() if each.factors is not None)
-            raise InputError(f"the friction law {surface.law} cannot be fitted to a recording; {fitted} can")
+            raise InputError(not_fitted(surface.law))
     return found
 
 
