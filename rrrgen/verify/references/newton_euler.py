@@ -204,10 +204,10 @@ class NewtonEuler:
 
     def mass_matrix(self, q: Array) -> Array:
         """The mass matrix M (N, n, n); column k is the torque for unit acceleration of joint k at rest, no gravity."""
-        still = np.zeros_like(q)
-        units = np.eye(self.chain.n)
-        columns = [self.inverse_dynamics(q, still, still + unit, with_gravity=False) for unit in units]
-        return np.stack(columns, axis=2)
+        count, n = q.shape
+        units = np.repeat(np.eye(n), count, axis=0)
+        torques = self.inverse_dynamics(np.tile(q, (n, 1)), np.zeros_like(units), units, with_gravity=False)
+        return np.asarray(torques.reshape(n, count, n).transpose(1, 2, 0))
 
     def coriolis(self, q: Array, dq: Array) -> Array:
         """The Coriolis and centrifugal torques c(q, dq), (N, n)."""
