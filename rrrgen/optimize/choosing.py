@@ -111,25 +111,27 @@ class Cheapest:
         collect: Pass = Collect()
         collected = [collect(variant) for variant in variants]
         best, factors, taken = collected[0], collected[0], Choice(0, None)
+        costs = [self.cost(program) for program in collected]
+        least = costs[0]
         seen = SeenExpansions()
         for trial in self.choices(collected) if trials is None else trials:
-            variant = collected[trial.variant]
-            if trials is None and trial.cut_set and self._is_too_costly(variant, trial.cut_set, best):
-                continue
-            found = variant if trial.cut_set is None else self._expand(trial.cut_set).attempt(variant, seen)
-            if found is None:
-                continue
-            program = variant if trial.cut_set is None else collect(found)
-            if self.cost(program) < self.cost(best):
-                best, factors, taken = program, found, trial
+            program, cost = collected[trial.variant], costs[trial.variant]
+            expanded = program
+            if trial.cut_set is not None:
+                if trials is None and cost[0] > self.max_cost_ratio[trial.cut_set] * least[0]:
+                    continue
+                found = self._expand(trial.cut_set).attempt(program, seen)
+                if found is None:
+                    continue
+                expanded, program = found, collect(found)
+                cost = self.cost(program)
+            if cost < least:
+                best, least, factors, taken = program, cost, expanded, trial
         log.note("choose recursion", name, variants[0], variants[taken.variant])
         log.note("collect factors", name, variants[taken.variant], collected[taken.variant])
         log.note("expand and factor", name, collected[taken.variant], factors)
         log.note("collect factors", name, factors, best)
         return log.note("double by addition", name, best, DoubleByAddition()(best)), taken
-
-    def _is_too_costly(self, variant: Program, cut_set: CutSet, best: Program) -> bool:
-        return self.cost(variant)[0] > self.max_cost_ratio[cut_set] * self.cost(best)[0]
 
     def _expand(self, cut_set: CutSet) -> ExpandAndFactor:
         return ExpandAndFactor(cut_set, self.max_terms, self.max_pairs)

@@ -13,6 +13,7 @@ from rrrgen.program.counts import count_operations
 from rrrgen.program.ir import uses
 
 SUMS = (Op.ADD, Op.SUB, Op.NEG)
+SUMS_AND_PRODUCTS = (*SUMS, Op.MUL)
 
 Factors: TypeAlias = tuple[int, ...]
 """The factors of one term of a sum, as node indices: both operands of a product that only this sum uses, otherwise the
@@ -28,9 +29,12 @@ class Collect:
 
     def __call__(self, program: Program) -> Program:
         """Factor out common factors of the sums in ``program``; returns the rewritten program."""
+        total = None
         while (collection := _Collection(program)).finds_any():
+            before = count_operations(program).total if total is None else total
             collected = collection.run()
-            if count_operations(collected).total >= count_operations(program).total:
+            total = count_operations(collected).total
+            if total >= before:
                 break
             program = collected
         return program
@@ -73,12 +77,13 @@ class _Collection:
     def _merged_nodes(self) -> dict[int, int]:
         """Map each sum or product that is used once, by a sum, to that sum."""
         nodes = self.program.nodes
+        uses = self.uses
         return {
             arg: k
-            for k, node in enumerate(nodes)
-            if node.op in SUMS
-            for arg in node.args
-            if self.uses[arg] == 1 and nodes[arg].op in (*SUMS, Op.MUL)
+            for k, (op, args, _) in enumerate(nodes)
+            if op in SUMS
+            for arg in args
+            if uses[arg] == 1 and nodes[arg][0] in SUMS_AND_PRODUCTS
         }
 
     def _recorded(self, k: int) -> Value:

@@ -132,7 +132,8 @@ class Builder:
         key = (value.numerator, value.denominator)
         index = self._constants.get(key)
         if index is None:
-            index = self._constants[key] = self._node(Op.CONST, (), value)
+            index = self._constants[key] = len(self.nodes)
+            self.nodes.append(Node(Op.CONST, (), value))
         return index
 
     def label(self, value: Value, name: str) -> Value:
@@ -343,15 +344,12 @@ class Builder:
             ports.append(port)
             values.append([self.index_of(element) for element in elements])
         keep = reachable(self.nodes, (index for row in values for index in row))
-        place = {old: new for new, old in enumerate(keep)}
-        moved = place.__getitem__
-        kept = [self.nodes[old] for old in keep]
-        nodes = tuple([tuple.__new__(Node, (op, tuple(map(moved, args)), value)) for op, args, value in kept])
+        nodes, place = _renumbered(self.nodes, keep)
         program = Program(
             name=name,
             inputs=tuple(self.ports),
             outputs=tuple(ports),
-            nodes=nodes,
+            nodes=tuple(nodes),
             results=tuple(tuple(place[index] for index in row) for row in values),
             summary=summary,
             formula=formula,
@@ -368,6 +366,16 @@ class Builder:
         return self.program(program.name, outputs, program.summary, program.formula, program.notes, program.status)
 
 
+def _renumbered(nodes: list[Node], keep: Sequence[int]) -> tuple[list[Node], range | dict[int, int]]:
+    """The nodes ``keep``, in order, with operands numbered anew, and the new number of each."""
+    if len(keep) == len(nodes):
+        return nodes, range(len(nodes))
+    place = {old: new for new, old in enumerate(keep)}
+    moved = place.__getitem__
+    kept = [nodes[old] for old in keep]
+    return [tuple.__new__(Node, (op, tuple(map(moved, args)), value)) for op, args, value in kept], place
+
+
 def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[list[Value]]:
     """Record ``program`` into ``builder`` with ``inputs[k]`` (row-major elements) in place of its input port k.
 
@@ -375,15 +383,17 @@ def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]
     to simplify a program again.
     """
     values: list[Value] = []
+    known, labels = values.__getitem__, program.labels
     for index, node in enumerate(program.nodes):
-        if node.op is Op.INPUT:
+        op, args, _ = node
+        if op is Op.INPUT:
             port, element = node.place
             value: Value = inputs[port][element]
-        elif node.op is Op.CONST:
+        elif op is Op.CONST:
             value = node.number
         else:
-            value = getattr(builder, node.op.value)(*(values[arg] for arg in node.args))
-        if index in program.labels:
-            builder.label(value, program.labels[index])
+            value = getattr(builder, op.value)(*map(known, args))
+        if index in labels:
+            builder.label(value, labels[index])
         values.append(value)
     return [[values[index] for index in row] for row in program.results]

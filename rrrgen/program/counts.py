@@ -48,7 +48,8 @@ class OperationCount:
 def count_operations(program: Program) -> OperationCount:
     """Count the operations of one evaluation of ``program``, by kind."""
     tally = Counter(map(itemgetter(0), program.nodes))  # by operation
-    angles = {args[0] for op, args, _ in program.nodes if op is Op.SIN or op is Op.COS}
+    has_angles = tally[Op.SIN] or tally[Op.COS]
+    angles = {args[0] for op, args, _ in program.nodes if op is Op.SIN or op is Op.COS} if has_angles else ()
     return OperationCount(
         mul=tally[Op.MUL],
         add=tally[Op.ADD] + tally[Op.SUB],

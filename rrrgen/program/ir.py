@@ -71,10 +71,13 @@ class Program:
     def validate(self) -> None:
         """Raise InternalError unless operands precede their use, inputs exist and every output is fully defined."""
         for index, node in enumerate(self.nodes):
-            args = node.args
-            if len(args) != ARITY[node.op] or (args and not 0 <= min(args) <= max(args) < index):
-                raise InternalError(f"program {self.name}: node {index} ({node.op.value}) has bad operands {args}")
-            if node.op is Op.INPUT:
+            op, args, _ = node
+            sound = len(args) == ARITY[op]
+            for arg in args:
+                sound = sound and 0 <= arg < index
+            if not sound:
+                raise InternalError(f"program {self.name}: node {index} ({op.value}) has bad operands {args}")
+            if op is Op.INPUT:
                 port, element = node.place
                 if not 0 <= element < self.inputs[port].size:
                     raise InternalError(f"program {self.name}: node {index} reads outside input {port}")
@@ -100,8 +103,8 @@ def specialization(programs: Mapping[str, Program], function: str) -> Program | 
 def uses(program: Program) -> list[int]:
     """For each node, how often it occurs as an operand or as an element of an output."""
     count = [0] * len(program.nodes)
-    for node in program.nodes:
-        for arg in node.args:
+    for _, args, _ in program.nodes:
+        for arg in args:
             count[arg] += 1
     for row in program.results:
         for index in row:

@@ -87,6 +87,6 @@ def reachable(nodes: Sequence[Node], roots: Iterable[int]) -> list[int]:
         needed[index] = 1
     for index in range(needed.rfind(1), -1, -1):  # operands precede their users
         if needed[index]:
-            for arg in nodes[index].args:
+            for arg in nodes[index][1]:
                 needed[arg] = 1
     return [index for index, is_needed in enumerate(needed) if is_needed]

@@ -78,7 +78,7 @@ def composite_wrenches(chain: Chain, in_link_frame: Sequence[bool], wrenches: Se
     for i in reversed(range(chain.n)):
         F, N = totals[i] = _sum(totals[i], wrenches[i])
         before = chain.joints[i].parent
-        if before >= 0:
+        if before >= 0 and any((*F, *N)):  # a column of the regressor has no wrench beyond its own link
             totals[before] = _sum(totals[before], _to_previous(chain, i, in_link_frame, F, N))
     return totals
 
