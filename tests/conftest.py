@@ -54,8 +54,8 @@ def unoptimized() -> Iterator[None]:
     of the code is the matter of the tests beside them that are built as users build it.
     """
     with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RRRGEN_CFLAGS", "-O0")  # the last level counts, and that of all tests would come after another
         flags = tuple("-O0" if flag == "-O2" else flag for flag in compiler.FLAGS)
-        patch.setattr(compiler, "FLAGS", flags)
         patch.setattr("rrrgen.export.platforms.FLAGS", flags)
         yield
 

@@ -18,6 +18,8 @@ from rrrgen.robotfile import load_spec
 from rrrgen.signals.fourier import FourierTrajectory
 from rrrgen.verify import verify
 
+pytestmark = pytest.mark.usefixtures("unoptimized")
+
 WRIST = """schema: rrrgen/1
 name: wrist
 convention: standard

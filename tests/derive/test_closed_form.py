@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 import sympy as sp
 
 from pipeline.optimized import bundled
-from rrrgen import pipeline
 from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import CLOSED, closed_form
 from rrrgen.derive.closed_forms.shared_form import SharedForm, shared_form
@@ -22,6 +23,12 @@ SEED = 3
 @pytest.fixture(scope="module", params=["pendulum", "planar2r", "rrr", "scara", "gantry"])
 def small(request):
     return bundled(request.param)
+
+
+@cache
+def prepared(name: str):
+    """What the closed forms of a bundled robot are derived from."""
+    return prepare(load_spec(name))
 
 
 def inputs(model, program) -> list[np.ndarray]:
@@ -67,7 +74,7 @@ def test_whole_functions_have_the_values_of_the_programs(small, name):
     values = inputs(small, program)
     results = {port.name: v for port, v in zip(program.outputs, evaluate(program, *values), strict=True)}
     expected = np.atleast_1d(results[result] if result else next(iter(results.values())))
-    matrix = closed_form(prepare(small.spec), name).matrix()
+    matrix = closed_form(prepared(small.name), name).matrix()
     numbers = point(small, program, values)
     got = np.array([value(entry, numbers) for entry in matrix]).reshape(expected.shape)
     assert np.abs(got - expected).max() <= DIGITS * max(np.abs(expected).max(), 1e-3)
@@ -89,7 +96,7 @@ def test_one_entry_of_a_large_robot(name, function, entry):
     program = model.programs[function]
     values = inputs(model, program)
     expected = evaluate(program, *values)[-1]
-    got = value(closed_form(prepare(model.spec), function)[entry], point(model, program, values))
+    got = value(closed_form(prepared(name), function)[entry], point(model, program, values))
     assert abs(got - expected[entry]) <= DIGITS * np.abs(expected).max()
 
 
@@ -111,7 +118,7 @@ def test_long_forms_name_their_intermediate_results(name, function, most):
     program = model.programs[function]
     values = inputs(model, program)
     expected = np.ravel(evaluate(program, *values)[-1])
-    form = closed_form(prepare(model.spec), function).readable()
+    form = closed_form(prepared(name), function).readable()
     assert isinstance(form, SharedForm)
     assert 10 < len(form.definitions) <= most
     got = np.array(substituted(form, point(model, program, values)))
@@ -125,10 +132,10 @@ def test_long_forms_name_their_intermediate_results(name, function, most):
 
 
 def test_short_forms_are_expanded_and_entries_follow_the_same_rule():
-    form = closed_form(prepare(bundled("rrr").spec), "mass_matrix")
+    form = closed_form(prepared("rrr"), "mass_matrix")
     assert form.readable() == form.matrix()
     assert form.readable((0, 1)) == form[0, 1]
-    large = closed_form(prepare(bundled("panda").spec), "mass_matrix")
+    large = closed_form(prepared("panda"), "mass_matrix")
     assert large.readable((6, 6)) == large[6, 6]
     entry = large.readable((0, 0))
     assert isinstance(entry, SharedForm)
@@ -147,15 +154,15 @@ def test_names_of_intermediate_results_avoid_the_names_of_the_robot():
 
 
 def test_what_has_no_closed_form_and_wrong_entries_are_refused():
-    model = pipeline.derive(load_spec("pendulum"))
+    pendulum = prepared("pendulum")
     with pytest.raises(DerivationError, match="no closed form of 'forward_dynamics'; there is one of: forward_kinem"):
-        closed_form(prepare(model.spec), "forward_dynamics")
+        closed_form(pendulum, "forward_dynamics")
     with pytest.raises(DerivationError, match="no closed form of 'forward_dynamics_derivatives'"):
-        closed_form(prepare(model.spec), "forward_dynamics_derivatives")
+        closed_form(pendulum, "forward_dynamics_derivatives")
     for unclear in (*SEVERAL, "inverse_dynamics_derivatives.dtau", "mass_matrix.C"):
         with pytest.raises(DerivationError, match=r"(name one result:|there is) \w+\.(tau|M|T|kinetic)"):
-            closed_form(prepare(model.spec), unclear)
-    form = closed_form(prepare(model.spec), "mass_matrix")
+            closed_form(pendulum, unclear)
+    form = closed_form(pendulum, "mass_matrix")
     for wrong in ((0,), (0, 1), (1, 0), 0):
         with pytest.raises(IndexError, match="shape"):
             form[wrong]

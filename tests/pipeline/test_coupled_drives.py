@@ -22,6 +22,8 @@ from rrrgen.report import html_report
 from rrrgen.robotfile import dumps, loads_spec
 from rrrgen.verify import verify
 
+pytestmark = pytest.mark.usefixtures("unoptimized")
+
 ROUND_OFF = 1e-11  # relative to the largest torque
 GEARS = (45.0, -32.0, 20.0)
 COUPLING = np.array([[1.0, 0.0, 0.25], [-0.5, 1.0, 0.0], [0.0, -1 / 3, 2.0]])  # joint speeds from the drives'
@@ -203,7 +205,7 @@ def test_torques_that_an_excitation_bounds_hold_the_drives(case):
 
 def test_what_is_printed_names_the_coupling(case):
     truth, model, _ = case
-    derived = pipeline.derive(model.spec)
+    derived = model.derived
     files = pipeline.emit(derived)
     header, manifest = files[f"{model.spec.name}.h"], files["manifest.json"]
     for text in (header, as_text(derived), html_report(derived, {}).replace("²", "^2")):

@@ -1,4 +1,7 @@
-"""verify on real compiled models, and the canary: one wrong sign in the emitted C must not get through."""
+"""verify on a real compiled model, and the canary: one wrong sign in the emitted C must not get through.
+
+Random robots are verified where they are compiled, in tests/pipeline/test_random_robots.py.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,6 @@ import re
 import pytest
 
 import rrrgen
-from oracles.random_robots import random_robot, to_yaml
 from rrrgen.backends.c import sources
 from rrrgen.errors import BuildError
 from rrrgen.verify import verify
@@ -21,13 +23,6 @@ def compiled(robot: str):
         return rrrgen.compile(robot, "c")
     except BuildError as reason:
         pytest.skip(f"no C toolchain: {reason}")
-
-
-@pytest.mark.parametrize("seed", [3, 104, 122])
-def test_random_robot_through_the_compiler(seed):
-    model = rrrgen.compile(rrrgen.loads_spec(to_yaml(random_robot(seed))), "numpy")
-    report = verify(model, samples=5, libraries=False)
-    assert report.ok, report.to_text()
 
 
 def test_reference_arm_in_emitted_c():
