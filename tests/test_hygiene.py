@@ -5,9 +5,9 @@ from __future__ import annotations
 import ast
 import re
 from collections import Counter
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-
-import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("rrrgen", "bench", "templates")
@@ -35,9 +35,8 @@ def test_there_is_something_to_read():
     assert len(TEXT) > len(PYTHON)
 
 
-@pytest.mark.parametrize("path", TEXT, ids=identify)
-def test_nothing_is_unfinished(path):
-    assert not UNFINISHED.search(path.read_text(encoding="utf-8"))
+def test_nothing_is_unfinished():
+    assert [identify(path) for path in TEXT if UNFINISHED.search(path.read_text(encoding="utf-8"))] == []
 
 
 def strict(call: ast.Call) -> bool:
@@ -45,26 +44,28 @@ def strict(call: ast.Call) -> bool:
     return any(keyword.arg == "strict" and ast.unparse(keyword.value) == "True" for keyword in call.keywords)
 
 
-@pytest.mark.parametrize("path", PYTHON, ids=identify)
-def test_python_files(path):
+@dataclass(frozen=True)
+class Source:
+    """What a Python file calls, the functions, methods, classes and constants that it defines, and its docstrings."""
+
+    called: set[str]
+    defined: set[str]
+    docstrings: dict[str, str]
+    module_docstring: str
+    lines: int
+
+
+@cache
+def source(path: Path) -> Source:
+    """Read a file once for all tests; its syntax tree is not kept, since garbage collection would visit all of them."""
     text = path.read_text(encoding="utf-8")
     tree = ast.parse(text)
-    called = {
-        node.func.id if isinstance(node.func, ast.Name) else node.func.attr
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute) and not strict(node)
-    }
-    assert not called & EVALUATION, "text is never evaluated"
-    assert ast.get_docstring(tree) or not text.strip(), "a module says what it is about"
-    assert len(text.splitlines()) <= MOST_LINES
-    printing = "cli" in path.relative_to(ROOT).parts or path == ROOT / "bench" / "__main__.py"
-    assert printing or not called & {"print", "exit"}, "only the command line prints or exits"
-
-
-def definitions(path: Path) -> set[str]:
-    """Names of the functions, methods, classes and constants of a module."""
-    kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    called, docstrings = set(), {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute) and not strict(node):
+            called.add(node.func.id if isinstance(node.func, ast.Name) else node.func.attr)
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            docstrings[node.name] = ast.get_docstring(node) or ""
     constants = {
         target.id
         for node in tree.body
@@ -72,7 +73,32 @@ def definitions(path: Path) -> set[str]:
         for target in node.targets
         if isinstance(target, ast.Name)
     }
-    return constants | {node.name for node in ast.walk(tree) if isinstance(node, kinds)}
+    return Source(
+        called, constants | set(docstrings), docstrings, ast.get_docstring(tree) or "", len(text.splitlines())
+    )
+
+
+def prints(path: Path) -> bool:
+    return "cli" in path.relative_to(ROOT).parts or path == ROOT / "bench" / "__main__.py"
+
+
+def test_text_is_never_evaluated():
+    assert {
+        identify(path): source(path).called & EVALUATION for path in PYTHON if source(path).called & EVALUATION
+    } == {}
+
+
+def test_a_module_says_what_it_is_about():
+    assert [identify(path) for path in PYTHON if source(path).lines and not source(path).module_docstring] == []
+
+
+def test_no_module_is_too_long_to_read():
+    assert {identify(path): source(path).lines for path in PYTHON if source(path).lines > MOST_LINES} == {}
+
+
+def test_only_the_command_line_prints_or_exits():
+    ends = {"print", "exit"}
+    assert [identify(path) for path in PYTHON if source(path).called & ends and not prints(path)] == []
 
 
 def test_what_is_defined_is_used():
@@ -82,7 +108,7 @@ def test_what_is_defined_is_used():
     unused = {
         f"{identify(path)}: {name}"
         for path in PYTHON
-        for name in definitions(path) - CALLED_BY_LIBRARIES
+        for name in source(path).defined - CALLED_BY_LIBRARIES
         if words[name] < 2 and not name.startswith("__")
     }
     assert not unused
@@ -91,10 +117,12 @@ def test_what_is_defined_is_used():
 FRAGMENTS = re.compile(r"(Of|From|See|Likewise|As :|As in|The same\.|Like :)\b")
 
 
-@pytest.mark.parametrize("path", PYTHON, ids=identify)
-def test_docstrings_say_what_the_thing_is(path):
+def test_docstrings_say_what_the_thing_is():
     """Not a fragment that continues the name of the function, nor a pointer to another docstring."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    kinds = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
-    found = {node.name: ast.get_docstring(node) or "" for node in ast.walk(tree) if isinstance(node, kinds)}
-    assert {name: text.splitlines()[0] for name, text in found.items() if FRAGMENTS.match(text)} == {}
+    fragments = {
+        f"{identify(path)}: {name}": text.splitlines()[0]
+        for path in PYTHON
+        for name, text in source(path).docstrings.items()
+        if FRAGMENTS.match(text)
+    }
+    assert fragments == {}

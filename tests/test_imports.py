@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -57,21 +58,24 @@ ROOMS = (
 HEAVY = ("sympy", "numpy", "scipy", "casadi", "cffi", "jinja2", "matplotlib", "cvxpy", "ruamel", "rich")
 
 
-def imports(file: Path) -> Iterator[tuple[str, str]]:
+@cache
+def imports(file: Path) -> list[tuple[str, str]]:
     """What a file imports when it runs, inside functions too, as (module, name in it or ""); not for type checkers."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
+    nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
     unread = {
         inner
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
         for inner in ast.walk(node)
     }
-    for node in ast.walk(tree):
+    found: list[tuple[str, str]] = []
+    for node in nodes:
         if isinstance(node, ast.ImportFrom) and node not in unread:
             assert node.level == 0, f"{file}: imports name their room"
-            yield from ((str(node.module), alias.name) for alias in node.names)
+            found += ((str(node.module), alias.name) for alias in node.names)
         elif isinstance(node, ast.Import) and node not in unread:
-            yield from ((alias.name, "") for alias in node.names)
+            found += ((alias.name, "") for alias in node.names)
+    return found
 
 
 def imported(file: Path) -> Iterator[str]:

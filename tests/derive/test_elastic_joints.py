@@ -69,7 +69,7 @@ class Case:
         return self.rotor_inertia * ddtheta + tau_l, theta, dtheta
 
 
-@pytest.fixture(params=range(3))
+@pytest.fixture(scope="module", params=range(3))
 def case(request):
     return Case(request.param)
 
