@@ -44,6 +44,23 @@ def test_batches_equal_single_states(function, real):
     assert np.max(np.abs(batch - single)) <= tolerance * np.max(np.abs(single))
 
 
+def test_an_input_may_have_a_name_of_one_letter():
+    """The gains k of Slotine and Li's law: the loop over states has its own variable."""
+    model, rng = rrrgen.compile("rrr"), np.random.default_rng(3)
+    motion, gain = rng.uniform(-1, 1, (5, 5, 3)), rng.uniform(1, 2, (5, 3))
+    adapting = {
+        "gamma": np.ones(15),
+        "beta_min": -9 * np.ones(15),
+        "beta_max": 9 * np.ones(15),
+        "width": 0.1,
+        "Ts": 1e-3,
+    }
+    batch = rows(model.slotine_li(*motion, gain, 2 * gain, model.beta, **adapting), 5)
+    for k in range(5):
+        single = rows(model.slotine_li(*motion[:, k], gain[k], 2 * gain[k], model.beta, **adapting), 1)
+        assert np.max(np.abs(batch[k] - single)) <= ROUND_OFF * np.max(np.abs(single))
+
+
 def test_angles_outside_the_kernels_range_and_nan_stay_in_their_lane():
     model = rrrgen.compile("rrr")
     q = states(3, 32)[0]

@@ -19,6 +19,10 @@ def loop_name(program: Program, dialect: Dialect) -> str:
     return f"{dialect.prefix}_loop_{program.name}"
 
 
+STATE = "first_state"
+"""The variable of a loop over states; like the others of a loop, a name that no input or output has."""
+
+
 def loop_files(programs: Iterable[Program], dialect: Dialect, simd: bool = True) -> dict[str, str]:
     """Print the files ``<name>_loops.h`` and ``.c``, with one loop over states per program.
 
@@ -79,9 +83,9 @@ def _loop_body(program: Program, dialect: Dialect) -> list[str]:
         *(f"    {line}" for line in _few_states(program, dialect)),
         "    return;",
         "}",
-        "for (long long k = 0; k < count; k += SIMD_LANES) {",
-        "    if (k > count - SIMD_LANES)",
-        "        k = count - SIMD_LANES; /* once more over some states, so that all are computed alike */",
+        f"for (long long {STATE} = 0; {STATE} < count; {STATE} += SIMD_LANES) {{",
+        f"    if ({STATE} > count - SIMD_LANES)",
+        f"        {STATE} = count - SIMD_LANES; /* once more over some states, so that all are computed alike */",
         *(f"    {line}" for line in _simd_body(program, dialect)),
         "}",
     ]
@@ -89,12 +93,12 @@ def _loop_body(program: Program, dialect: Dialect) -> list[str]:
 
 def _scalar_body(program: Program, dialect: Dialect) -> list[str]:
     """Print the body of a loop that calls, for each state, the function for a single state."""
-    inputs = (f"{port.name} + k*{port.name}_step" for port in program.inputs)
+    inputs = (f"{port.name} + {STATE}*{port.name}_step" for port in program.inputs)
     arguments = [place if port.shape else f"*({place})" for place, port in zip(inputs, program.inputs, strict=True)]
-    outputs = [f"{port.name} + k*{port.size}" for port in program.data_outputs]
+    outputs = [f"{port.name} + {STATE}*{port.size}" for port in program.data_outputs]
     call = f"{function_name(program, dialect)}({', '.join([*arguments, *outputs])});"
-    taken = f"status[k] = (int){call}" if program.status else call
-    return ["for (long long k = 0; k < count; k++)", f"    {taken}"]
+    taken = f"status[{STATE}] = (int){call}" if program.status else call
+    return [f"for (long long {STATE} = 0; {STATE} < count; {STATE}++)", f"    {taken}"]
 
 
 def _few_states(program: Program, dialect: Dialect) -> list[str]:
@@ -123,7 +127,7 @@ def _simd_body(program: Program, dialect: Dialect) -> list[str]:
     lines: list[str] = []
     arguments: list[str] = []
     for port in program.inputs:
-        first, step = f"{port.name} + k*{port.name}_step", f"{port.name}_step"
+        first, step = f"{port.name} + {STATE}*{port.name}_step", f"{port.name}_step"
         lines.append(f"{simd} {port.name}_simd[{port.size}];")
         if port.size in SIZES:
             lines.append(f"{simd}_in{port.size}({first}, {step}, {port.name}_simd);")
@@ -137,12 +141,12 @@ def _simd_body(program: Program, dialect: Dialect) -> list[str]:
             arguments.append(f"{STATUS_LANES}_simd")
             stores += [
                 "for (int lane = 0; lane < SIMD_LANES; lane++)",  # a NaN must not read as ok
-                f"    status[k + lane] = ({STATUS_LANES}_simd[0][lane] < ({dialect.real_type})0.5) ? 0 : 1;",
+                f"    status[{STATE} + lane] = ({STATUS_LANES}_simd[0][lane] < ({dialect.real_type})0.5) ? 0 : 1;",
             ]
             continue
         lines.append(f"{simd} {port.name}_simd[{port.size}];")
         arguments.append(f"{port.name}_simd")
-        place = f"{port.name} + k*{port.size}"
+        place = f"{port.name} + {STATE}*{port.size}"
         if port.size in SIZES:
             stores.append(f"{simd}_out{port.size}({port.name}_simd, {place});")
             continue
