@@ -53,7 +53,7 @@ class FrequencyResponse:
         """For each line the reason why it is not trusted; empty text for a trusted line."""
         if self.findings:
             return [self.findings[0].kind] * len(self.frequency)
-        wide, low = self.band95 > WIDEST_BAND, self.coherence < LEAST_COHERENCE
+        wide, low = ~(self.band95 <= WIDEST_BAND), ~(self.coherence >= LEAST_COHERENCE)
         return [
             f"band of {100 * band:.0f} %" if is_wide else "coherence" if is_low else ""
             for band, is_wide, is_low in zip(self.band95, wide, low, strict=True)

@@ -6,7 +6,6 @@ the feedback linearisation (14.34) of the chapter, or torque) and its output q.
 
 from __future__ import annotations
 
-import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -147,6 +146,10 @@ class _ResponseReader(SourceReader):
             name=self.text(top["name"], "name") if "name" in top else "",
             source=self.faults.file,
         )
+        for what, node in (("input", top.get("input")), ("excitation", excitation)):
+            signal = getattr(found, what)
+            if node is not None and signal.column and signal == found.output:
+                self.faults.error(node, f"{what} and output are the same column", "an output follows them")
         named = [bool(each.file) for each in (found.input, found.output, found.excitation) if each is not None]
         if any(named) and not all(named) and len(self.files) > 1:
             self.faults.error(root, "some signals name a file and some do not", "all do, or every file is a recording")
@@ -244,9 +247,15 @@ def _sampling_period(t: Array, path: Path) -> float:
     if len(t) < 2:
         raise table_fault(path, f"{len(t)} rows: too few to tell the sampling period")
     period = float(t[-1] - t[0]) / (len(t) - 1)
-    worst = float(np.max(np.abs(np.diff(t) - period))) if period > 0.0 else math.inf
+    if not np.all(np.diff(t) > 0.0):
+        row = int(np.argmin(np.diff(t) > 0.0)) + 2
+        raise table_fault(path, f"the instants do not increase in row {row}", "is it the right column?")
+    worst = float(np.max(np.abs(np.diff(t) - period)))
     if not worst <= JITTER * period:
-        row = int(np.argmax(np.abs(np.diff(t) - period))) + 2 if math.isfinite(worst) else 1
+        row = int(np.argmax(np.abs(np.diff(t) - period))) + 2
         message = f"the instants are not on a grid: mean step {period:.6g} s, row {row} is off by {worst:.3g} s"
-        raise table_fault(path, message, "a frequency response needs equidistant samples without gaps")
+        hint = (
+            "a frequency response needs equidistant samples without gaps; if only the instants are inexact, state the"
+        )
+        raise table_fault(path, message, f"{hint} rate of sampling (time: {{rate: ...}})")
     return period

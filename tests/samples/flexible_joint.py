@@ -54,12 +54,21 @@ CONTROLLER = Controller((KP + KD / PERIOD, -KD / PERIOD))
 
 
 def record(
-    rng, n, joint=None, speed=0.51237, resolution=1e-5, disturbance=0.1, friction=0.0, turn_after=None, name="run"
+    rng,
+    n,
+    joint=None,
+    speed=0.51237,
+    resolution=1e-5,
+    disturbance=0.1,
+    friction=0.0,
+    turn_after=None,
+    limit=None,
+    name="run",
 ):
     """The loop ``u = n - kp e - kd (e - e_1)/T`` of a joint; e = rounded position - reference.
 
     The reference has a constant speed, whose sign changes every ``turn_after`` s where that is given. Friction is
-    compensated at the reference's first direction.
+    compensated at the reference's first direction. Where a limit is given, no more of the recorded input acts.
     """
     joint = joint or flexible_joint()
     A, B, C = joint.A, joint.B, joint.C
@@ -76,5 +85,5 @@ def record(
         e = q[i] - reference[i]
         u[i] = n[i] - KP * e - KD / PERIOD * (e - e_1)
         x = A @ x + B * (u_1 + d[i] - friction * (np.sign(x[1]) - np.sign(speed)))
-        u_1, e_1 = u[i], e
+        u_1, e_1 = u[i] if limit is None else min(max(u[i], -limit), limit), e
     return ResponseRecording(name, PERIOD, np.asarray(n), u, q)

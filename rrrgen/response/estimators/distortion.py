@@ -61,7 +61,8 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
         if measure > limit and worst > LARGEST_RATIO:
             message = (
                 f"the response scatters from harmonic to harmonic {measure:.1f} times as much as its noise "
-                f"(limit {limit}): friction at changes of direction, or quantisation that repeats every period"
+                f"(limit {limit}): friction at changes of direction, quantisation that repeats every period, "
+                "or a limit of torque"
             )
             return Finding("distortion", measure, limit, message), overall
     return None, overall

@@ -20,13 +20,18 @@ from rrrgen.response.estimators.distortion import (
     scatter_ratio,
 )
 from rrrgen.response.estimators.excitation_period import samples_of
-from rrrgen.response.estimators.friction import check_friction
+from rrrgen.response.estimators.friction import check_friction, check_limits
 from rrrgen.response.estimators.local_polynomial import LineEstimates, noise_lines, periodic_lines
 from rrrgen.response.estimators.smoothing import smooth
 from rrrgen.response.estimators.uncertainty import radius
 from rrrgen.response.frequency_response import FrequencyResponse
 from rrrgen.response.response_file import ResponseFile, ResponseRecording, read_recordings
 
+LEAST_REST = 0.01  # least 1 - g of a line, see instrumental_response
+LEAST_SHARE = 0.1  # least share of the lines at which the excitation shows in the input
+SURELY = 2.0  # confidence radii of the response of u that it must exceed, so that dividing by it has no bias
+WRONG_CONTROLLER = 0.01  # relative error of the stated controller, and
+UNLIKELY_CONTROLLER = 10.0  # squared error over its variance, at half of the lines, that are not accepted
 METHODS = ("local_polynomial", "instrumental", "direct", "indirect")
 
 
@@ -72,6 +77,7 @@ def estimate_one(
             if controller is None:
                 raise InputError("the indirect method needs the controller: name it in the response file")
             P, variance = indirect_response(lines, controller, record.period)
+            findings += _check_controller(lines, controller, record.period)
     if samples is not None:
         ratio = np.interp(frequency, lines.frequency, scatter_ratio(lines, plain, spread))
         details["scatter_over_noise"], variance = ratio, ratio * variance
@@ -107,6 +113,8 @@ def _findings(
         by_lines, measures["detection_lines"] = check_detection_lines(record, lines, P, samples)
         by_scatter, measures["total_over_noise_variance"] = check_repetition(lines, P, variance)
         found = [by_lines, by_scatter]
+    else:
+        found.append(check_limits(record))
     found.append(check_friction(record, samples, lines, P))
     return [finding for finding in found if finding is not None], measures
 
@@ -114,14 +122,23 @@ def _findings(
 def instrumental_response(lines: LineEstimates) -> tuple[Complex, Array]:
     """The response ``P = G_q/G_u`` from those of u and q to the excitation, and its variance.
 
-    The variance is ``a V a^H`` with ``a = [-P, 1]/G_u`` and the covariance V of [G_u, G_q].
+    The variance is ``a V a^H/(1 - g)`` with ``a = [-P, 1]/G_u``, the covariance V of [G_u, G_q] and g the square of
+    :data:`SURELY` relative confidence radii of G_u, after Fieller's interval: a line at which the excitation does not
+    show in u tells nothing. Raises :class:`DerivationError` if these are nearly all.
     """
     Gu, Gq = lines.G.T
     if not np.all(np.abs(Gu) > 0.0):
         raise DerivationError("the excitation does not reach the input: are the columns the right ones?")
     P = Gq / Gu
     a = np.stack([-P / Gu, 1.0 / Gu], axis=1)
-    return P, np.maximum(np.einsum("la,lab,lb->l", a, lines.covariance, a.conj()).real, 0.0)
+    variance = np.einsum("la,lab,lb->l", a, lines.covariance, a.conj()).real
+    rest = 1.0 - (SURELY * radius(lines.covariance[:, 0, 0].real, lines.dof) / np.abs(Gu)) ** 2
+    if np.mean(rest > 0.0) < LEAST_SHARE:
+        raise DerivationError(
+            f"the excitation shows in the input at {100 * np.mean(rest > 0.0):.0f} % of the lines: is its column the "
+            "right one, and is it strong enough?"
+        )
+    return P, np.where(rest > LEAST_REST, np.maximum(variance, 0.0), np.abs(P) ** 2) / np.maximum(rest, LEAST_REST)
 
 
 def indirect_response(lines: LineEstimates, controller: Controller, period: float) -> tuple[Complex, Array]:
@@ -135,6 +152,27 @@ def indirect_response(lines: LineEstimates, controller: Controller, period: floa
     if not np.all(np.abs(C) > 0.0):
         raise InputError("the controller is zero at some frequency: the indirect method cannot be used there")
     return (1.0 / S - 1.0) / C, lines.covariance[:, 0, 0].real / np.abs(S) ** 4 / np.abs(C) ** 2
+
+
+def _check_controller(lines: LineEstimates, controller: Controller, period: float) -> list[Finding]:
+    """Check whether the recorded input is ``n - C (q - q_r)`` with the stated controller C.
+
+    In the responses to n that is ``G_u = 1 - C G_q``, which the half of the lines decides that tells C best.
+    """
+    a = np.stack([np.ones(len(lines.frequency)), controller.response(lines.frequency, period)], axis=1)
+    fed_back = np.abs(a[:, 1] * lines.G[:, 1])
+    off = np.abs(np.sum(a * lines.G, axis=1) - 1.0)
+    variance = np.einsum("la,lab,lb->l", a, lines.covariance, a.conj()).real
+    told = fed_back**2 / lines.covariance[:, 0, 0].real
+    half = told >= np.median(told)
+    error = float(np.median((off / fed_back)[half]))
+    if error < WRONG_CONTROLLER or np.median((off**2 / np.maximum(variance, 1e-300))[half]) < UNLIKELY_CONTROLLER:
+        return []
+    message = (
+        f"the recorded input is not n - C (q - q_r) with the stated controller, which is {100 * error:.3g} % off: the "
+        "indirect method needs it as it is implemented, difference of the position and sampling period included"
+    )
+    return [Finding("controller", error, WRONG_CONTROLLER, message)]
 
 
 def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:

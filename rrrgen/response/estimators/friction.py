@@ -1,8 +1,10 @@
-"""Check of a recording for Coulomb friction at a velocity that changes its sign.
+"""Checks of a recording for Coulomb friction at a velocity that changes its sign, and for an input that is limited.
 
 Such friction biases a response, which confidence bands do not show. The model is ``Q = P (U - f S)`` with S the
 spectrum of sgn(velocity). The part of S that is uncorrelated with the excitation n acts as an independent input, from
 which the coefficient f is estimated over all lines. The part correlated with n biases P by ``f G_s/G_u``.
+
+A limit of torque or current acts alike, with the cube of u in the place of the sign.
 """
 
 from __future__ import annotations
@@ -81,6 +83,27 @@ def check_friction(record: ResponseRecording, samples: int | None, lines: LineEs
         )
         return Finding("friction", each.certain, SIGNIFICANT, message)
     return None
+
+
+def check_limits(record: ResponseRecording) -> Finding | None:
+    """Check whether an input of noise acts less than in proportion where it is large, as behind a limit of torque.
+
+    Such a limit lowers the response at all lines alike, within a narrow band. The cube of the input enters without its
+    part in proportion to the input. Returns a finding against the recording, or None.
+    """
+    if len(record.u) < 40 * FRICTION_WINDOW:
+        return None
+    u = record.u - record.u.mean()
+    power = float(np.mean(u**2))
+    cube = u**3 / power - float(np.mean(u**4)) / power**2 * u
+    found = _of_noise(record, cube)
+    if found is None or found.certain <= SIGNIFICANT or abs(found.force) * np.std(cube) <= MATERIAL_FORCE * np.std(u):
+        return None
+    message = (
+        f"the input acts less than in proportion where it is large ({found.certain:.0f} deviations from proportion): a "
+        "limit of torque or current; record the input after the limit, or excite less"
+    )
+    return Finding("limit", found.certain, SIGNIFICANT, message)
 
 
 def _share_back(velocity: Array) -> float:
