@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrrgen.calibrate.estimation import USED, Calibration, calibrate, fitted_ends
+from rrrgen.calibrate.estimation import USED, Calibration, calibrate, fitted_ends, largest_consensus
 from rrrgen.calibrate.geometry import Geometry, rotation_vectors
 from rrrgen.calibrate.measurement_file import MeasurementTable
 from rrrgen.calibrate.measurements import Measurements
@@ -30,6 +30,9 @@ LONGER = 0.2
 """Share of the distance from base to tip above which the correction of a length is none."""
 MENDED = 1e3
 """Chi^2 per degree of freedom of what is left without outliers; more is another mistake."""
+CROWDED = 100.0
+"""Chi^2 per degree of freedom after robust estimation, above which a minority of good measurements is looked for: the
+stated noise would be ten times too small."""
 CLEARLY = 9.0
 """Ratio of the mean squares of two readings above which the smaller one is right, for many degrees of freedom. With f
 of them the ratio is ``CLEARLY (1 + 10 / f)``, which normal errors exceed with a probability below 1e-3 from f = 6."""
@@ -74,6 +77,8 @@ def estimate_checked(
     found = None
     with suppress(UnreachableError):
         found = calibrate(nominal, measured, robust)
+    if found is not None and robust:
+        _check_majority(found, nominal, measured, table)
     belongs = found is not None and _belongs(found, nominal, measured)
     if found is not None and belongs and (found.outliers or _reading(nominal, measured).fits):
         return found
@@ -87,6 +92,21 @@ def estimate_checked(
     usual = "compare units, the order of columns and of rotations, signs and zeros of the joints"
     usual += "" if measured.kind in ("pose", "point") else ", the base of the robot file with the measuring device"
     raise InputError([Fault(str(table.path), table.places[0], 1, message, hint=hint or usual)])
+
+
+def _check_majority(found: Calibration, nominal: Geometry, measured: Measurements, table: MeasurementTable) -> None:
+    """Refuse the result of robust estimation if fewer than half of the measurements fit together."""
+    if found.chi2_per_dof > CROWDED and (said := _minority(found, nominal, measured)):
+        hint = "find what spoils the others; robust estimation needs more than half good ones"
+        raise InputError([Fault(str(table.path), table.places[0], 1, said, hint=hint)])
+
+
+def _minority(found: Calibration, nominal: Geometry, measured: Measurements) -> str | None:
+    """How many measurements fit together, in words; None if that is half of them, or too few to be a group."""
+    count, every = largest_consensus(nominal, measured, found), len(measured.q)
+    if count >= every / 2 or count * found.residuals.shape[1] <= len(found.chosen.kept):
+        return None
+    return f"only {count} of {every} measurements ({100 * count / every:.0f} %) fit together within the stated noise"
 
 
 def _belongs(found: Calibration, nominal: Geometry, measured: Measurements) -> bool:
@@ -123,14 +143,14 @@ def _reading(nominal: Geometry, measured: Measurements, steps: int = STEPS) -> R
 
 
 def _outliers(found: Calibration, nominal: Geometry, measured: Measurements, robust: bool) -> str | None:
-    """What robust estimation makes of the measurements; None if most of them do not fit even then."""
+    """What robust estimation makes of the measurements; None if no group of them fits even then."""
     try:
         trial = found if robust else calibrate(nominal, measured, robust=True, steps=STEPS)
     except DerivationError:
         return None
     if trial.outliers and _belongs(trial, nominal, measured) and trial.chi2_per_dof < MENDED:
         return f"--robust sets {len(trial.outliers)} of them aside as outliers; the others fit"
-    return None
+    return _minority(trial, nominal, measured)
 
 
 def _cause(nominal: Geometry, measured: Measurements, table: MeasurementTable) -> str | None:

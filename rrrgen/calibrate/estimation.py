@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,11 +13,18 @@ from rrrgen.calibrate.measurements import Measurements
 from rrrgen.calibrate.minimal_set import MinimalSet, minimal_set
 from rrrgen.errors import DerivationError
 
+_Law = Callable[[Array], Array]
 STEPS = 50
 CONVERGED = 1e-10  # of the standard deviations: a step this small ends the iteration
 HUBER = 1.345  # tuning constant of Huber's weights: 95 % efficiency for normal errors
 TUKEY = 4.685
 REWEIGHTED = 30
+HALF = 0.52  # share of the measurements that a trimmed fit holds to be good
+SMALL = 0.3  # the same where not even half of them fit together
+FEW = {"pose": 3, "point": 4}  # measurements of a random group that determine base and tool
+GROUPS = 100  # random groups; where half of the measurements are good, none is with a probability of 2e-6 and 2e-3
+FOLLOWED, TRIMMED, GROUP_STEPS = 3, 15, 5
+SUSPICIOUS = 3.0  # stated deviations; a larger scale of most residuals may be that of outliers
 USED = 0.1  # least weight of a measurement that counts; the others are outliers
 STILL = 0.01  # rad or m: the range of a joint that has not moved
 WORST_CONDITION = 1e8  # of the scaled derivative; beyond it some parameter is not determined by these poses
@@ -71,9 +79,10 @@ def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False, s
     """Estimate the geometry that fits ``measured`` best by weighted least squares, starting from ``nominal``.
 
     With ``robust``, measurements are reweighted by Huber's function and then, from that solution, by Tukey's, which
-    gives outliers no weight. At most ``steps`` steps are made from each set of weights. Raises
-    :class:`DerivationError` if there are fewer measured numbers than parameters, or if the poses do not determine the
-    parameters.
+    gives outliers no weight. Where most residuals stay larger than the stated noise, a least trimmed squares fit is the
+    start instead, if it fits half of the measurements better: nearly half of them may be outliers. At most ``steps``
+    steps are made from each set of weights. Raises :class:`DerivationError` if there are fewer measured numbers than
+    parameters, or if the poses do not determine the parameters.
     """
     start = measured.with_fixtures(_aligned(nominal, measured))
     chosen = minimal_set(start, measured)
@@ -88,16 +97,12 @@ def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False, s
     ones: Array = np.ones(len(measured.q))
     geometry, made = _solve(start, measured, chosen.kept, ones, steps)
     weights = ones
-    for law in (_huber, _tukey) if robust else ():
-        for _ in range(REWEIGHTED):
-            sizes = _sizes(geometry, measured)
-            scale = 1.4826 * float(np.median(sizes)) / _MEDIAN[measured.residuals(geometry).shape[1]]
-            weights = law(sizes / max(scale, 1e-12))
-            following, _ = _solve(geometry, measured, chosen.kept, weights, steps)
-            moved = np.abs(following.forward(measured.q) - geometry.forward(measured.q)).max()
-            geometry = following
-            if moved < 1e-9:
-                break
+    if robust:
+        geometry, weights = _reweighted(geometry, measured, chosen.kept, steps, (_huber, _tukey))
+        if measured.kind in FEW and _scale(geometry, measured) > SUSPICIOUS:
+            other = trimmed_fit(nominal, measured, chosen.kept, HALF)
+            if _trimmed_square(other, measured, HALF) < _trimmed_square(geometry, measured, HALF):
+                geometry, weights = _reweighted(other, measured, chosen.kept, steps, (_tukey,))
     return _judged(measured.with_fixtures(nominal), geometry, measured, chosen, weights, made)
 
 
@@ -105,6 +110,80 @@ _MEDIAN = {1: 1.0, 3: 1.538 * 1.4826, 6: 2.313 * 1.4826}
 """Median length of a vector of 1, 3 or 6 standard normal numbers, by which the median of residuals gives their scale.
 For 3 and 6 the value is multiplied by 1.4826, because the code divides by that factor, which is right for one
 number."""
+
+
+def _reweighted(
+    geometry: Geometry, measured: Measurements, entries: tuple[Entry, ...], steps: int, laws: Sequence[_Law]
+) -> tuple[Geometry, Array]:
+    """Least squares with weights by one law after the other, each until nothing moves: geometry and weights (N,)."""
+    weights: Array = np.ones(len(measured.q))
+    for law in laws:
+        for _ in range(REWEIGHTED):
+            weights = law(_sizes(geometry, measured) / max(_scale(geometry, measured), 1e-12))
+            following, _ = _solve(geometry, measured, entries, weights, steps)
+            moved = np.abs(following.forward(measured.q) - geometry.forward(measured.q)).max()
+            geometry = following
+            if moved < 1e-9:
+                break
+    return geometry, weights
+
+
+def _scale(geometry: Geometry, measured: Measurements) -> float:
+    """The noise in stated standard deviations, from the median of the residuals."""
+    return 1.4826 * float(np.median(_sizes(geometry, measured))) / _MEDIAN[measured.residuals(geometry).shape[1]]
+
+
+def trimmed_fit(nominal: Geometry, measured: Measurements, entries: tuple[Entry, ...], share: float) -> Geometry:
+    """Least trimmed squares: the geometry with the least sum of the smallest ``share`` of the squared residuals.
+
+    Base and tool are fitted to random groups of a few measurements. From the best of these fits all parameters
+    ``entries`` are fitted to the share that fits best, until it stays the same (Rousseeuw, Van Driessen 2006).
+    ``measured`` are poses or points.
+    """
+    random, found = np.random.default_rng(0), []
+    ends = tuple(entry for entry in nominal.entries() if entry.place in ("base", "tool"))
+    few = FEW[measured.kind]
+    for _ in range(GROUPS):
+        rows = random.choice(len(measured.q), few, replace=False)
+        group = measured.of(rows, measured.q[rows])
+        found.append(_solve(_aligned(nominal, group), group, ends, np.ones(few), GROUP_STEPS)[0])
+    found.sort(key=lambda each: _trimmed_square(each, measured, share))
+    ended = []
+    for geometry in found[:FOLLOWED]:
+        for fitted in (ends, entries):
+            kept: Array = np.zeros(len(measured.q))
+            for _ in range(TRIMMED):
+                sizes = _sizes(geometry, measured)
+                nearest = (sizes <= np.sort(sizes)[_count(sizes, share) - 1]).astype(float)
+                if np.array_equal(nearest, kept):
+                    break
+                kept = nearest
+                geometry, _ = _solve(geometry, measured, fitted, kept, GROUP_STEPS)
+        ended.append(geometry)
+    return min(ended, key=lambda each: _trimmed_square(each, measured, share))
+
+
+def _trimmed_square(geometry: Geometry, measured: Measurements, share: float) -> float:
+    sizes = _sizes(geometry, measured)
+    return float(np.sum(np.sort(sizes)[: _count(sizes, share)] ** 2))
+
+
+def _count(sizes: Array, share: float) -> int:
+    return max(1, int(np.ceil(share * len(sizes))))
+
+
+def largest_consensus(nominal: Geometry, measured: Measurements, found: Calibration) -> int:
+    """The largest number of measurements that fit one geometry within the stated noise, as trimmed fits find it.
+
+    Three in ten of the measurements are fitted; 0 for other measurements than poses and points, or where these are too
+    few for all parameters.
+    """
+    entries = found.chosen.kept
+    numbers = SMALL * measured.residuals(found.geometry).size
+    if measured.kind not in FEW or numbers <= len(entries):
+        return 0
+    geometry = trimmed_fit(nominal, measured, entries, SMALL)
+    return int(np.sum(_sizes(geometry, measured) < 2 * TUKEY))
 
 
 def _sizes(geometry: Geometry, measured: Measurements) -> Array:

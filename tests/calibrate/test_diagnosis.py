@@ -8,6 +8,7 @@ import pytest
 from calibrate.mistakes_study import outcome
 from calibrate.virtual import NOISE, measure, off_the_table, positions
 from rrrgen.calibrate.diagnosis import estimate_checked
+from rrrgen.calibrate.geometry import rigid
 from rrrgen.calibrate.measurement_file import read_table
 from rrrgen.errors import InputError
 from rrrgen.robotfile import load_spec
@@ -99,3 +100,22 @@ def test_values_out_of_reach_and_many_outliers_are_explained(tmp_path):
     with pytest.raises(InputError, match="--robust sets 12 of them aside as outliers"):
         estimate_checked(nominal, table.measurements(NOISE, 1e-4), table)
     assert estimate_checked(nominal, table.measurements(NOISE, 1e-4), table, robust=True).outliers == list(range(12))
+
+
+def test_up_to_half_outliers_are_set_aside_and_more_are_refused_with_their_share(tmp_path):
+    """All outliers are off alike, as by a target that slipped: least squares and Huber's weights follow them."""
+    spec, random = load_spec("rrr"), np.random.default_rng(2)
+    nominal, true = off_the_table(spec, random)
+    q = positions(spec, 40, random)
+    for count in (19, 24):
+        T = measure("pose", true, q, random).values
+        T[:count] = T[:count] @ rigid([0.03, -0.02, 0.05, 0, 0.02, 0])
+        T[:count, :3, 3] += random.normal(size=(count, 3)) * 0.02
+        table = written(tmp_path / "m.csv", q, T)
+        if count == 19:
+            found = estimate_checked(nominal, table.measurements(NOISE, 1e-4), table, robust=True)
+            assert found.outliers == list(range(19))
+            assert 0.5 < found.chi2_per_dof < 1.5
+        else:
+            with pytest.raises(InputError, match=r"only 16 of 40 measurements \(40 %\) fit together"):
+                estimate_checked(nominal, table.measurements(NOISE, 1e-4), table, robust=True)
