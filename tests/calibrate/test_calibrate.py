@@ -231,7 +231,7 @@ def test_it_converges_from_afar():
     assert found.steps <= 6
 
 
-@pytest.mark.parametrize("name", ["rrr", "puma560", "ur10e", "panda", "stanford"])
+@pytest.mark.parametrize("name", ["puma560", "ur10e", "stanford"])
 def test_the_robot_file_has_the_calibrated_geometry_and_the_same_bodies(name):
     spec, random = load_spec(name), np.random.default_rng(6)
     geometry = geometry_of(spec)
