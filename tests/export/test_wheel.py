@@ -18,11 +18,10 @@ from export.arm import FURTHER, TEXT, WITH_CONTROL, arm
 from export.test_export import ours
 from rrrgen.cli.main import run
 from rrrgen.errors import InputError
+from rrrgen.export import platforms
 from rrrgen.export.exporting import export_robot
 from rrrgen.export.interface import ExportOptions
 from rrrgen.robotfile import loads_spec
-
-pytestmark = pytest.mark.usefixtures("unoptimized")
 
 USE = """
 import json, sys
@@ -97,8 +96,15 @@ except ImportError:
 """
 
 
+@pytest.fixture(autouse=True, scope="module")
+def unoptimized_libraries():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(platforms, "FLAGS", tuple("-O0" if flag == "-O2" else flag for flag in platforms.FLAGS))
+        yield
+
+
 @pytest.fixture(scope="module")
-def files(unoptimized):
+def files(unoptimized_libraries):
     return export_robot(arm(), "wheel", options=ExportOptions(further=(*WITH_CONTROL, *FURTHER))).files
 
 

@@ -11,7 +11,7 @@ from rrrgen.backends.c.solver.files import emit, sources
 from rrrgen.errors import DerivationError
 from rrrgen.ik.classify import plan
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_robots.py and test_emitted_c.py build at -O2
+pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
 
 CHAINS = 60  # per seed; thousands were drawn while this was written
 

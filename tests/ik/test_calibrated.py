@@ -22,7 +22,7 @@ from rrrgen.verify.comparison import Collector
 from rrrgen.verify.inverse_kinematics import check_inverse_kinematics
 from rrrgen.verify.references.chain import chain_of
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_robots.py and test_emitted_c.py build at -O2
+pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
 
 POSES = 200  # in the suite; `python -m bench.calibrated` takes ten thousand each
 

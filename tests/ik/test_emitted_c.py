@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from ik.chains import position
 from ik.checks import configurations
 from ik.robots import ROWS, make, reference, robot
 from rrrgen.backends.c.solver.files import FUNCTIONS, emit, manifest, sources
@@ -75,6 +76,8 @@ VARIANTS = {
         ("R", -1.5709, -1e-4, 1e-4, 0.0),
         ("R", 0.0, 0.0, 0.05, 0.0),
     ],
+    "orientation": position("PRPRRP", 4),
+    "point": position("RP", 1),
     "nearly": [("R", 1.5707963267948966, 1e-5, 0.56, 0.0), ("R", 1e-5, 0.2, 0.169, 0.0), ("R", 0.0, 0.415, 0.09, 0.0)],
 }
 
@@ -286,11 +289,11 @@ def assert_rows_are_right(name, limits, build, folder):
     """``build`` turns the file driver.c into the program driver, with the solver in it."""
     rows = VARIANTS[name]
     n, found = len(rows), plan(variant(name, limits))
-    position = found.task == "position"
+    only_position = found.task == "position"
     q = configurations(rows, 60, 3)
     q = np.vstack([q, np.random.default_rng(4).uniform(-1.0, 1.0, (60, n))])  # inside all limits
     T = reference(rows, q)
-    goals = T[:, :3, 3] if position else T.reshape(len(T), 16)
+    goals = T[:, :3, 3] if only_position else T.reshape(len(T), 16)
     near = np.random.default_rng(5).uniform(-9.0, 9.0, q.shape)  # references some turns away
     given = [[parameter(found, each)] if found.locked is not None else [0.0] for each in q]
     (folder / "targets.bin").write_bytes(np.hstack([goals, near, given]).tobytes())
@@ -301,7 +304,7 @@ def assert_rows_are_right(name, limits, build, folder):
     printed = np.loadtxt(run([str(folder / "driver"), str(folder / "targets.bin")]).splitlines())
     goal, row = printed[:, 0].astype(int), printed[:, 1:]
     reached = reference(rows, row)
-    error = (reached - T[goal])[:, :3, 3:] if position else reached - T[goal]
+    error = (reached - T[goal])[:, :3, 3:] if only_position else reached - T[goal]
     assert np.abs(error).max() < 1e-9
     assert set(range(60, 120)) <= set(goal)
     if limits is not None:

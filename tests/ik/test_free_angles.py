@@ -8,7 +8,7 @@ from ik.robots import ROWS, make, reference
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import FREE
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_robots.py and test_emitted_c.py build at -O2
+pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
 
 INSIDE = 1e-9
 WRIST = [(None, None)] * 3 + [(-1.0, 1.0)] * 3

@@ -25,7 +25,7 @@ from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.verify.references.chain import chain_of
 from rrrgen.verify.references.newton_euler import NewtonEuler
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_robots.py and test_emitted_c.py build at -O2
+pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
 
 PALLETISER = Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "robot.yaml"
 

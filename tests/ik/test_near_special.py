@@ -10,7 +10,7 @@ from ik.robots import ROWS, make
 from rrrgen.ik.classify import plan
 from rrrgen.ik.tolerances import SPECIAL
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_robots.py and test_emitted_c.py build at -O2
+pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
 
 OFFSETS = (1e-12, 1e-10, 2e-9, 1e-7, 2e-6, 1e-4, 1e-3)
 

@@ -19,7 +19,7 @@ from rrrgen.program import evaluate
 from rrrgen.robotfile import dumps, loads_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_robots.py and test_emitted_c.py build at -O2
+pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
 
 UR_LIST = [
     ("R", 1.5703, 3.5e-05, 0.1807, 1.25e-05),

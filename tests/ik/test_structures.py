@@ -9,7 +9,7 @@ from ik.robots import make, reference
 from rrrgen.ik.classify import plan
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_robots.py and test_emitted_c.py build at -O2
+pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
 
 STRUCTURES = every_structure()
 EQUATION_ERROR = 1e-8

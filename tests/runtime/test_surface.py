@@ -13,7 +13,7 @@ from rrrgen.runtime.results import JointLimits
 
 
 @pytest.fixture(scope="module")
-def model():
+def model(unoptimized):
     return rrrgen.compile("puma560")
 
 
