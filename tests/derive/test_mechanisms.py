@@ -133,7 +133,7 @@ def test_the_palletiser_agrees_with_mujocos_equality_constraints():
             mujoco.mj_mulM(loop, data, M[k], unit)
         bias = np.array(data.qfrc_bias)
         tau, mass = (
-            evaluate(programs[name], *arguments, beta, inertia)[0]
+            evaluate(programs[name], *arguments, [*beta, *inertia])[0]
             for name, arguments in (("inverse_dynamics", (q, dq, ddq)), ("mass_matrix", (q,)))
         )
         assert np.abs(mass - np.diag(inertia) - S.T @ M @ S).max() < 1e-10 * np.abs(mass).max()

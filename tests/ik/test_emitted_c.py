@@ -90,7 +90,7 @@ COMPILERS = [
 
 GCC = "gcc" if shutil.which("gcc") else "cc"
 
-TEXT_LIMIT = 32_000
+TEXT_LIMIT = 32_200
 """Bytes of machine code at -O2 of a solver with its checks, refinement and nearest configuration."""
 
 SEVEN_LIMIT = 36_000

@@ -64,7 +64,7 @@ LOCAL int ik_branches(
 #if LOCKED
         found->q[i][LOCKED_JOINT] = lock;
 #endif
-        found->flags[i] = multiplicity[i] > 1 ? (unsigned)IK_MULTIPLE : 0u;
+        found->flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
         found->branch[i] = 0u;
         found->residual[i] = (REAL)-1; /* checked and refined by the caller */
     }

@@ -928,25 +928,6 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
     return best < IK_6R_ACCEPT ? 1 + (begin < (REAL)VALUE_6R_CLOSE) : 0;
 }
 
-/* Whether the Jacobian of a solution is singular, or nearly so, as it is where two solutions meet. */
-LOCAL int ik_6r_singular(const REAL pose[12], REAL cs[6][2])
-{
-    REAL r[6], jac[6][6], a[6][10] = { {(REAL)0} }, least = (REAL)1;
-    int i, k;
-    (void)ik_6r_residual(pose, cs, r, jac);
-    for (i = 0; i < 6; ++i) {
-        for (k = 0; k < 6; ++k) {
-            a[i][k] = jac[i][k];
-        }
-    }
-    (void)ik_6r_lu(a, 6);
-    for (k = 0; k < 6; ++k) {
-        const REAL pivot = FABS(a[k][k]);
-        least = (pivot < least) ? pivot : least;
-    }
-    return least < (REAL)VALUE_6R_SINGULAR;
-}
-
 /* Index of the earlier solution that equals solution number count; count itself if it is new. */
 LOCAL int ik_6r_place(REAL rows[IK_6R_MAX + 1][6][2], int count)
 {
@@ -965,7 +946,7 @@ LOCAL int ik_6r_place(REAL rows[IK_6R_MAX + 1][6][2], int count)
 
 /* Adds the solutions of one root of the kept angle. Returns 1 if the root is simple and yields a solution close to it (see
  * ik_6r_polish) or one of the first `old` solutions, which stem from earlier eliminations; 0 otherwise. A solution found from two
- * simple roots, or the only one of an unresolved root, is marked as double if its Jacobian is singular. */
+ * simple roots, or the only one of an unresolved root, is marked as double. */
 LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][12], REAL h[3][6][10],
     const REAL root[2], int order, int old, int *left, REAL rows[IK_6R_MAX + 1][6][2], int mult[IK_6R_MAX], int *count)
 {
@@ -1016,7 +997,7 @@ LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][1
             }
         }
     }
-    if (shared >= old && (order == 2 ? single : *count == before) && ik_6r_singular(pose, rows[shared])) {
+    if (shared >= old && (order == 2 ? single : *count == before)) {
         mult[shared] = 2;
     }
     return order == 1 && shared >= 0;
@@ -1101,7 +1082,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
 
 /* Finds all joint angles (rad, in (-pi, pi]) with Rz(q1)Tz(d1)Tx(a1)Rx(alpha1) .. Rz(q6)Tz(d6)Tx(a6)Rx(alpha6) = t (row-major
  * 4 x 4); a prismatic joint has Tz(q)Rz(theta) for Rz(q)Tz(d). mult: 1 for a simple, 2 for a double solution. Returns the
- * number of solutions. */
+ * number of solutions. A root that several solutions share may count as double, so mult serves for checking the number of roots. */
 LOCAL int ik_solve6r(const REAL t[16], REAL q[IK_6R_MAX][6], int mult[IK_6R_MAX])
 {
     REAL pose[12], rows[IK_6R_MAX + 1][6][2];
