@@ -1,6 +1,7 @@
 """The control loop of examples/cortex_m on an emulated Cortex-M4F: instructions of a tick, stack, code.
 
-``python -m bench.cortex_m rrr puma560 panda`` prints a row for each robot. QEMU executes one instruction per nanosecond
+``python -m bench.cortex_m rrr puma560 panda`` prints a row for each robot; ``--figure FILE`` draws the motion of the
+first one. QEMU executes one instruction per nanosecond
 of its clock, so instructions are exact and repeat; cycles of a real processor are more.
 """
 
@@ -9,10 +10,12 @@ from __future__ import annotations
 import re
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import click
+import numpy as np
 
 from bench.machines import CORTEX, MACHINES
 from rrrgen.program import Role
@@ -32,6 +35,7 @@ class Loop:
     instructions: int
     stack: int
     code: int
+    trace: tuple[tuple[float, ...], ...]  # seconds; reference, position and torque of each joint; every tenth tick
 
     @property
     def share(self) -> float:
@@ -51,17 +55,43 @@ def measured(name: str, folder: Path) -> Loop:
         (folder / file).write_text(text, encoding="utf-8")
     friction = next(port for port in model.programs["friction_with"].inputs if port.role is Role.FRICTION)
     sizes = {"JOINTS": spec.n, "PARAMETERS": model.b, "FRICTION": friction.size}
-    named = {"ROBOT": spec.name, "HEADER": f'"{spec.name}.h"', **sizes}
+    named = {"ROBOT": spec.name, "HEADER": f'"{spec.name}.h"', **sizes, "TRACE": 1}
     machine = MACHINES["cortex-m4f"]
     options = (*(f"-D{key}={value}" for key, value in named.items()), f"-I{folder}", "-ffunction-sections")
     machine = replace(machine, compiler=(*machine.compiler, *options), link=(*machine.link, "-Wl,--gc-sections"))
     program = machine.build(folder, [f"{spec.name}.c", str(SOURCE)], "-O2")
     status, output = machine.execute(program)
-    numbers = [float(each) for each in re.findall(r"[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?", output)]
+    *lines, last = output.strip().splitlines() or [""]
+    numbers = [float(each) for each in re.findall(r"[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?", last)]
     if len(numbers) != 4:
         raise RuntimeError(f"the loop of {name} did not finish: {output}")
     error, external, instructions, stack = numbers
-    return Loop(status == 0, error, external, int(instructions), int(stack), _code(program, spec.name))
+    return Loop(status == 0, error, external, int(instructions), int(stack), _code(program, spec.name), _trace(lines))
+
+
+def _trace(lines: Sequence[str]) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(map(float, line.split())) for line in lines)
+
+
+def draw(name: str, loop: Loop, file: Path) -> None:
+    """Draw positions beside their references, tracking errors and torques of the loop that ran on the processor."""
+    from matplotlib.figure import Figure
+
+    seconds, *columns = np.array(loop.trace).T
+    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
+    motion, error, torque = figure.subplots(3, 1, sharex=True)
+    for k, (reference, position, tau) in enumerate(np.array(columns).reshape(-1, 3, len(seconds)), 1):
+        motion.plot(seconds, reference, color="0.7", linewidth=4, label="reference" if k == 1 else None)
+        motion.plot(seconds, position, color=f"C{k - 1}", label=f"joint {k}")
+        error.plot(seconds, 1e3 * (reference - position), color=f"C{k - 1}")
+        torque.plot(seconds, tau, color=f"C{k - 1}")
+    motion.set_ylabel("position, rad")
+    motion.legend()
+    error.set_ylabel("tracking error, mrad")
+    torque.set_ylabel("torque, N m")
+    torque.set_xlabel("time, s")
+    motion.set_title(f"{name} in float on an emulated Cortex-M4F: {loop.instructions} instructions a tick")
+    figure.savefig(file, dpi=110)
 
 
 def _code(program: Path, name: str) -> int:
@@ -73,7 +103,8 @@ def _code(program: Path, name: str) -> int:
 
 @click.command()
 @click.argument("robots", nargs=-1, required=True)
-def cortex_m(robots: tuple[str, ...]) -> int:
+@click.option("--figure", type=click.Path(path_type=Path), help="Draw the motion of the first robot to this file.")
+def cortex_m(robots: tuple[str, ...], figure: Path | None) -> int:
     """Print instructions of a tick, share of a core, stack and code of the loop of ROBOTS; exit with 1 if one fails."""
     click.echo(
         f"{'robot':12} {'instructions':>12} {'of 168 MHz':>10} {'stack':>7} {'code':>7} {'error':>9} {'external':>9}"
@@ -85,6 +116,8 @@ def cortex_m(robots: tuple[str, ...]) -> int:
         row = f"{loop.instructions:12} {loop.share:12.2%} {loop.stack:12} {loop.code:12}"
         click.echo(f"{Path(name).stem:12} {row} {loop.error:12.1e} {loop.external:12.1e}")
         sound = sound and loop.passed
+        if figure is not None and name == robots[0]:
+            draw(Path(name).stem, loop, figure)
     return 0 if sound else 1
 
 

@@ -3,6 +3,8 @@
  * plant. Prints the largest tracking error, the instructions of one tick, and its stack; QEMU must count instructions
  * (-icount shift=0: one per nanosecond).
  *
+ * With -DTRACE every tenth tick also prints a line: seconds, and for each joint its reference, position and torque.
+ *
  * Compile with -DROBOT=rrr -DHEADER='"rrr.h"' and the C of  rrrgen generate rrr -o DIR --real float --with control,observer
  */
 #include HEADER
@@ -103,6 +105,15 @@ int main(void)
         before = systick[2];
         tick(&s, k == 0);
         counts += (before - systick[2]) & 0xFFFFFFu;
+#ifdef TRACE
+        if (k % 10 == 0) {
+            printf("%.3f", (double)((real)k * PERIOD));
+            for (i = 0; i < JOINTS; i++) {
+                printf(" %.6f %.6f %.4f", (double)s.q_d[i], (double)s.q[i], (double)s.tau[i]);
+            }
+            printf("\n");
+        }
+#endif
         (void)CALL(forward_dynamics)(s.q, s.dq, s.tau, beta, ddq);
         for (i = 0; i < JOINTS; i++) {
             const real error = fabsf(s.q_d[i] - s.q[i]);
