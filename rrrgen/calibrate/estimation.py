@@ -218,8 +218,8 @@ def _aligned(nominal: Geometry, measured: Measurements) -> Geometry:
 def fitted_ends(nominal: Geometry, measured: Measurements, steps: int) -> tuple[Array, int]:
     """Fit base, tool and fixtures alone: the residuals (N, components) that stay, and the number of parameters.
 
-    Where no positions are measured the base stays. At most ``steps`` are made, shortest ones, as base and tool need not
-    be determined.
+    Where no positions are measured the base stays. At most ``steps`` Gauss-Newton steps are made, of least norm, since
+    the measurements need not determine base and tool.
     """
     start = measured.with_fixtures(_aligned(nominal, measured))
     places = ("base", "tool") if measured.kind in ("pose", "point") else ("fixture", "tool")

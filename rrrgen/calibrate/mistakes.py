@@ -103,7 +103,7 @@ def _positions(table: MeasurementTable) -> Iterator[Mistake]:
 
 
 def _said(order: tuple[int, ...], signs: tuple[int, ...]) -> str:
-    """Words for positions ``signs * columns[order]``."""
+    """Describe in words that the columns x, y, z of positions stand in ``order``, with reversed ``signs``."""
     still = [k for k in range(3) if order[k] == k]
     moved = [POSITION[k] for k in range(3) if order[k] != k]
     parts = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -57,6 +58,32 @@ def test_every_solution_of_the_general_equations_is_found(name):
     ):
         apart = np.abs(fast.wrapped(q[0] - others)).max(axis=1)
         assert label[0] == labels[np.nanargmin(apart)]
+
+
+def exact(rows, q):
+    """Pose of the tip with 40 digits: doubles lose digits over frames kilometres away."""
+    with mpmath.workdps(40):
+        T = mpmath.eye(4)
+        for (_, alpha, a, d, theta), x in zip(rows, q, strict=True):
+            c, s = mpmath.cos(mpmath.mpf(theta) + float(x)), mpmath.sin(mpmath.mpf(theta) + float(x))
+            ca, sa = mpmath.cos(alpha), mpmath.sin(alpha)
+            T *= mpmath.matrix([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
+        return T
+
+
+def test_far_frames_cost_solutions_no_digits():
+    """A list with d of kilometres: poses are met to 1e-12 of the reach, which its forward kinematics in doubles is not."""
+    rows = [list(row) for row in UR_LIST]
+    rows[1][3] += 6000.0
+    rows[2][3] -= 6000.0 / np.cos(0.0007)
+    solver = load_solver(asked([tuple(row) for row in rows]))
+    for q in np.random.default_rng(6).uniform(-np.pi, np.pi, (6, 6)):
+        T = exact(rows, q)
+        found = solver.solve(np.array(T.tolist(), float)).q
+        assert len(found) >= 2
+        for row in found:
+            off = exact(rows, row) - T
+            assert max(abs(float(off[i, k])) for i in range(3) for k in range(4)) < 1e-12 * solver.plan.chain.reach
 
 
 def test_the_step_is_that_of_the_jacobian():
