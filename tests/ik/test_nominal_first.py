@@ -72,7 +72,7 @@ def exact(rows, q):
 
 
 def test_far_frames_cost_solutions_no_digits():
-    """A list with d of kilometres: poses are met to 1e-12 of the reach, which its forward kinematics in doubles is not."""
+    """A list with d of kilometres: poses are met to 1e-12 of the reach, which forward kinematics in doubles is not."""
     rows = [list(row) for row in UR_LIST]
     rows[1][3] += 6000.0
     rows[2][3] -= 6000.0 / np.cos(0.0007)
