@@ -23,6 +23,9 @@ FIGURES = {
     "path-timing": "examples/path-timing/figure.py",
 }
 """The scripts that draw the figures of the pages; those of the benchmark are drawn by it."""
+BY_MODULES = {"cortex_m": "bench.cortex_m rrr --figure docs/figures/cortex_m.png"}
+"""Figures of the pages that a module of the benchmark draws, with its command."""
+
 BY_PAGES = {"optimal-motion": "docs/optimal-control.md", "mpc": "docs/optimal-control.md"}
 """Figures that blocks of a page itself draw."""
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
@@ -109,11 +112,14 @@ def test_python_on_the_first_page_runs(monkeypatch):
 def test_every_figure_is_made_by_a_command_on_a_page():
     pages = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     shown = {Path(target).stem for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", pages)}
-    assert shown == {*FIGURES, *BY_PAGES, "benchmark"}
+    assert shown == {*FIGURES, *BY_PAGES, *BY_MODULES, "benchmark"}
     for figure, page in BY_PAGES.items():
         assert f'savefig("{figure}.png"' in (ROOT / page).read_text(encoding="utf-8")
     for figure, script in FIGURES.items():
         assert f"python {script}" in pages
         assert figure in (ROOT / script).read_text(encoding="utf-8")
+    for figure, command in BY_MODULES.items():
+        assert command.endswith(f" docs/figures/{figure}.png")
+        assert f"python -m {command}" in pages
     assert "make bench" in pages
     assert "benchmark.svg bench/results/benchmark.png docs/" in (ROOT / "Makefile").read_text(encoding="utf-8")
