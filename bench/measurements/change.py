@@ -144,7 +144,10 @@ def _renamed(text: str, robot: str, tag: str) -> str:
 
 def main(arguments: Sequence[str]) -> None:
     """Compare the robots that both folders hold."""
-    before, after = (Path(argument) for argument in arguments if argument != "--times")
+    folders = [Path(argument) for argument in arguments if argument != "--times"]
+    if len(folders) != 2 or not all(folder.is_dir() for folder in folders):
+        raise SystemExit(__doc__)
+    before, after = folders
     robots = sorted(path.name for path in before.iterdir() if (after / path.name / f"{path.name}.h").exists())
     toolchain = find_toolchain()
     worse = 0
