@@ -1,0 +1,52 @@
+"""`rrrgen friction` on files recorded from the independent plant of the oracles: units, signs, columns, truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from friction_estimation.independent import errors, run_case
+from friction_estimation.independent_cases import CASES
+from oracles.sliding_joint import SampledLoop, SlidingJoint, simulate
+from rrrgen.robotfile import load_spec
+
+pytestmark = pytest.mark.usefixtures("no_figures")
+QUICK = {"seconds": 15.1, "loop": SampledLoop(period=2e-3, delay=1, noise=0.005)}
+
+
+@pytest.mark.parametrize(
+    ("name", "laws"),
+    [
+        ("asymmetric, motor side", ("asymmetric", "coulomb_viscous")),
+        ("coulomb_viscous, no gravity, offset", ("asymmetric", "coulomb_viscous")),
+    ],
+)
+def test_the_truth_is_found_in_files_of_every_kind(name, laws, tmp_path):
+    case = replace(CASES[name], **QUICK)
+    record = run_case(case, 2, tmp_path, tuple(word for law in laws for word in ("--law", law)))
+    assert record["chosen"] == case.joint.law
+    assert record["notes"] == []
+    assert record["delay"] == pytest.approx(2e-3, abs=1e-4)
+    table = errors(case, record)
+    assert {name for name, (_, _, limit) in table.items() if limit} >= {"inertia"}
+    for parameter, (relative, deviations, limit) in table.items():
+        assert limit is None or relative < limit, parameter
+        assert deviations < 4.0, parameter
+    if not case.joint.gravity:
+        written = load_spec(str(tmp_path / "run" / "results" / "robot.yaml")).joints[0].friction
+        assert written.offset == pytest.approx(case.joint.constant, rel=0.01)
+
+
+def test_the_plant_obeys_its_equation():
+    """A frictionless pendulum keeps its energy, and a torque below break-away does not move a resting joint."""
+    t = np.arange(2000) * 1e-3
+    free = SlidingJoint("coulomb_viscous", coulomb=0.0, viscous=0.0)
+    held = SampledLoop(bandwidth=1e-12, resolution=0.0)
+    found = simulate(free, held, (t, np.full_like(t, 1.0), 0.0 * t))
+    energy = 0.5 * free.inertia * found["v"] ** 2 - free.gravity * np.cos(found["q"])
+    assert np.ptp(energy) < 1e-9
+    assert np.ptp(found["q"]) > 1.9
+    resting = SlidingJoint("stribeck", gravity=0.0)
+    found = simulate(resting, SampledLoop(), (t, 0.0 * t + 0.005 * (t > 0.5), 0.0 * t))
+    assert 0.0 < np.max(np.abs(found["tau"])) < resting.coulomb + resting.excess
+    assert np.all(found["v"] == 0.0)
