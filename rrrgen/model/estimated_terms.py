@@ -20,8 +20,8 @@ Kind = Literal["rigid", "law"] | DriveKind
 class Column:
     """One column of the identification regressor: name, kind and, for a drive term, direction ``w`` (n,).
 
-    A parameter of a friction law also has its ``unit`` at a revolute joint and its ``meaning``; it is ``bounded`` if it
-    must not be negative.
+    A ``parameter`` of a friction law, of that name without its joint, also has its ``unit`` at a revolute joint and its
+    ``meaning``; it is ``bounded`` if it must not be negative.
     """
 
     name: str
@@ -30,6 +30,7 @@ class Column:
     unit: str = ""
     meaning: str = ""
     bounded: bool = False
+    parameter: str = ""
 
 
 @dataclass(frozen=True)

@@ -76,6 +76,8 @@ def test_scores_on_screen_and_in_the_record(fitted):
     assert record["fit"]["relative_error"] < 0.5 * record["inverse_dynamics"]["relative_error"]
     assert "recordings not fitted: relative torque error" in output
     assert "diagnosis" not in output
+    for line in ("viscous_p: viscous friction, dq > 0", "viscous_n: viscous friction, dq < 0"):
+        assert f"names: {line}" in output
 
 
 def test_the_written_robot_file_scores_the_same(drive, fitted):

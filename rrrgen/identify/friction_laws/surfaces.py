@@ -65,7 +65,7 @@ class FrictionSurface:
     def columns(self) -> tuple[Column, ...]:
         """Descriptions of the regressor columns of the law's linear parameters."""
         return tuple(
-            Column(f"{p.name}{self.owner}", "law", self.direction, p.unit, p.meaning, p.name in BOUNDED)
+            Column(f"{p.name}{self.owner}", "law", self.direction, p.unit, p.meaning, p.name in BOUNDED, p.name)
             for p in self.definition.linear
         )
 
