@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.io import savemat
 
+import rrrgen
 from rrrgen.closed_loop.controller import Operation, filtered
-from rrrgen.closed_loop.controller_file import loads_controller
+from rrrgen.closed_loop.controller_file import load_controller, loads_controller
+from rrrgen.closed_loop.validation import validate_loop
 from rrrgen.errors import InputError
+from rrrgen.recordings.log_stream import LogStream
+from rrrgen.recordings.logs import open_log
+from rrrgen.signals.processing import Processing
 from samples.linear_drive import CONTROLLER
 
 FAULTY = """\
@@ -85,3 +94,27 @@ def test_settling_counts_the_slowest_pole():
     found = loads_controller(text + "denominator: [1, -0.9]}}\ntorque: u\njoints: [one]\n")
     assert found.joints[0].signals["u"] == slow
     assert found.settling >= np.log(1e-4) / np.log(0.9)
+
+
+def test_the_files_of_the_measured_axis_fit_together(tmp_path):
+    """The controller of examples/emps, computed here along a motion, agrees with the voltage that the mapping reads."""
+    for path in (Path(__file__).resolve().parents[2] / "examples/emps").glob("*.yaml"):
+        shutil.copy(path, tmp_path)
+    t = 1e-3 * np.arange(1500)
+    r, dr = 0.02 * (1.0 - np.cos(2.0 * np.pi * t)), 0.04 * np.pi * np.sin(2.0 * np.pi * t)
+    q = np.round((r - dr / 160.18) / 5e-8) * 5e-8  # the lag of a position loop
+    pulses = np.where(t % 1.0 > 0.5, 5.0, 0.0)
+    averaged = 0.5 * (q + np.r_[q[0], q[:-1]])
+    speed = np.diff(averaged, prepend=averaged[0]) / 1e-3
+    volts = 243.45 * (160.18 * (r - q) - speed) + 5.07 / 5.0 * pulses
+    names = {"qm": q, "qg": r, "vir": volts, "pulses_N": pulses}
+    savemat(tmp_path / "DATA_EMPS_PULSES.mat", {name: values[:, None] for name, values in names.items()})
+    robot = tmp_path / "robot.yaml"
+    text = robot.read_text().replace("viscous: 0, coulomb: 0", "viscous: 200, coulomb: 20")
+    robot.write_text(
+        text + "links:\n  - {mass: 95, com: [0, 0, 0], inertia: {about: com, products: tensor, xx: 1, yy: 1, zz: 1}}\n"
+    )
+    log = LogStream(open_log(tmp_path / "pulses-log.yaml"))
+    controller = load_controller(tmp_path / "controller.yaml")
+    found = validate_loop(rrrgen.compile(robot), controller, [log], Processing("differences"))
+    assert found.replay.errors[0] < 2e-4

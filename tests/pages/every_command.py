@@ -37,6 +37,7 @@ ELSEWHERE = {
     "pip install": "tests/export/test_wheel.py installs a wheel; it needs an index for the dependencies of rrrgen",
     "colcon": "needs ROS 2",
     "examples/tx40": "needs measured data, which examples/README.md says where to get",
+    "examples/emps": "needs measured data, which examples/README.md says where to get",
     "rrrgen case-study": "tests/experiments/test_case_study.py",
     "--presliding": "tests/friction_estimation/test_estimation.py",
     "rrrgen friction": "tests/friction_estimation/test_estimation.py, with the other joints locked",
