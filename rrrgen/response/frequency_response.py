@@ -27,9 +27,10 @@ class FrequencyResponse:
     ``band95`` (L,) is the radius of the circle around P that contains the true response with probability 95 %, relative
     to the magnitude of P; ``variance`` (L,) that of the complex P; ``coherence`` (L,) the share of the output's power
     that is due to the excitation (14.37); ``period`` the sampling period in s. ``independent`` is the share of the
-    lines that do not share data with others. ``findings`` are reasons not to trust the recording as a whole. ``dof``
-    are the complex degrees of freedom of the variance, ``kernel`` (lags,) the correlation of lines that are 0, 1, ..
-    apart (None: independent); ``unsmoothed`` is the response before it was smoothed over lines, None if it was not.
+    lines that do not share data with others, one number or (L,). ``findings`` are reasons not to trust the recording as
+    a whole. ``dof`` are the complex degrees of freedom of the variance, one number or (L,), ``kernel`` (lags,) the
+    correlation of lines that are 0, 1, .. apart (None: independent); ``unsmoothed`` is the response before it was
+    smoothed over lines, None if it was not.
     ``method`` names the estimator; ``details`` holds the kind of excitation and the figures of the checks.
     """
 
@@ -41,10 +42,10 @@ class FrequencyResponse:
     band95: Array
     coherence: Array
     period: float
-    independent: float = 1.0
+    independent: Array | float = 1.0
     findings: tuple[Finding, ...] = ()
     details: dict[str, Any] = field(default_factory=dict)
-    dof: float = np.inf
+    dof: Array | float = np.inf
     kernel: Array | None = None
     unsmoothed: FrequencyResponse | None = None
 
@@ -113,9 +114,10 @@ def _of_json(found: dict[str, Any]) -> FrequencyResponse:
         if "unsmoothed" in found
         else {}
     )
-    independent, period = float(found["independent_share"]), float(found["sampling_period"])
+    period = float(found["sampling_period"])
+    independent = np.broadcast_to(np.array(found["independent_share"], float), columns["frequency"].shape)
     lengths = {len(column) for column in (*columns.values(), *raw.values())}
-    if len(lengths) > 1 or not (period > 0.0 and 0.0 < independent <= 1.0):
+    if len(lengths) > 1 or not (period > 0.0 and np.all((independent > 0.0) & (independent <= 1.0))):
         raise ValueError("columns of different length, or no period")
     response = FrequencyResponse(
         name=str(found["name"]),

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from rrrgen.response.estimators.local_polynomial import STEP, between_harmonics, regress_window
-from rrrgen.response.estimators.local_polynomial import _overlap as overlap
+from rrrgen.response.estimators.local_polynomial import between_harmonics, regress_window
+from rrrgen.response.estimators.noise_lines import STEP
+from rrrgen.response.estimators.noise_lines import _overlap as overlap
 from rrrgen.response.estimators.smoothing import GOALS, smooth
 from rrrgen.response.estimators.uncertainty import radius
 from rrrgen.response.frequency_response import WIDEST_BAND, FrequencyResponse

@@ -48,9 +48,9 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
     if len(P) < 8 * NEIGHBOURS:
         return None, np.nan
     ratio, misfit = _scatter(lines, P, variance)
-    overall = float(_relative_quantile(ratio, 0.5, lines.dof))
+    overall = float(_relative_quantile(ratio, 0.5, lines.dof[0]))
     groups = [(ratio[part], misfit[part]) for part in np.array_split(np.arange(len(ratio)), PARTS)]
-    rough = [float(_relative_quantile(r, QUANTILE, lines.dof)) for r, e in groups if np.median(e) > MATERIAL]
+    rough = [float(_relative_quantile(r, QUANTILE, lines.dof[0])) for r, e in groups if np.median(e) > MATERIAL]
     worst = max(rough, default=0.0)
     apart = int(np.median(np.diff(lines.line))) > 1  # the lines are further apart, so the smooth curve fits less well
     limits = (
@@ -80,12 +80,14 @@ def scatter_ratio(lines: LineEstimates, P: Complex, variance: Array) -> Array:
     ratio = np.stack([_scatter(lines, P, variance, order)[0] for order in (2, 4)])
     size = min(2 * PART + 1, ratio.shape[1])
     windows = np.lib.stride_tricks.sliding_window_view(ratio, size, axis=1)
-    found = _relative_quantile(windows, 0.5, lines.dof).min(axis=0)  # a curve that bends fits one better, scatter none
+    found = _relative_quantile(windows, 0.5, lines.dof[0]).min(
+        axis=0
+    )  # a curve that bends fits one better, scatter none
     before = (len(P) - len(found)) // 2
     return np.asarray(np.maximum(np.pad(found, (before, len(P) - len(found) - before), mode="edge"), 1.0))
 
 
-def _relative_quantile(ratio: Array, share: float, dof: int) -> Array:
+def _relative_quantile(ratio: Array, share: float, dof: float) -> Array:
     """The quantile at ``share`` of ``ratio`` (.., lines), divided by that of F(2, 2 dof); one for each window (..).
 
     The ratios are squared errors over their variances.

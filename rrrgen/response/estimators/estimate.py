@@ -21,7 +21,8 @@ from rrrgen.response.estimators.distortion import (
 )
 from rrrgen.response.estimators.excitation_period import samples_of
 from rrrgen.response.estimators.friction import check_friction, check_limits
-from rrrgen.response.estimators.local_polynomial import LineEstimates, noise_lines, periodic_lines
+from rrrgen.response.estimators.local_polynomial import LineEstimates, periodic_lines
+from rrrgen.response.estimators.noise_lines import noise_lines
 from rrrgen.response.estimators.smoothing import smooth
 from rrrgen.response.estimators.uncertainty import radius
 from rrrgen.response.frequency_response import FrequencyResponse
@@ -67,10 +68,11 @@ def estimate_one(
     if method in ("instrumental", "direct"):
         spectra = averaged_spectra(record, samples)
         P, variance = spectra.instrumental() if method == "instrumental" else spectra.direct()
-        dof, frequency, coherence = spectra.averages - 1.0, spectra.frequency, spectra.coherence()
-        independent = spectra.independent
+        dof: Array | float = spectra.averages - 1.0
+        frequency, coherence = spectra.frequency, spectra.coherence()
+        independent: Array | float = spectra.independent
     else:
-        dof, frequency, independent = float(lines.dof), lines.frequency, lines.independent
+        dof, frequency, independent = lines.dof, lines.frequency, lines.independent
         coherence = lines.signal / (lines.signal + lines.noise)
         P, variance = plain, spread
         if method == "indirect":
@@ -207,7 +209,7 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
         findings.insert(0, Finding("distortion", ratio, LARGEST_RATIO, message))
     use_total = ratio > LARGEST_RATIO
     variance = (np.maximum(total, within) if use_total else within) / R
-    dof = R - 1.0 if use_total else R * first.dof
+    dof = R - 1.0 if use_total else R * np.min(np.array([each.dof for each in found]), axis=0)
     details = {
         "excitation": first.details["excitation"],
         "realisations": R,
@@ -224,7 +226,7 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
         band95=radius(variance, dof) / np.abs(mean),
         coherence=np.mean([each.coherence for each in found], axis=0),
         period=first.period,
-        independent=first.independent,
+        independent=np.mean(np.array([each.independent for each in found]), axis=0),
         findings=tuple(findings),
         details=details,
         dof=dof,

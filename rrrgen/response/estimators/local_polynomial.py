@@ -19,33 +19,28 @@ from rrrgen.response.response_file import ResponseRecording
 
 ORDER = 2
 LEAST_WINDOW = 6  # least number of unexcited lines at either side of an excited one
-MOST_WINDOW = 20  # most lines at either side where the excitation is noise
 EXCITED = 1e-3  # a line is excited if its magnitude exceeds this share of the largest
-LEAST_SAMPLES = 500  # shortest recording with noise as excitation
-PARABOLA_AT_ITS_CENTRE = 9.0 / 4.0  # variance of a fitted parabola's centre value, over that of the mean of its lines
-LEAST_ROUGHNESS = 0.2  # least share of the excitation's power in a window that is not smooth over the lines
-STEP = 4  # distance in lines of two estimates where the excitation is noise; nearer ones share most of their windows
 
 
 @dataclass(frozen=True)
 class LineEstimates:
     """Responses from the excitation n to [u, q] at the spectral lines with ``frequency`` (L,) in Hz.
 
-    ``G`` (L, 2) are the responses; ``covariance`` (L, 2, 2) is that of G, complex; ``dof`` are its complex degrees of
-    freedom. ``signal`` and ``noise`` (L,) are the power of q due to n and the rest, for the coherence of one period or
-    line. ``line`` (L,) are the numbers of the lines, in units of the lowest frequency (one over the period).
-    ``independent`` is the share of the lines that share no data with others. ``kernel`` (lags,) is the correlation of
-    lines that are 0, 1, .. apart; None if they are independent.
+    ``G`` (L, 2) are the responses; ``covariance`` (L, 2, 2) is that of G, complex; ``dof`` (L,) are its complex degrees
+    of freedom. ``signal`` and ``noise`` (L,) are the power of q due to n and the rest, for the coherence of one period
+    or line. ``line`` (L,) are the numbers of the lines, in units of the lowest frequency (one over the period).
+    ``independent`` (L,) is the share of the lines around that share no data with others. ``kernel`` (lags,) is the
+    correlation of lines that are 0, 1, .. apart; None if they are independent.
     """
 
     frequency: Array
     line: NDArray[np.int64]
     G: Complex
     covariance: Complex
-    dof: int
+    dof: Array
     signal: Array
     noise: Array
-    independent: float = 1.0
+    independent: Array | float = 1.0
     kernel: Array | None = None
 
 
@@ -92,7 +87,7 @@ def periodic_lines(record: ResponseRecording, samples: int) -> LineEstimates:
         line=k,
         G=G,
         covariance=(1.0 + leverage) * V / power[:, None, None],
-        dof=dof,
+        dof=np.full(len(k), float(dof)),
         signal=np.abs(G[:, 1]) ** 2 * power / M,
         noise=V[:, 1, 1].real,
     )
@@ -136,65 +131,6 @@ def excited_lines(magnitude: Array, name: str) -> NDArray[np.int64]:
         raise DerivationError(f"{name}: the column of the excitation is constant, so there is no response to it")
     lines = np.flatnonzero(magnitude > EXCITED * largest)
     return np.asarray(lines[lines > 0])
-
-
-def window_of(samples: int) -> int:
-    """Number of lines on either side of the middle of a window, for noise of ``samples`` samples as excitation."""
-    return int(np.clip(samples // 200, 5, MOST_WINDOW))
-
-
-def noise_lines(record: ResponseRecording) -> LineEstimates:
-    """Estimate the responses for any excitation, by a least-squares fit over windows of neighbouring lines.
-
-    For Y = U, Q the model is ``Y(k+r) = sum g_s r^s N(k+r) + sum t_s r^s``; g_0 is the response, t the transient.
-    """
-    F = spectrum(np.column_stack([record.n, record.u, record.q]))
-    width, half = window_of(len(F)), len(F) // 2
-    if len(F) < LEAST_SAMPLES:
-        raise DerivationError(
-            f"{record.name}: {len(F)} samples are too few for a frequency response from noise: "
-            f"{LEAST_SAMPLES} are the least"
-        )
-    k = np.arange(width, half - width, STEP)
-    around = F[k[:, None] + np.arange(-width, width + 1)]
-    power = np.mean(np.abs(around[:, :, 0]) ** 2, axis=1)
-    if not power.max() > 0.0:
-        raise DerivationError(f"{record.name}: the column of the excitation is constant, so there is no response to it")
-    use = _rough_power(around[:, :, 0]) > EXCITED**2 * power.max()
-    for side in (around[:, :width, 0], around[:, width + 1 :, 0]):  # both halves, as a window may cross the band's edge
-        use &= _rough_power(side) > LEAST_ROUGHNESS * (1.0 - (ORDER + 1) / width) * np.mean(np.abs(side) ** 2, axis=1)
-    k, around, power = k[use], around[use], power[use]
-    solution, residual, spread, dof = regress_window(around[:, :, :1], around[:, :, 1:])
-    V = np.einsum("lra,lrb->lab", residual, residual.conj()) / dof
-    return LineEstimates(
-        frequency=k / (len(F) * record.period),
-        line=k,
-        G=solution,
-        covariance=spread[:, None, None] * V,
-        dof=dof,
-        signal=np.abs(solution[:, 1]) ** 2 * power,
-        noise=V[:, 1, 1].real,
-        independent=min(1.0, STEP * PARABOLA_AT_ITS_CENTRE / (2 * width + 1)),
-        kernel=_overlap(width),
-    )
-
-
-def _rough_power(lines: Complex) -> Array:
-    """Mean power (L,) of the part of windows (L, lines) that is not smooth, after subtracting a polynomial.
-
-    Outside the band of the excitation a window contains only leakage, which is smooth.
-    """
-    r = np.linspace(-1.0, 1.0, lines.shape[1])
-    Q = np.linalg.qr(r[:, None] ** np.arange(ORDER + 1))[0]
-    return np.asarray(np.mean(np.abs(lines - (lines @ Q) @ Q.T) ** 2, axis=1))
-
-
-def _overlap(width: int) -> Array:
-    """Correlation of estimates that are 0, 1, .. times STEP lines apart, because their windows overlap."""
-    r = np.arange(-width, width + 1)
-    weights = np.linalg.pinv((r[:, None] / width) ** np.arange(ORDER + 1))[0]
-    full = np.correlate(weights, weights, "full")[2 * width :]
-    return np.asarray(full[::STEP] / full[0])
 
 
 def regress_window(inputs: Complex, outputs: Complex) -> tuple[Complex, Complex, Array, int]:

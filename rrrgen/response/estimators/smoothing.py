@@ -21,7 +21,7 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.response.controller import Complex
-from rrrgen.response.estimators.uncertainty import MANY, radius
+from rrrgen.response.estimators.uncertainty import GROWTH, LARGEST_BIAS, MANY, radius, running_mean
 from rrrgen.response.frequency_response import FrequencyResponse
 
 HALF_WIDTHS = (2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64, 96)  # numbers of lines at either side that are tried
@@ -32,10 +32,8 @@ A line takes the first goal that it reaches, over as few lines as possible. The 
 line is trusted. Between the second and the last there is none: near 5 % a line would be neither independent nor sure to
 be within 4 %.
 """
-LARGEST_BIAS = 0.15  # largest squared bias, as a share of the remaining variance
 MISSED_BIAS = 0.05  # squared bias that may have been missed, alike
 UNLIKELY = 1e-3  # probability that noise alone looks like a bias
-GROWTH = 32.0  # least factor on the squared bias from a window to one twice as wide; 2^8 for a constant 4th derivative
 ORDER, FINE_ORDER = 2, 4
 EVENLY = 1e-6  # relative difference below which the spacings of lines are equal
 
@@ -76,7 +74,7 @@ def _windows(response: FrequencyResponse) -> tuple[Complex, Array, Array]:
     f, dof, kernel = response.frequency, response.dof, response.kernel
     shape, spread = response.P * f**2, response.variance * f**4
     found = {m: _smoothed(f, shape, spread, m, kernel) for m in sorted({*HALF_WIDTHS, *(2 * m for m in HALF_WIDTHS)})}
-    values, variances, freedoms = [shape], [spread], [np.full(len(f), float(dof))]
+    values, variances, freedoms = [shape], [spread], [np.broadcast_to(dof, len(f))]
     allowed = np.ones(len(f), dtype=bool)
     for m in HALF_WIDTHS:
         value, left, excess, uncertain = found[m]
@@ -88,7 +86,7 @@ def _windows(response: FrequencyResponse) -> tuple[Complex, Array, Array]:
         allowed &= np.isfinite(left) & (bias < LARGEST_BIAS * left)
         values.append(value)
         variances.append(np.where(allowed, (1.0 + MISSED_BIAS) * left + np.maximum(bias, 0.0), np.inf))
-        freedoms.append(np.full(len(f), min(dof * number, MANY)))
+        freedoms.append(np.minimum(freedoms[0] * number, MANY))
     return np.array(values), np.array(variances), np.array(freedoms)
 
 
@@ -108,8 +106,8 @@ def _smoothed(
     inner = np.arange(m, lines - m)
     around = inner[:, None] + np.arange(-m, m + 1)
     value[inner], left[inner], bias, uncertain = _window(f[around], shape[around], spread[around], m, kernel)
-    noise[inner] = _averaged(uncertain, m)
-    excess[inner] = _averaged(bias, m) - noise[inner]
+    noise[inner] = running_mean(uncertain, m)
+    excess[inner] = running_mean(bias, m) - noise[inner]
     return value, left, excess, noise
 
 
@@ -132,12 +130,6 @@ def _window(
     bias = np.abs(np.sum(difference * shape, axis=1)) ** 2
     left, uncertain = (np.sum((hat @ C) * hat, axis=1) * common for hat in (low, difference))
     return value, left, bias, uncertain
-
-
-def _averaged(values: Array, m: int) -> Array:
-    """Running means over 2m+1 lines, fewer at the ends."""
-    window = np.ones(2 * m + 1)
-    return np.asarray(np.convolve(values, window, "same") / np.convolve(np.ones(len(values)), window, "same"))
 
 
 def _toeplitz(kernel: Array, size: int) -> Array:

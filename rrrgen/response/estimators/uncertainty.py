@@ -1,4 +1,4 @@
-"""Radius of the confidence circle of a complex estimate, from its variance."""
+"""Radius of the confidence circle of a complex estimate, from its variance; limits of the bias by averaging."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from rrrgen.arrays import Array
 
 CONFIDENCE = 0.95
 MANY = 1e6  # degrees of freedom from which on the variance counts as exactly known
+LARGEST_BIAS = 0.15  # largest squared bias, as a share of the remaining variance
+GROWTH = 32.0  # least factor on the squared bias from a window to one twice as wide; 2^8 for a constant 4th derivative
 
 
 def radius(variance: Array, dof: Array | float) -> Array:
@@ -19,3 +21,10 @@ def radius(variance: Array, dof: Array | float) -> Array:
 
     factor = np.asarray(f_distribution.ppf(CONFIDENCE, 2, 2.0 * np.minimum(dof, MANY)))
     return np.asarray(np.sqrt(factor * variance))
+
+
+def running_mean(values: Array, m: int) -> Array:
+    """Means over 2m+1 values, fewer at the ends."""
+    window = np.ones(2 * m + 1)
+    count = np.convolve(np.ones(len(values)), window)
+    return np.asarray((np.convolve(values, window) / count)[m : m + len(values)])

@@ -79,7 +79,8 @@ def fit_modes(response: FrequencyResponse) -> ResponseModel:
     raw = response.unsmoothed or response  # smoothed lines are not independent
     P = raw.P[use]
     # neighbouring lines that share data count for as much as independent ones in their place would
-    sigma = np.sqrt((raw.variance[use] + (LEAST_BAND * np.abs(P)) ** 2) / response.independent)
+    share = np.broadcast_to(response.independent, len(use))[use]
+    sigma = np.sqrt((raw.variance[use] + (LEAST_BAND * np.abs(P)) ** 2) / share)
     z = np.exp(-2j * np.pi * response.frequency[use] * response.period)
     lines = _Lines(z, P, 1.0 / sigma, response.period)
     frequency = response.frequency[use]
@@ -94,7 +95,7 @@ def fit_modes(response: FrequencyResponse) -> ResponseModel:
             "integrators": each.integrators,
             "delay": each.delay,
             "modes": len(each.modes) // 2,
-            "misfit": each.cost / len(P) / response.independent,
+            "misfit": float(np.mean(each.costs / share)),
             "description_length": float(length),
         }
         for each, length in zip(found, lengths, strict=True)
@@ -256,7 +257,8 @@ def _model(
         numerator = np.pad(left, (0, size - len(left))) + np.pad(right, (0, size - len(right)))
         denominator = np.convolve(denominator, factor)
     spread = _deviations(lines, best)
-    used = response.frequency[response.trusted]
+    use = response.trusted
+    used = response.frequency[use]
     resonances = []
     for (log_f, log_damping), (std_f, std_damping) in zip(best.modes.reshape(-1, 2), spread, strict=True):
         f, damping = float(np.exp(log_f)), float(np.exp(log_damping))
@@ -281,7 +283,7 @@ def _model(
             "protocol": "frequency response at the trusted lines, each as it was fitted with weight 1/variance",
             "held_out": False,
             "lines": len(used),
-            "misfit_per_line": best.cost / len(used) / response.independent,
+            "misfit_per_line": float(np.mean(best.costs / np.broadcast_to(response.independent, len(use))[use])),
             "largest_relative_error_95": float(np.quantile(relative, 0.95)),
         }
     )
