@@ -11,6 +11,7 @@ import numpy as np
 from rrrgen.errors import DerivationError
 from rrrgen.identify.estimation.consistency import ConsistentEstimate
 from rrrgen.identify.estimation.statistics import confidence_factor
+from rrrgen.identify.scoring.held_out import held_out_notes
 from rrrgen.model.drive_terms import SYMBOLS
 from rrrgen.model.standard_parameters import STANDARD, link_of, standard_names
 from rrrgen.robotfile.robot_spec import DriveSpec, FrictionSpec, LawSpec
@@ -29,9 +30,13 @@ FRICTION_SYMBOLS = {field: symbol for field, symbol in SYMBOLS.items() if field 
 CONFIDENCE = 0.95
 
 
-def as_record(found: Identification) -> dict[str, Any]:
-    """The content of ``identification.json``: estimates, scores, filters, notes, repairs and diagnoses."""
+def as_record(found: Identification, joints: Sequence[str]) -> dict[str, Any]:
+    """The content of ``identification.json``: estimates, scores, filters, notes, repairs and diagnoses.
+
+    ``joints`` (n,) are the names of the joints.
+    """
     estimate = found.estimate
+    covered = {name: found.band.coverage(blocks) for name, blocks in found.parts}
     header, rows = parameter_table(found)
     return {
         "method": estimate.method,
@@ -40,7 +45,9 @@ def as_record(found: Identification) -> dict[str, Any]:
         "identified": [dict(zip(header, row, strict=True)) for row in rows],
         "names": list(found.meanings),
         "hardly_determined": list(found.hardly_determined),
-        "torque_band": {name: found.band.coverage(blocks) for name, blocks in found.parts},
+        "torque_band": {k: None if each is None else (each.share, each.parameters) for k, each in covered.items()},
+        "torque_band_joints": {k: None if each is None else each.joints for k, each in covered.items()},
+        "held_out_notes": list(held_out_notes(found.scores, covered["held out"], joints)),
         "friction": None if found.friction is None else found.friction.to_json(),
         "diagnoses": [cause.to_json() for cause in found.diagnoses],
         "repairs": [repairs.to_json() for repairs in found.repairs],
@@ -230,7 +237,7 @@ def write_identification(
     from rrrgen.identify.torque_plots import force_units, plot_torque_curves, torque_curves
     from rrrgen.robotfile import dumps
 
-    folder.write_json("identification.json", as_record(found))
+    folder.write_json("identification.json", as_record(found, [joint.name for joint in spec.joints]))
     folder.write_csv("parameters.csv", *parameter_table(found))
     if found.consistent is not None:
         fits = {fit.hashes: fit for fit in (*spec.provenance, fitted_data(found, recordings))}

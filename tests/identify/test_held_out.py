@@ -17,6 +17,7 @@ from rrrgen.identify.identification import identify
 from rrrgen.identify.options import Options
 from rrrgen.identify.results import identified_spec
 from rrrgen.identify.scoring.bands import TorqueBand
+from rrrgen.identify.scoring.held_out import held_out_notes
 from rrrgen.identify.scoring.scores import joint_table
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms
@@ -90,14 +91,29 @@ def test_the_band_holds_95_percent_of_torques_that_were_not_fitted(arm):
     for seed in range(6):
         log = recording(arm, seed)
         found = identify(arm, [log], LOGGED, Options(terms=TERMS, split=Split.parse("first:0.1"), guard=0.0, poses=2))
-        share, part = found.band.coverage(found.held_out_blocks)
-        inside.append(share)
-        own.append(part)
+        covered = found.band.coverage(found.held_out_blocks)
+        inside.append(covered.share)
+        own.append(covered.parameters)
+        assert np.mean(covered.joints) == pytest.approx(covered.share)
+        assert held_out_notes(found.scores, covered, log.joints) == ()
         assert found.band.sigma == pytest.approx(NOISE, rel=0.15)
     assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
     assert min(own) > 0.1
     narrow = TorqueBand(found.band.theta, found.band.root, 0.5 * found.band.sigma)
-    assert narrow.coverage(found.held_out_blocks)[0] < 0.85
+    assert narrow.coverage(found.held_out_blocks).share < 0.85
+
+
+def test_a_joint_that_changes_after_the_fit_is_named(arm):
+    """Its torque counts little in the total error; a small change shows in the band alone."""
+    told = []
+    for wrong in (3.0, 0.3):
+        log = recording(arm, wrong=wrong)
+        options = Options(terms=TERMS, split=Split.parse("first:0.7"), consistent=False, poses=2)
+        found = identify(arm, [log], LOGGED, options)
+        told.append(held_out_notes(found.scores, found.band.coverage(found.held_out_blocks), log.joints))
+    (changed,), (narrow,) = told
+    assert "torque of q2 is not explained where it was not fitted" in changed
+    assert "too few held-out rows of q2 (" in narrow
 
 
 def test_scores_by_joint(arm):

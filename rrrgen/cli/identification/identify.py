@@ -207,7 +207,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
     if as_json:
         more = {} if validation is None else {"cross_validation": validation.to_json()}
         more |= {} if loop is None else {"closed_loop": loop.to_json()}
-        print_json(_json_ready(as_record(found) | more))
+        print_json(_json_ready(as_record(found, recordings[0].joints) | more))
     else:
         _report(found, recordings[0].joints, validation, output)
         say(*(() if loop is None else loop.lines(recordings[0].joints)), *(() if bias is None else bias.lines()))
@@ -242,6 +242,7 @@ def _json_ready(value: Any) -> Any:
 
 def _report(found: Identification, joints: tuple[str, ...], validation: CrossValidation | None, output: Path) -> None:
     from rrrgen.identify.parameter_report import parameter_lines
+    from rrrgen.identify.scoring.held_out import held_out_notes
     from rrrgen.identify.scoring.scores import joint_table, score_table
 
     width = terminal_width()
@@ -252,17 +253,19 @@ def _report(found: Identification, joints: tuple[str, ...], validation: CrossVal
     if found.split.kind != "none":
         say(f"data: {found.split}")
     say(*score_table(found.scores, width), *joint_table(found.scores, joints, width))
+    covered = None
     for name, blocks in found.parts:
         covered = found.band.coverage(blocks)
         if covered is not None:
             say(
-                f"95 % band of the predicted torque: covers {100 * covered[0]:.1f} % of the rows {name}; "
-                f"{100 * covered[1]:.0f} % of its width is that of the parameters"
+                f"95 % band of the predicted torque: covers {100 * covered.share:.1f} % of the rows {name}; "
+                f"{100 * covered.parameters:.0f} % of its width is that of the parameters"
             )
+    doubtful = held_out_notes(found.scores, covered, joints)  # the coverage of the held-out rows, which come last
     if validation is not None:
         say(*validation.lines(width))
     for name, share in found.indefinite.items():
         say(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")
-    for note in (*found.structural_notes, *found.motion_notes, *found.hardly_determined):
+    for note in (*found.structural_notes, *found.motion_notes, *found.hardly_determined, *doubtful):
         say(f"note: {note}")
     say(f"results and figures in {output}")

@@ -18,6 +18,19 @@ BAND = 1.96
 """Half width of a 95 % band in standard deviations."""
 
 
+@dataclass(frozen=True)
+class Coverage:
+    """Share of measured torques inside their 95 % band: ``share`` over all rows, ``joints`` (n,) joint by joint.
+
+    ``parameters`` is the part of the band's width that the parameters cause: the RMS ratio of their standard deviation
+    to the total. A joint without rows has NaN.
+    """
+
+    share: float
+    parameters: float
+    joints: tuple[float, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class TorqueBand:
     """Uncertainty of the torques that a model predicts.
@@ -47,17 +60,18 @@ class TorqueBand:
         """Standard deviation (N, n) of the measured torque about the prediction, N m (N)."""
         return np.asarray(np.hypot(self.parameters(W), self.sigma))
 
-    def coverage(self, blocks: Iterable[Rows]) -> tuple[float, float] | None:
-        """Share of the rows in use that lie inside the 95 % band, and how much of its width the parameters cause.
-
-        The latter is the RMS ratio of the standard deviation from the parameters to the total. None without rows.
-        """
-        inside = count = 0
+    def coverage(self, blocks: Iterable[Rows]) -> Coverage | None:
+        """Coverage of the rows in use by the 95 % band; None without rows."""
+        n = len(self.sigma)
+        inside, count = np.zeros(n, np.int64), np.zeros(n, np.int64)
         own = all_ = 0.0
         for rows in blocks:
             total = self.total(rows.W)
-            inside += int(np.sum(rows.use & (np.abs(rows.tau - rows.W @ self.theta) <= BAND * total)))
-            count += int(np.sum(rows.use))
+            inside += np.sum(rows.use & (np.abs(rows.tau - rows.W @ self.theta) <= BAND * total), axis=0)
+            count += np.sum(rows.use, axis=0)
             own += float(np.sum(np.where(rows.use, self.parameters(rows.W), 0.0) ** 2))
             all_ += float(np.sum(np.where(rows.use, total, 0.0) ** 2))
-        return None if count == 0 or all_ == 0.0 else (inside / count, float(np.sqrt(own / all_)))
+        if not count.any() or all_ == 0.0:
+            return None
+        joints = tuple(float(a / b) if b else float("nan") for a, b in zip(inside, count, strict=True))
+        return Coverage(float(np.sum(inside) / np.sum(count)), float(np.sqrt(own / all_)), joints)
