@@ -73,5 +73,6 @@ class TorqueBand:
             all_ += float(np.sum(np.where(rows.use, total, 0.0) ** 2))
         if not count.any() or all_ == 0.0:
             return None
-        joints = tuple(float(a / b) if b else float("nan") for a, b in zip(inside, count, strict=True))
-        return Coverage(float(np.sum(inside) / np.sum(count)), float(np.sqrt(own / all_)), joints)
+        pairs = zip(inside.tolist(), count.tolist(), strict=True)
+        joints = tuple(a / b if b else float("nan") for a, b in pairs)
+        return Coverage(int(np.sum(inside)) / int(np.sum(count)), float(np.sqrt(own / all_)), joints)
