@@ -38,6 +38,7 @@ ELSEWHERE = {
     "colcon": "needs ROS 2",
     "examples/tx40": "needs measured data, which examples/README.md says where to get",
     "examples/emps": "needs measured data, which examples/README.md says where to get",
+    "examples/flexible_arm": "needs measured data, which examples/README.md says where to get",
     "rrrgen case-study": "tests/experiments/test_case_study.py",
     "--presliding": "tests/friction_estimation/test_estimation.py",
     "rrrgen friction": "tests/friction_estimation/test_estimation.py, with the other joints locked",

@@ -211,18 +211,18 @@ def test_files_that_are_no_model_are_refused(recorded, tmp_path):
 
 
 @pytest.mark.skipif(not DAISY.exists(), reason="the recording of the flexible arm is not in ../shared/data")
-def test_measured_arm_at_its_own_order(tmp_path):
+def test_measured_arm_at_its_own_order(tmp_path, capsys):
     """DaISy: fitted on rows 1..512, scored on the others; the order is chosen within the former."""
-    (tmp_path / "log.yaml").write_text(
-        f"schema: rrrgen-response/1\nfiles: {DAISY}\ntime: {{period: 1 s}}\ninput: 1\noutput: 2\n"
-    )
-    assert run(["response-model", str(tmp_path / "log.yaml"), "--fit-rows", "1:512", "-o", str(tmp_path / "run")]) == 0
+    log = str(Path(__file__).resolve().parents[2] / "examples/flexible_arm/response.yaml")
+    assert run(["response-model", log, "--fit-rows", "1:512", "-o", str(tmp_path / "run")]) == 0
     found = json.loads((tmp_path / "run/results/response_model.json").read_text())
     fit = found["fit"]
     assert fit["scored_rows"] == [513, 1024]
     assert fit["held_out"]
     assert fit["value"] >= 95.5
     assert fit["free_run_with_state_from_fitted_rows"] >= 95.5
+    assert fit["free_run_from_zero_state"] >= 95.0
+    assert f"{fit['free_run_from_zero_state']:.2f} %: free run from the state zero" in capsys.readouterr().out
     weak = [2 * np.pi * mode["frequency"] for mode in found["resonances"] if mode["damping"] < 0.01]
     assert weak == pytest.approx([0.365, 0.796], rel=5e-3)
 

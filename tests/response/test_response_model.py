@@ -160,9 +160,7 @@ def test_armax_is_right_where_arx_is_biased():
     plain = arx(u, y, 0, len(u), 2, 1)
     found = armax(plain, u, y, 0, len(u))
     assert np.abs(plain.a - a).max() > 5 * np.abs(found.a - a).max()
-    std = np.sqrt(np.diag(found.covariance))
-    assert np.all(np.abs(np.concatenate([found.a - a, found.b - b])) < 4 * std)
-    assert std.max() < 0.05
+    assert np.abs(np.concatenate([found.a - a, found.b - b])).max() < 0.06
 
 
 def test_subspace_models_have_the_same_modes(swinging):
@@ -175,7 +173,7 @@ def test_subspace_models_have_the_same_modes(swinging):
     for found, (w, damping) in zip(weak, ((0.366, 0.006), (0.796, 0.005)), strict=True):
         assert 2 * np.pi * found.frequency == pytest.approx(w, rel=5e-3)
         assert found.damping == pytest.approx(damping, rel=0.2)
-        assert found.frequency_std is None
+        assert abs(found.damping - damping) < 4 * found.damping_std
     long = ResponseRecording("long", 1.0, *(np.tile(x, 3) for x in (recording.n, recording.u, recording.q)))
     with pytest.raises(DerivationError, match="choose up to 3000"):
         fit_difference_model(long, (1, 4000), "subspace")

@@ -23,6 +23,11 @@ if TYPE_CHECKING:
     from rrrgen.response.models.response_model import Resonance, ResponseModel
     from rrrgen.simulate.elastic_modes import ElasticMode
 
+OTHER_PROTOCOLS = {
+    "free_run_with_state_from_fitted_rows": "free run with the state that the fitted rows lead to",
+    "free_run_from_zero_state": "free run from the state zero",
+    "one_step": "one step ahead",
+}
 METHODS = ("auto", "modes", "arx", "armax", "output_error", "subspace", "indirect")
 
 
@@ -173,6 +178,9 @@ def _print_model(model: ResponseModel) -> None:
     fit = model.fit
     say(f"{model.name}: {model.method}, order {len(model.a)}, delay {model.delay} samples")
     say(f"fit {fit['value']:.2f} %: {fit['protocol']}")
+    for key, other in OTHER_PROTOCOLS.items():
+        if key in fit and fit[key] != fit["value"]:
+            say(f"  {fit[key]:.2f} %: {other}")
     if "scored_rows" in fit:
         first, last = fit["scored_rows"]
         say(f"  scored on rows {first}:{last}{'' if fit['held_out'] else ', which were fitted'}")

@@ -18,13 +18,13 @@ def armax(start_from: Equation, u: Array, y: Array, start: int, stop: int) -> Eq
     ``u`` and ``y`` (N,) are input and output, ``start_from`` gives orders and first estimate; C has the order of A.
     Begins with least squares on estimated e (Hannan-Rissanen) and refines by Levenberg-Marquardt steps: the derivatives
     of e are past outputs, inputs and errors filtered by 1/C. Zeros of C outside the unit circle are reflected. The
-    returned equation holds A and B, and e for its uncertainty.
+    returned equation holds A and B.
     """
     order, size, delay = len(start_from.a), len(start_from.b), start_from.delay
     part_y, part_u = y[start:stop], u[start:stop]
     theta = _begin(start_from, part_u, part_y)
     e = _errors(theta, order, size, delay, part_u, part_y)
-    cost, damping, information = _cost(e), 1e-3, np.eye(len(theta))
+    cost, damping = _cost(e), 1e-3
     for _ in range(REFINEMENTS):
         J = _derivatives(theta, order, size, delay, part_u, part_y, e)
         if not float(np.abs(J).max()) < LARGEST:
@@ -41,9 +41,7 @@ def armax(start_from: Equation, u: Array, y: Array, start: int, stop: int) -> Eq
                 break
         else:
             damping *= 10.0
-    variance = cost / max(len(e) - len(theta), 1)
-    covariance = variance * np.linalg.pinv(information, hermitian=True)[: order + size, : order + size]
-    return Equation(theta[:order], theta[order : order + size], delay, covariance)
+    return Equation(theta[:order], theta[order : order + size], delay)
 
 
 def _cost(e: Array) -> float:

@@ -15,13 +15,15 @@ from rrrgen.errors import DerivationError, InputError
 from rrrgen.response.controller import Controller
 from rrrgen.response.models.armax import armax
 from rrrgen.response.models.equations import Equation, arx
-from rrrgen.response.models.response_model import ResponseModel, resonances_of
+from rrrgen.response.models.resonance_check import check_resonances
+from rrrgen.response.models.response_model import ResponseModel
 from rrrgen.response.models.subspace import SubspaceIdentification, check_rows
 from rrrgen.response.response_file import ResponseRecording
 
 HIGHEST_ORDER = 20
 VALIDATION = 0.25  # share of the rows, the last ones, on which the order is chosen
 NEARLY_BEST = 1.2  # the lowest order whose validation error is below this multiple of the smallest one is chosen
+LEAST_FIT = 0.1  # share of the validation rows that the best model must explain
 REFINEMENTS = 20
 PREFILTERS = 10
 SHORT_RUN = 50  # length of a short free run, samples
@@ -53,9 +55,9 @@ def fit_difference_model(
     if method == "subspace":
         check_rows(stop - start)
     cut = stop - int(VALIDATION * (stop - start))
-    open_loop = np.array_equal(record.u, record.n)
+    open_loop, plant = np.array_equal(record.u, record.n), record.u
     if not open_loop:
-        u, y = (_without_ramp(column, start, stop) for column in (u, y))
+        u, y, plant = (_without_ramp(column, start, stop) for column in (u, y, plant))
     short = not open_loop and method != "indirect"  # the plant may integrate, so that long free runs drift
     candidates, table = [], []
     for equation, kind in _candidates(u, y, start, cut, method, 0 if open_loop and method != "indirect" else 1):
@@ -64,14 +66,24 @@ def fit_difference_model(
         else:
             error = _relative(y[cut:stop] - continued_run(equation, u, y, start, cut, stop), y[cut:stop])
         row = {"method": kind, "order": len(equation.a), "delay": equation.delay, "validation_fit": 100.0 * (1 - error)}
-        candidates.append((error, len(equation.a), kind, equation.delay))
+        grows = open_loop and _oscillation_grows(equation)
+        candidates.append((grows, error, len(equation.a), kind, equation.delay))
         table.append(row)
-    finite = [each for each in candidates if np.isfinite(each[0])]
+    found = [each for each in candidates if np.isfinite(each[1])]
+    finite = [each[1:] for each in found if not each[0]] or [each[1:] for each in found]
     if not finite:
         raise DerivationError(
             f"{record.name}: {cut - start} rows are too few for an order of 1 and its validation, or no model is stable"
         )
-    limit = NEARLY_BEST * min(finite)[0]
+    best = min(finite)[0]
+    if best > 1.0 - LEAST_FIT:
+        kinds, hint = ("", "") if method == "auto" else (f"{method} ", " Or choose --method auto.")
+        raise DerivationError(
+            f"{record.name}: fitted to the rows {start + 1}:{cut}, no {kinds}model foretells the rows {cut + 1}:{stop} "
+            "better than their mean: are the columns right, and do the rows to fit (--fit-rows) excite every mode "
+            f"several times, not in a single sweep?{hint}"
+        )
+    limit = NEARLY_BEST * best
     _, order, kind, delay = min((each[1], each) for each in finite if each[0] <= limit)[1]
     equation = _fitted(kind, u, y, start, stop, order, delay)
     fit = _scores(equation, u, y, start, stop)
@@ -81,10 +93,9 @@ def fit_difference_model(
         fit["value"] = 100.0 * (1.0 - _short_run_error(equation, u, y, begin - 1, end))
         fit["protocol"] = f"free runs of {SHORT_RUN} samples each, from the measured past: measured inputs"
     a, b, delay = equation.a, equation.b, equation.delay
-    covariance: Array | None = equation.covariance[: len(a), : len(a)]
     if method == "indirect" and controller is not None:
         a, b = plant_of_loop(a, b, delay, controller)
-        covariance, fit["of"] = None, "the closed loop from n to q"
+        fit["of"] = "the closed loop from n to q"
         if fit["held_out"]:
             fit["value"] = fit["free_run_with_state_from_fitted_rows"]
             fit["protocol"] = "free run with the state that the fitted rows lead to: measured excitation"
@@ -94,7 +105,7 @@ def fit_difference_model(
         b=b,
         delay=delay,
         period=record.period,
-        resonances=resonances_of(a, covariance, record.period),
+        resonances=check_resonances(a, delay, plant[start:stop], y[start:stop], record.period),
         fit=fit,
         table=tuple(table),
         name=record.name,
@@ -122,6 +133,12 @@ def _candidates(
                 return
             for kind in kinds:
                 yield _fitted(kind, u, y, start, stop, order, delay), kind
+
+
+def _oscillation_grows(equation: Equation) -> bool:
+    """Whether a pair of complex poles is unstable, which no arm in open loop has."""
+    poles = np.roots(np.concatenate([[1.0], -equation.a]))
+    return bool(np.any((np.abs(poles) > 1.0) & (np.abs(poles.imag) > 0.0)))
 
 
 def _fitted(kind: str, u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Equation:
@@ -177,10 +194,9 @@ def output_error(equation: Equation, u: Array, y: Array, start: int, stop: int) 
     order, size, delay = len(equation.a), len(equation.b), equation.delay
     part, measured = u[start:stop], y[start:stop]
     theta, damping = np.concatenate([equation.a, equation.b, _initial_state(equation, part, measured)]), 1e-3
-    model = _run(theta, order, delay, size, part)
-    cost = float(np.sum((measured - model) ** 2))
-    information = np.eye(len(theta))
     with np.errstate(over="ignore", invalid="ignore"):
+        model = _run(theta, order, delay, size, part)
+        cost = float(np.sum((measured - model) ** 2))
         for _ in range(REFINEMENTS):
             J = _derivatives(theta, order, delay, size, part, model)
             if not float(np.abs(J).max()) < LARGEST:
@@ -197,9 +213,7 @@ def output_error(equation: Equation, u: Array, y: Array, start: int, stop: int) 
                     break
             else:
                 damping *= 10.0
-    variance = cost / max(len(measured) - len(theta), 1)
-    covariance = variance * np.linalg.pinv(information, hermitian=True)[: order + size, : order + size]
-    return Equation(theta[:order], theta[order : order + size], delay, covariance)
+    return Equation(theta[:order], theta[order : order + size], delay)
 
 
 def _run(theta: Array, order: int, delay: int, size: int, u: Array) -> Array:

@@ -13,13 +13,12 @@ from rrrgen.arrays import Array
 class Equation:
     """Difference equation ``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}``, i from 1, j from 0.
 
-    ``a`` and ``b`` hold the coefficients, ``delay`` is in samples, ``covariance`` is that of [a, b].
+    ``a`` and ``b`` hold the coefficients, ``delay`` is in samples.
     """
 
     a: Array
     b: Array
     delay: int
-    covariance: Array
 
     @property
     def past(self) -> int:
@@ -41,6 +40,4 @@ def arx(u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Eq
     scale = np.linalg.norm(F, axis=0)
     theta, _, _, _ = np.linalg.lstsq(F / scale, y[k], rcond=1e-13)
     theta = theta / scale
-    variance = float(np.sum((y[k] - F @ theta) ** 2)) / max(len(k) - len(theta), 1)
-    covariance = variance * np.linalg.pinv((F / scale).T @ (F / scale)) / np.outer(scale, scale)
-    return Equation(theta[:order], theta[order:], delay, covariance)
+    return Equation(theta[:order], theta[order:], delay)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,7 +40,7 @@ class Resonance:
         """What is hardly known: "frequency" with a 95 % interval beyond .5 %, "damping" with one beyond 10 %."""
         pairs = {"frequency": (self.frequency, self.frequency_std), "damping": (self.damping, self.damping_std)}
         return tuple(
-            name for name, (value, std) in pairs.items() if std is not None and std > CERTAIN[name] * abs(value)
+            name for name, (value, std) in pairs.items() if std is None or not std <= CERTAIN[name] * abs(value)
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -98,7 +97,7 @@ class ResponseModel:
         first = np.flatnonzero(self.b)
         if not len(first):
             return ()
-        found = resonances_of(-self.b[first[0] + 1 :] / self.b[first[0]], None, self.period)
+        found = resonances_of(-self.b[first[0] + 1 :] / self.b[first[0]], self.period)
         return tuple(each for each in found if each.frequency < HIGHEST_ZERO * 0.5 / self.period)
 
     def state_space(self) -> StateSpace:
@@ -181,45 +180,13 @@ def _of_json(found: dict[str, Any]) -> ResponseModel:
     )
 
 
-def poles_to_modes(a: Array, period: float) -> Array:
-    """Frequency (Hz) and damping ratio (m, 2) of the m complex pole pairs of ``1 - sum a_i z^-i``, by frequency.
-
-    ``a`` are the coefficients of the denominator, ``period`` is the sampling period (s).
-    """
+def resonances_of(a: Array, period: float) -> tuple[Resonance, ...]:
+    """The weakly damped pole pairs of ``1 - sum a_i z^-i`` as resonances, sorted by frequency; ``period`` is in s."""
     roots = np.roots(np.concatenate([[1.0], -a]))
     s = np.log(roots[roots.imag > 1e-9]) / period
-    modes = np.column_stack([np.abs(s) / (2.0 * np.pi), -s.real / np.abs(s)])
-    return modes[np.argsort(modes[:, 0])]
+    found = [Resonance(float(abs(each) / (2.0 * np.pi)), float(-each.real / abs(each))) for each in s]
+    return tuple(sorted((each for each in found if abs(each.damping) < HIGHEST_DAMPING), key=_frequency))
 
 
-def resonances_of(a: Array, covariance: Array | None, period: float) -> tuple[Resonance, ...]:
-    """Resonances: the weakly damped pole pairs of ``1 - sum a_i z^-i``, with standard deviations.
-
-    The deviations follow to first order from the ``covariance`` (n, n) of ``a`` (n,); ``period`` is in s.
-    """
-    modes = poles_to_modes(a, period)
-    spread = np.full(modes.shape, np.nan)
-    if covariance is not None:
-        J = _jacobian(lambda x: poles_to_modes(x, period), a, modes)
-        spread = np.sqrt(np.maximum(np.einsum("mci,ij,mcj->mc", J, covariance, J), 0.0))
-    return tuple(
-        Resonance(
-            float(mode[0]),
-            float(mode[1]),
-            *(float(x) if np.isfinite(x) else None for x in each),
-        )
-        for mode, each in zip(modes, spread, strict=True)
-        if abs(mode[1]) < HIGHEST_DAMPING
-    )
-
-
-def _jacobian(function: Callable[[Array], Array], at: Array, value: Array) -> Array:
-    """Jacobian (.., n) of ``function`` at ``at`` (n,) by central differences; NaN if the number of values changes."""
-    columns = []
-    for i in range(len(at)):
-        step = np.zeros(len(at))
-        step[i] = 1e-7 * max(1.0, abs(at[i]))
-        ends = [function(at + step), function(at - step)]
-        same = all(end.shape == value.shape for end in ends)
-        columns.append((ends[0] - ends[1]) / (2.0 * step[i]) if same else np.full(value.shape, np.nan))
-    return np.stack(columns, axis=-1)
+def _frequency(mode: Resonance) -> float:
+    return mode.frequency

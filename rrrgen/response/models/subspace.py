@@ -51,10 +51,10 @@ class SubspaceIdentification:
         return self.rows - 1
 
     def model(self, order: int) -> Equation:
-        """The model of the given ``order`` as a difference equation without delay; the method gives no covariance."""
+        """The model of the given ``order`` as a difference equation without delay."""
         system, _ = self._found.system_identification(rank=order)
         A, B, C, D = (np.asarray(getattr(system, name)) for name in "abcd")
         denominator = np.poly(A).real
         numerator = np.poly(A - B @ C).real + (float(D[0, 0]) - 1.0) * denominator
         b = numerator * self.scale_y / self.scale_u
-        return Equation(-denominator[1:], b, 0, np.full((2 * order + 1,) * 2, np.nan))
+        return Equation(-denominator[1:], b, 0)

@@ -1,0 +1,100 @@
+"""Resonances of difference equations: what noise alone explains is not reported, and what noise biases says so."""
+
+import numpy as np
+import pytest
+
+from rrrgen.errors import DerivationError
+from rrrgen.response.models.difference_models import fit_difference_model
+from rrrgen.response.models.equations import arx
+from rrrgen.response.models.resonance_check import check_resonances
+from rrrgen.response.models.response_model import Resonance
+from rrrgen.response.response_file import ResponseRecording
+
+PERIOD = 2e-3
+MODES = ((31.0, 0.02, 1.0), (70.0, 0.008, 0.7))  # Hz, damping ratio, share
+
+
+def held_arm(u, modes=MODES):
+    """Response of a sum of sampled modes to the input ``u``, each by the recursion of its pair of poles."""
+    total = np.zeros(len(u))
+    for frequency, damping, share in modes:
+        w = 2 * np.pi * frequency * PERIOD
+        radius, angle = np.exp(-damping * w), w * np.sqrt(1 - damping**2)
+        y = np.zeros(len(u))
+        for k in range(2, len(u)):
+            y[k] = 2 * radius * np.cos(angle) * y[k - 1] - radius**2 * y[k - 2] + share * w * np.sin(w) * u[k - 1]
+        total += y
+    return total
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """Input, and output with 5 % of white noise."""
+    rng = np.random.default_rng(41)
+    u = rng.standard_normal(2000)
+    y = held_arm(u)
+    return u, y + 0.05 * y.std() * rng.standard_normal(len(y))
+
+
+def assert_right(found):
+    """What is reported as certain is a mode of the arm, with its frequency to .5 % and its damping to 10 %."""
+    for mode in found:
+        frequency, damping, _ = min(MODES, key=lambda each: abs(each[0] - mode.frequency))
+        if "frequency" not in mode.uncertain:
+            assert mode.frequency == pytest.approx(frequency, rel=5e-3)
+        if "damping" not in mode.uncertain:
+            assert mode.damping == pytest.approx(damping, rel=0.1)
+
+
+@pytest.mark.parametrize("order", [6, 12, 20])
+def test_least_squares_of_noisy_rows_are_told_apart(recorded, order):
+    """The poles that model the noise are left out; those that it biases are uncertain, or right at a high order."""
+    u, y = recorded
+    equation = arx(u, y, 0, len(u), order, 1)
+    pairs = np.roots(np.concatenate([[1.0], -equation.a]))
+    assert np.count_nonzero(pairs.imag > 0) >= order // 2 - 1  # far more than the two modes
+    found = check_resonances(equation.a, 1, u, y, PERIOD)
+    assert_right(found)
+    assert len(found) <= 3
+    assert [round(mode.frequency) for mode in found if not mode.uncertain] in ([], [31], [70], [31, 70])
+
+
+def test_the_poles_of_the_arm_itself_are_certain(recorded):
+    u, y = recorded
+    denominator = np.ones(1)
+    for frequency, damping, _ in MODES:
+        p = np.exp(2 * np.pi * frequency * PERIOD * (-damping + 1j * np.sqrt(1 - damping**2)))
+        denominator = np.convolve(denominator, [1.0, -2.0 * p.real, abs(p) ** 2])
+    noise_pair = np.convolve(denominator, [1.0, -2 * 0.99 * np.cos(2.0), 0.99**2])
+    for a in (-denominator[1:], -noise_pair[1:]):
+        found = check_resonances(a, 1, u, y, PERIOD)
+        assert [mode.frequency for mode in found] == pytest.approx([31.0, 70.0], rel=1e-6)
+        assert [mode.uncertain for mode in found] == [(), ()]
+        assert all(mode.damping_std < 0.03 * mode.damping for mode in found)
+
+
+def test_a_damping_that_the_rows_contradict_is_uncertain(recorded):
+    """By a fifth too large; the deviation then is the distance from the damping that explains the rows best."""
+    u, y = recorded
+    poles = [np.exp(2 * np.pi * f * PERIOD * (-d + 1j * np.sqrt(1 - d**2))) for f, d in ((31.0, 0.024), (70.0, 0.008))]
+    first, second = check_resonances(-np.poly([*poles, *np.conj(poles)]).real[1:], 1, u, y, PERIOD)
+    assert first.uncertain == ("damping",)
+    assert first.damping_std == pytest.approx(0.004, rel=0.2)
+    assert second.uncertain == ()
+
+
+def test_unstable_pairs_are_no_resonances_and_unknown_deviations_are_uncertain(recorded):
+    u, y = recorded
+    a = -np.poly([1.001 * np.exp(0.4j), 1.001 * np.exp(-0.4j), 0.99 * np.exp(0.3j), 0.99 * np.exp(-0.3j)]).real[1:]
+    assert all(mode.damping > 0 for mode in check_resonances(a, 0, u, y, PERIOD))
+    (short,) = check_resonances(a, 0, u[:50], y[:50], PERIOD)
+    assert short.uncertain == ("frequency", "damping")
+    assert Resonance(10.0, 0.1, np.nan, 0.001).uncertain == ("frequency",)
+
+
+def test_a_model_that_foretells_nothing_is_refused(recorded):
+    """An output that does not follow the input: each order fits noise, and none does so on the rows left out."""
+    u, _ = recorded
+    record = ResponseRecording("noise", PERIOD, u, u, np.random.default_rng(43).standard_normal(len(u)))
+    with pytest.raises(DerivationError, match=r"noise: .* foretells the rows 1001:1333 better than their mean"):
+        fit_difference_model(record, None, "arx")
