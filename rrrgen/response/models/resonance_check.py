@@ -66,7 +66,7 @@ def check_resonances(a: Array, delay: int, u: Array, y: Array, period: float) ->
     logs = np.array([_logs(p) for p in chosen])
     best, variance = _refined(rows, logs, rest)
     spread = np.sqrt(variance + (best - logs) ** 2)
-    return tuple(_resonance(p, *std, period) for p, std in zip(chosen, spread.tolist(), strict=True))
+    return tuple(_resonance(p, float(f), float(d), period) for p, (f, d) in zip(chosen, spread, strict=True))
 
 
 def _frequency(pole: complex) -> float:
@@ -149,7 +149,7 @@ def _needed(rows: _Rows, poles: Poles, weak: NDArray[np.bool_]) -> NDArray[np.bo
     owner = np.concatenate([np.full(each.shape[1], i) for i, each in enumerate(columns)])
     X = rows.white(np.hstack(columns))
     X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-    R = np.linalg.qr(np.column_stack([X, rows.white(rows.y[:, None])]), mode="r")
+    R: Array = np.asarray(np.linalg.qr(np.column_stack([X, rows.white(rows.y[:, None])]), mode="r"))
 
     def cost(mask: NDArray[np.bool_]) -> float:
         use = np.append(mask, True)[owner]
