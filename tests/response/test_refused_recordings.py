@@ -126,3 +126,16 @@ def test_inexact_instants_lead_to_the_rate(rows, tmp_path):
         read_recordings(response_file(tmp_path, rows))
     (found,) = read_recordings(response_file(tmp_path, rows, time="{rate: 1 kHz}"))
     assert estimate_one(found).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("modes", "top"), [(((16.7, 0.004, 0.4),), 33.0), (((14.5, 0.02, 0.4), (27.6, 0.003, 0.5)), 55.0)]
+)
+def test_a_resonance_among_few_lines_is_no_distortion(modes, top):
+    """A sharp resonance bends the response over a dozen lines, here a fifth of all."""
+    rng = np.random.default_rng(28)
+    n = multisine(rng, SAMPLES, band=(0.5, top))
+    found = estimate_one(record(rng, n, flexible_joint(modes), speed=0.4917331, disturbance=0.3))
+    assert found.findings == ()
+    rough = estimate_one(record(rng, n, flexible_joint(modes), speed=0.05, friction=2.0, disturbance=0.3))
+    assert [finding.kind for finding in rough.findings][:1] == ["distortion"]

@@ -20,7 +20,9 @@ LARGEST_RATIO = 1.5  # largest ratio of total to noise variance
 LARGEST_SCATTER = 1.65  # the same for lines between harmonics, where the smooth curve has an error of its own
 LARGEST_PART_RATIO = 5.0  # the same for a sixth of the lines, where the ratio is less certain
 MATERIAL = 0.01  # distortion below this share of the response is negligible
-PARTS = 6  # number of parts of the band that are checked separately
+PARTS = 6  # number of parts of the band that are checked separately, at most, with
+LEAST_PART = 50  # lines each at least: a resonance bends the response over a dozen lines
+ORDERS = (2, 4)  # orders of the smooth curves
 PART = 50  # lines at either side over which the scatter of a line is told
 QUANTILE = 0.3  # share of the lines, those nearest to the smooth curve, that are used: near resonances it fits badly
 
@@ -47,11 +49,8 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
     """
     if len(P) < 8 * NEIGHBOURS:
         return None, np.nan
-    ratio, misfit = _scatter(lines, P, variance)
-    overall = float(_relative_quantile(ratio, 0.5, lines.dof[0]))
-    groups = [(ratio[part], misfit[part]) for part in np.array_split(np.arange(len(ratio)), PARTS)]
-    rough = [float(_relative_quantile(r, QUANTILE, lines.dof[0])) for r, e in groups if np.median(e) > MATERIAL]
-    worst = max(rough, default=0.0)
+    # a curve that bends at a resonance fits one of the orders better, scatter none
+    overall, worst = np.min([_scatter_of(lines, P, variance, order) for order in ORDERS], axis=0).tolist()
     apart = int(np.median(np.diff(lines.line))) > 1  # the lines are further apart, so the smooth curve fits less well
     limits = (
         (overall, 2.0 * LARGEST_SCATTER if apart else LARGEST_SCATTER),
@@ -68,6 +67,18 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
     return None, overall
 
 
+def _scatter_of(lines: LineEstimates, P: Complex, variance: Array, order: int) -> tuple[float, float]:
+    """Scatter over noise of all lines, and of the part of the band where it is largest (0 where it is immaterial)."""
+    ratio, misfit = _scatter(lines, P, variance, order)
+    parts = np.array_split(np.arange(len(ratio)), int(np.clip(len(ratio) // LEAST_PART, 1, PARTS)))
+    rough = [
+        float(_relative_quantile(ratio[part], QUANTILE, lines.dof[0]))
+        for part in parts
+        if np.median(misfit[part]) > MATERIAL
+    ]
+    return float(_relative_quantile(ratio, 0.5, lines.dof[0])), max(rough, default=0.0)
+
+
 def scatter_ratio(lines: LineEstimates, P: Complex, variance: Array) -> Array:
     """Total over noise variance (L,) of a periodic response, at least 1, from its scatter from harmonic to harmonic.
 
@@ -77,7 +88,7 @@ def scatter_ratio(lines: LineEstimates, P: Complex, variance: Array) -> Array:
     """
     if len(P) < 8 * NEIGHBOURS:
         return np.ones(len(P))
-    ratio = np.stack([_scatter(lines, P, variance, order)[0] for order in (2, 4)])
+    ratio = np.stack([_scatter(lines, P, variance, order)[0] for order in ORDERS])
     size = min(2 * PART + 1, ratio.shape[1])
     windows = np.lib.stride_tricks.sliding_window_view(ratio, size, axis=1)
     found = _relative_quantile(windows, 0.5, lines.dof[0]).min(
@@ -99,7 +110,7 @@ def _relative_quantile(ratio: Array, share: float, dof: float) -> Array:
     return np.asarray(np.quantile(ratio, share, axis=-1) / f_distribution.ppf(share, 2, 2 * dof))
 
 
-def _scatter(lines: LineEstimates, P: Complex, variance: Array, order: int = 2) -> tuple[Array, Array]:
+def _scatter(lines: LineEstimates, P: Complex, variance: Array, order: int) -> tuple[Array, Array]:
     """Distances of the lines from polynomials of an ``order`` through their neighbours, as two arrays (lines,).
 
     The first are squared and divided by the variance of the noise, the second relative to the magnitude of P. The
