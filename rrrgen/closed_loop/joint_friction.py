@@ -73,9 +73,11 @@ class JointEquations:
         q = builder.input(Port("q", (1,), "rad | m", "joint", "position", Role.POSITION))
         builder.input(Port("dq", (1,), "rad/s | m/s", "joint", "velocity", Role.VELOCITY))
         theta = builder.input(Port("theta", (self.size,), "mixed", "", "parameters"))
-        load: Any = {0: 0, 1: theta[1], 2: 0}[self.candidate.gravity]
-        if self.candidate.gravity == 2:
+        gravity = self.candidate.gravity
+        load: Any = theta[1] if gravity == 1 else 0
+        if gravity >= 2:
             load = theta[1] * builder.cos(q[0]) + theta[2] * builder.sin(q[0])
+            load = load + theta[3] if gravity == 3 else load
         outputs = [(Port("M", (1, 1), "kg m^2", "joint", "inertia"), [theta[0]])]
         outputs += [(Port("load", (1,), "N m | N", "joint", "gravity torque"), [load])]
         terms = builder.program("terms", outputs, summary="Inertia and load of the joint.")
@@ -190,13 +192,13 @@ def _refined(law: LawEstimate, theta: Array, covariance: Array, period: float) -
     logs = law.candidate.is_logarithmic[:-1]
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * np.where(logs, theta, 1.0)
     std = dict(zip(law.candidate.names[:-1], spread.tolist(), strict=True))
-    if law.candidate.gravity == 2:
+    if law.candidate.gravity >= 2:
         size = max(values["gravity"], 1e-12)
         J = np.array([[theta[1], theta[2]], [-theta[2] / size, theta[1] / size]]) / size
         both = np.sqrt(np.maximum(np.diag(J @ covariance[1:3, 1:3] @ J.T), 0.0))
         std |= {"gravity": float(both[0]), "gravity_angle": float(both[1])}
-    elif law.candidate.gravity:
-        std[law.candidate.constant] = std["gravity_cos"]
+    if law.candidate.constant_coefficient is not None:
+        std[law.candidate.constant] = std[law.candidate.constant_coefficient]
     return replace(law, theta=whole, values=values, std={k: std.get(k, law.std.get(k, 0.0)) for k in values})
 
 

@@ -20,8 +20,8 @@ from rrrgen.friction.laws import LAWS, neural_law
 from rrrgen.friction.models import FixedDirection
 
 NEURAL_UNITS = 3
-GRAVITY = ("gravity_cos", "gravity_sin")
-"""Coefficients of cos q and sin q in the gravity torque; a prismatic joint has the former alone, a constant force."""
+GRAVITY = ("gravity_cos", "gravity_sin", "gravity_constant")
+"""Coefficients of cos q, sin q and 1 in the load; a prismatic joint has the first alone, as a constant force."""
 DELAY = "delay"
 """Delay of the motion behind the recorded torque, in sampling periods; negative if the torque was recorded late."""
 
@@ -43,9 +43,9 @@ LOGARITHMIC = ("inertia", "stribeck_speed", "sigma0", *(f"w{k + 1}" for k in ran
 class Candidate:
     """Model of one joint that is fitted to a recording: a friction ``law`` with inertia, gravity and a time delay.
 
-    The parameters theta (k,) are the inertia (kg m^2 or kg), the ``gravity`` coefficients (0, 1 or 2), the parameters
-    of the law except those in ``left_out``, which are zero, and the delay in sampling periods. With ``offset`` the only
-    gravity coefficient is an offset of the torque at a joint without gravity.
+    The parameters theta (k,) are the inertia (kg m^2 or kg), the ``gravity`` coefficients (0 to 3), the parameters of
+    the law except those in ``left_out``, which are zero, and the delay in sampling periods. The third gravity
+    coefficient is an offset of the torque, as is, with ``offset``, the only one at a joint without gravity.
     """
 
     law: FrictionLaw
@@ -55,13 +55,19 @@ class Candidate:
 
     @property
     def constant(self) -> str:
-        """Name under which a constant torque, the only gravity coefficient, is reported."""
-        return "offset" if self.offset else "gravity"
+        """Name under which a constant torque is reported."""
+        return "offset" if self.offset or self.gravity == 3 else "gravity"
+
+    @property
+    def constant_coefficient(self) -> str | None:
+        """Name of the estimated parameter that is a constant torque, None without one."""
+        return {1: "gravity_cos", 3: "gravity_constant"}.get(self.gravity)
 
     @property
     def equation(self) -> str:
         """Equation of motion of the joint, as text."""
-        load = {0: "", 1: f" - {self.constant}", 2: " - gravity cos(q - gravity_angle)"}[self.gravity]
+        load = {0: "", 1: f" - {self.constant}", 2: " - gravity cos(q - gravity_angle)"}[min(self.gravity, 2)]
+        load += " - offset" if self.gravity == 3 else ""
         return f"J ddq = tau{load} - tau_f; {self.law.formula}"
 
     @property
@@ -97,10 +103,12 @@ class Candidate:
     def gravity_torque(self, q: Array, theta: Sequence[Any] | Array) -> Array:
         """Gravity torque, N m (N), at the positions ``q``: ``gravity_cos cos q + gravity_sin sin q``, same shape as q.
 
-        It is the constant ``gravity_cos`` with one coefficient, as at a prismatic joint, and 0 with none.
+        A third coefficient is added to it. It is the constant ``gravity_cos`` with one coefficient, as at a prismatic
+        joint, and 0 with none.
         """
-        if self.gravity == 2:
-            return np.asarray(theta[1] * np.cos(q) + theta[2] * np.sin(q))
+        if self.gravity >= 2:
+            torque = theta[1] * np.cos(q) + theta[2] * np.sin(q)
+            return np.asarray(torque + theta[3] if self.gravity == 3 else torque)
         return np.asarray(theta[1] + 0.0 * q) if self.gravity else 0.0 * q
 
     @property
@@ -132,24 +140,40 @@ class Candidate:
         theta[logs] = np.exp(theta[logs])
         return theta
 
+    def settled(self, theta: Array) -> Array:
+        """The parameters ``theta`` (k,), with equal Coulomb torques of both directions where these are a convention.
+
+        Beside a constant force, as at a prismatic joint, only their sums with it can be told.
+        """
+        if self.gravity != 1 or self.name != "asymmetric":
+            return theta
+        found, (up, down) = theta.copy(), (self.names.index(name) for name in ("coulomb_p", "coulomb_n"))
+        mean = 0.5 * (theta[up] + theta[down])
+        found[1] += theta[up] - mean
+        found[up] = found[down] = mean
+        return found
+
     def clipped(self, theta: Array) -> Array:
         """The parameters ``theta`` (k,), each moved to the nearest value within its bounds."""
         bounds = [BOUNDS.get(name, (-np.inf, np.inf)) for name in self.names]
         return np.array([np.clip(v, low, high) for v, (low, high) in zip(theta, bounds, strict=True)])
 
 
-def candidates(gravity: int) -> tuple[Candidate, ...]:
+def candidates(gravity: int, wide: bool = False) -> tuple[Candidate, ...]:
     """The models to fit, from the fewest parameters to the most.
 
     Each has ``gravity`` (0, 1 or 2) gravity coefficients. Where gravity does not act, an offset of the measured torque
-    takes its place: a symmetric law could not explain it otherwise. The asymmetric law has no offset, which is not
-    identifiable beside a Coulomb torque for each direction.
+    takes its place: a symmetric law could not explain it otherwise. Beside the gravity of a revolute joint whose motion
+    is ``wide`` enough to tell the two apart, the laws from Stribeck on have an offset. The asymmetric law has none,
+    because it is not identifiable beside a Coulomb torque for each direction; Coulomb-viscous friction with an offset
+    is that law.
     """
     constant, offset = max(gravity, 1), gravity == 0
+    curved = 3 if gravity == 2 and wide else constant
     return (
         Candidate(LAWS["coulomb_viscous"], constant, ("offset",), offset),
         Candidate(LAWS["asymmetric"], gravity),
-        Candidate(LAWS["stribeck"], constant, (), offset),
-        Candidate(LAWS["lugre"], constant, (), offset),
-        Candidate(neural_law(NEURAL_UNITS), constant, (), offset),
+        Candidate(LAWS["stribeck"], curved, (), offset),
+        Candidate(LAWS["lugre"], curved, (), offset),
+        Candidate(neural_law(NEURAL_UNITS), curved, (), offset),
     )

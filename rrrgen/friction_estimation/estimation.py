@@ -15,6 +15,7 @@ from rrrgen.friction_estimation.candidates import DELAY, Candidate, candidates
 from rrrgen.friction_estimation.inverse_dynamics import LEAST_INERTIA, best_delay, sliding_samples, start_values
 from rrrgen.friction_estimation.joint_data import JointData
 from rrrgen.friction_estimation.kalman_filter import kalman_estimates
+from rrrgen.friction_estimation.notes import notes
 from rrrgen.friction_estimation.selection import FOLDS, Score, choose, fold_of, score
 from rrrgen.friction_estimation.shooting.bootstrap import resampled
 from rrrgen.friction_estimation.shooting.output_error import Fit, fit, likely_noise, rigid_limit, start_cost
@@ -31,10 +32,9 @@ DAMPING_RATIOS = (0.05, 0.3)  # and their damping at these ratios to the critica
 LEAST_WINDOWS = 40
 DISCRETE = 2e-4  # relative error of a simulation with steps of one sampling period; resampling does not reveal it
 UNRELATED = 0.5  # relative error of the best least-squares fit above which torque and motion count as unrelated
-EXTRAPOLATED = 1.0  # s: with less time of sliding below the Stribeck speed, stiction is an extrapolation
 FASTEST = 0.4  # frequency of an oscillation on bristles, in sampling rates, above which they count as rigid
-HARDLY = 0.02  # relative standard deviation of the inertia above which a note warns the user
-UNEXPLAINED = 0.1  # torque error in sliding above which a note warns that no law fits
+WIDE = 1.0  # rad: range of motion that tells an offset of the torque from gravity, which is cos q and sin q
+MIDDLE = (15.87, 84.13)  # percentiles of a normal distribution at one standard deviation from its mean
 LARGEST_INERTIA_STD = 0.1  # relative: above it the recording is refused
 
 Progress = Callable[[int, int, str], None]
@@ -128,7 +128,7 @@ def estimate_friction(
     """Estimate inertia, gravity and friction of one joint with every law, and choose one law.
 
     ``data`` is the recording. ``gravity`` is the number of gravity coefficients: 2 for a revolute joint, 1 for a
-    prismatic one, 0 where gravity does not act; there the torque may have an offset. ``names`` are the laws to try, all
+    prismatic one, 0 where gravity does not act; the torque may have an offset. ``names`` are the laws to try, all
     if empty. ``seed`` is that of the resampling for standard deviations; ``progress(done, total, message)`` is called
     between steps. Least squares on sliding samples give initial values for an extended Kalman filter (14.15), whose
     result is the initial value of the output-error fit over short windows. Raises :class:`DerivationError` if the
@@ -137,7 +137,8 @@ def estimate_friction(
     tell = progress or (lambda done, total, message: None)
     tell(0, 0, "start values")
     wanted = {*names, "stribeck"} if "lugre" in names else set(names)  # LuGre slides as the Stribeck law does
-    laws = [law for law in candidates(gravity) if not wanted or law.name in wanted]
+    wide = float(np.ptp(data.q)) > WIDE
+    laws = [law for law in candidates(gravity, wide) if not wanted or law.name in wanted]
     delay = best_delay(data, max(gravity, 1))
     started = {law.name: start_values(law, data, delay) for law in laws}
     _check_start(list(started.values()), data)
@@ -161,7 +162,7 @@ def estimate_friction(
         best = rigid
     chosen = estimates[best]
     _check(chosen, data)
-    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), _notes(chosen, data))
+    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), notes(chosen, data))
 
 
 class _OutputError:
@@ -292,7 +293,7 @@ def _estimate(
     model = found.theta[0] * samples.ddq + law.gravity_torque(samples.q, found.theta)
     error = samples.tau - model - law.torque(samples.dq, found.theta)
     relative = float(np.linalg.norm(error) / np.linalg.norm(samples.tau))
-    return LawEstimate(law, found.theta, values, std, rating, reported(law, kalman, data.period), relative)
+    return LawEstimate(law, law.settled(found.theta), values, std, rating, reported(law, kalman, data.period), relative)
 
 
 def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
@@ -300,13 +301,13 @@ def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
 
     ``theta`` (k,) are those of the model ``law``, ``period`` is the sampling period (s).
     """
-    given = dict(zip(law.names, theta.tolist(), strict=True))
+    given = dict(zip(law.names, law.settled(theta).tolist(), strict=True))
     found = {"inertia": given["inertia"]}
-    if law.gravity == 2:
+    if law.gravity >= 2:
         cos, sin = given["gravity_cos"], given["gravity_sin"]
         found |= {"gravity": float(np.hypot(cos, sin)), "gravity_angle": float(np.arctan2(sin, cos))}
-    elif law.gravity:
-        found[law.constant] = given["gravity_cos"]
+    if law.constant_coefficient is not None:
+        found[law.constant] = given[law.constant_coefficient]
     found |= {name: given[name] for name in law.law_names}
     found["delay"] = given[DELAY] * period
     return found
@@ -333,10 +334,15 @@ def _without_bristles(bent: LawEstimate, rigid: LawEstimate, limit: Fit, rating:
 
 
 def _deviation(values: Array, name: str) -> float:
-    """Standard deviation of resampled ``values`` of the parameter ``name``; for an angle about its circular mean."""
+    """Half the range of the middle 68 % of resampled ``values`` of the parameter ``name``: a standard deviation.
+
+    An angle counts from its circular mean. Where a few stretches of the recording tell a parameter, some draws miss
+    them all: their estimates are far off, and would determine the root mean square.
+    """
     if name == "gravity_angle":
         values = np.angle(np.exp(1j * values) / np.mean(np.exp(1j * values)))
-    return float(np.std(values, ddof=1))
+    low, high = np.percentile(values, MIDDLE)
+    return 0.5 * float(high - low)
 
 
 def _check_start(started: Sequence[tuple[Array, float]], data: JointData) -> None:
@@ -361,30 +367,3 @@ def _check(chosen: LawEstimate, data: JointData) -> None:
             f"the motion of joint '{data.name}' does not tell its inertia (standard deviation {100 * relative:.0f} %): "
             "it accelerates too little; add a fast multisine before the slow reversals (`rrrgen excite --friction`)"
         )
-
-
-def _notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
-    notes = []
-    if chosen.torque_error > UNEXPLAINED:
-        notes.append(
-            f"no law fits well: {100 * chosen.torque_error:.0f} % of the torque in sliding remain unexplained; check "
-            "that the other joints stand still, and look for torque ripple, backlash or a limit cycle in the recording"
-        )
-    if chosen.std["inertia"] > HARDLY * chosen.values["inertia"]:
-        notes.append("inertia is hardly determined: the joint accelerates too little; add a fast multisine")
-    if "stribeck_speed" in chosen.values:
-        slow = data.sliding & (np.abs(data.motion[1]) < chosen.values["stribeck_speed"])
-        seconds = float(np.count_nonzero(slow)) * data.period
-        if seconds < EXTRAPOLATED:
-            notes.append(
-                f"the joint slides below the Stribeck speed for {seconds:.2g} s only: stiction_excess is extrapolated, "
-                "and its deviation a lower bound; add slow reversals"
-            )
-    for name in ("stiction_excess", "stribeck_speed", "sigma0", "sigma1"):
-        value, std = chosen.values.get(name), chosen.std.get(name, 0.0)
-        if value is not None and std > 0.2 * abs(value):
-            notes.append(
-                f"{name} is hardly determined ({value:.3g} +- {std:.2g}): slow reversals tell it, sigma0 and sigma1 "
-                "also a recording below break-away"
-            )
-    return tuple(notes)

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.friction_estimation.candidates import DELAY, Candidate
+from rrrgen.friction_estimation.candidates import DELAY, GRAVITY, Candidate
 from rrrgen.friction_estimation.joint_data import JointData
 from rrrgen.friction_estimation.shooting.simulation import Torque
 
@@ -31,12 +31,9 @@ class SlidingSamples:
     tau: Array
 
     def rigid_columns(self, gravity: int) -> list[Array]:
-        """Regressor columns (n,) of the inertia and of the ``gravity`` (0, 1 or 2) gravity coefficients."""
-        return (
-            [self.ddq, *[np.cos(self.q), np.sin(self.q)][:gravity]]
-            if gravity != 1
-            else [self.ddq, np.ones_like(self.q)]
-        )
+        """Regressor columns (n,) of the inertia and of the ``gravity`` (0 to 3) gravity coefficients."""
+        one = np.ones_like(self.q)
+        return [self.ddq, one] if gravity == 1 else [self.ddq, *[np.cos(self.q), np.sin(self.q), one][:gravity]]
 
 
 def sliding_samples(data: JointData, delay: float) -> SlidingSamples:
@@ -93,7 +90,7 @@ def _law_start(
     ``scale`` is the RMS speed, rad/s (m/s).
     """
     s, v = np.sign(samples.dq), samples.dq
-    names = ["inertia", "gravity_cos", "gravity_sin"][: len(rigid)]
+    names = ["inertia", *GRAVITY][: len(rigid)]
     if law == "coulomb_viscous":
         return _named([*names, "coulomb", "viscous"], [*rigid, s, v], samples.tau)
     if law == "asymmetric":

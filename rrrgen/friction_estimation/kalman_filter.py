@@ -150,11 +150,14 @@ class _Filters:
                 theta[j] = math.exp(min(theta[j], LARGEST_LOGARITHM))
             J, first = theta[0], 1 + law.gravity
             net, by_q = torque, 0.0
-            if law.gravity == 2:
+            if law.gravity >= 2:
                 c, s = math.cos(q), math.sin(q)
                 net -= theta[1] * c + theta[2] * s
                 by_q = theta[1] * s - theta[2] * c
                 a_p[i, 1], a_p[i, 2] = -c / J, -s / J
+                if law.gravity == 3:
+                    net -= theta[3]
+                    a_p[i, 3] = -1.0 / J
             elif law.gravity:
                 net -= theta[1]
                 a_p[i, 1] = -1.0 / J

@@ -19,7 +19,7 @@ CERTAIN = 3.0  # standard deviations from zero from which on a torque offset is 
 def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate, rest: Presliding | None = None) -> RobotSpec:
     """A copy of ``spec`` whose joint named ``joint`` has the law ``chosen``; all else stays as it is.
 
-    An offset of the torque at a joint without gravity is part of it where it is certain.
+    An estimated offset of the torque is part of it where it is certain.
     Stiffness and damping of LuGre bristles are replaced by the values of ``rest``, a presliding measurement, if those
     have the smaller standard deviations.
     """
@@ -32,7 +32,7 @@ def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate, rest: Presli
         for name, pair in measured.items():
             if pair is not None and name in values and pair[1] < chosen.std[name]:
                 values[name] = pair[0]
-    offset = chosen.values["offset"] if chosen.candidate.offset else None
+    offset = chosen.values.get("offset")
     if offset is not None and abs(offset) < CERTAIN * chosen.std["offset"]:
         offset = None
     if law.name == "coulomb_viscous":

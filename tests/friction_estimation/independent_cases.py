@@ -327,7 +327,7 @@ CASES: dict[str, Case] = {
     "stribeck, 200000 counts": Case(STRIBECK, SampledLoop(resolution=2.0 * np.pi / 200000)),
     "lugre, soft": Case(SlidingJoint("lugre", sigma0=5e3, sigma1=5.0)),
     "lugre, stiff": Case(SlidingJoint("lugre", sigma0=1e5, sigma1=60.0)),
-    "stribeck, offset": Case(SlidingJoint("stribeck", constant=0.1), NOISY),
+    "stribeck, offset": Case(SlidingJoint("stribeck", constant=0.3), NOISY),
     "coulomb_viscous, offset": Case(SlidingJoint("coulomb_viscous", constant=0.1), NOISY),
     "stribeck, no gravity, offset": Case(SlidingJoint("stribeck", gravity=0.0, constant=0.05), NOISY, **RRR1),
     "coulomb_viscous, no gravity, offset": Case(

@@ -30,7 +30,7 @@ def write_log(path, found, joints=("q1", "q2", "q3"), moving="q3"):
 
 def test_a_hidden_joint_is_found(tmp_path, capsys):
     truth = Joint("stribeck", angle=0.4)
-    found = record(truth, duration=20.0, seed=3, substeps=5, torque_noise=0.01, centred=True)
+    found = record(truth, duration=16.0, seed=3, substeps=5, torque_noise=0.01, centred=True)
     laws = ["--law", truth.law, "--law", "coulomb_viscous"]
     for level in (0.15, 0.3):
         laws += ["--presliding", str(write_log(tmp_path / f"rest{level}.csv", below_break_away(level)))]

@@ -45,9 +45,10 @@ class SlidingJoint:
         """Parameters that an estimate of the right law reports, by the names that it gives them."""
         found = {"inertia": self.inertia, "gravity": self.gravity}
         if self.gravity:
-            found["gravity_angle"] = math.remainder(self.hang + math.pi / 2.0, 2.0 * math.pi)
+            found |= {"gravity_angle": math.remainder(self.hang + math.pi / 2.0, 2.0 * math.pi)}
         else:
-            found |= {"offset": self.constant, "gravity": self.constant}
+            found["gravity"] = self.constant
+        found["offset"] = self.constant
         if self.law == "asymmetric":
             found |= {"coulomb_p": self.coulomb, "coulomb_n": self.coulomb_n}
             return found | {"viscous_p": self.viscous, "viscous_n": self.viscous_n}

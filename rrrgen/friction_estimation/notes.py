@@ -1,0 +1,74 @@
+"""Warnings to the user: what a recording hardly tells about the friction of a joint, and what two models share."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rrrgen.friction_estimation.joint_data import JointData
+
+if TYPE_CHECKING:
+    from rrrgen.friction_estimation.estimation import LawEstimate
+
+EXTRAPOLATED = 1.0  # s: with less time of sliding below the Stribeck speed, stiction is an extrapolation
+HARDLY = 0.02  # relative standard deviation of the inertia above which a note warns the user
+UNEXPLAINED = 0.1  # torque error in sliding above which a note warns that no law fits
+CERTAIN = 3.0  # standard deviations from zero from which on a difference counts
+
+
+def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
+    """Sentences on what the recording ``data`` of a joint tells poorly about the ``chosen`` law, or not at all."""
+    found = []
+    if chosen.torque_error > UNEXPLAINED:
+        found.append(
+            f"no law fits well: {100 * chosen.torque_error:.0f} % of the torque in sliding remain unexplained; check "
+            "that the other joints stand still, and look for torque ripple, backlash or a limit cycle in the recording"
+        )
+    if chosen.std["inertia"] > HARDLY * chosen.values["inertia"]:
+        found.append("inertia is hardly determined: the joint accelerates too little; add a fast multisine")
+    if "stribeck_speed" in chosen.values:
+        slow = data.sliding & (np.abs(data.motion[1]) < chosen.values["stribeck_speed"])
+        seconds = float(np.count_nonzero(slow)) * data.period
+        if seconds < EXTRAPOLATED:
+            found.append(
+                f"the joint slides below the Stribeck speed for {seconds:.2g} s only: stiction_excess is extrapolated, "
+                "and its deviation a lower bound; add slow reversals"
+            )
+    for name in ("stiction_excess", "stribeck_speed", "sigma0", "sigma1"):
+        value, std = chosen.values.get(name), chosen.std.get(name, 0.0)
+        if value is not None and std > 0.2 * abs(value):
+            found.append(
+                f"{name} is hardly determined ({value:.3g} +- {std:.2g}): slow reversals tell it, sigma0 and sigma1 "
+                "also a recording below break-away"
+            )
+    return (*found, *_ambiguities(chosen))
+
+
+def _ambiguities(chosen: LawEstimate) -> tuple[str, ...]:
+    """Sentences on another model that describes the recording equally well.
+
+    An offset of the torque acts like a difference between the Coulomb torques of the two directions.
+    """
+    values, std = chosen.values, chosen.std
+    if chosen.name == "coulomb_viscous" and abs(values.get("offset", 0.0)) > CERTAIN * std.get("offset", 0.0):
+        up, down = (values["coulomb"] + s * values["offset"] for s in (1.0, -1.0))
+        return (
+            f"the offset can be one of the measured torque, or Coulomb friction of {up:.4g} forward and {down:.4g} "
+            "backward (law asymmetric): the recording cannot tell these apart",
+        )
+    if chosen.name != "asymmetric":
+        return ()
+    if chosen.candidate.gravity == 1:
+        return (
+            "a constant force and a difference between coulomb_p and coulomb_n cannot be told apart: gravity is the "
+            "force for which the two are equal",
+        )
+    slopes = abs(values["viscous_p"] - values["viscous_n"])
+    if slopes < CERTAIN * float(np.hypot(std["viscous_p"], std["viscous_n"])):
+        offset = 0.5 * (values["coulomb_p"] - values["coulomb_n"])
+        return (
+            f"the directions differ in Coulomb friction alone: an offset of the measured torque of {offset:.4g} with "
+            f"equal Coulomb friction (law coulomb_viscous) cannot be told apart from that",
+        )
+    return ()
