@@ -30,6 +30,7 @@ UNITS = (
     | {"A": 1.0, "mA": 1e-3, "V": 1.0}
 )  # fmt: skip
 SEVERAL = ("realisations", "postures")
+SLOWEST = 0.1  # s: a longer sampling period is believed where the unit of the instants is stated
 KEYS = {
     "schema": Entry(words([SCHEMA]), required=True),
     "name": Entry("of the recordings"),
@@ -73,7 +74,8 @@ class ResponseFile:
 
     ``input`` is u, ``output`` q, ``excitation`` n, None if it was not recorded; ``period`` is that of the excitation in
     s, None where the file states none; ``controller`` is C(z), if known. ``several`` says how several recordings
-    differ: "realisations" of the excitation, which are averaged, or "postures".
+    differ: "realisations" of the excitation, which are averaged, or "postures"; ``unit_of_time`` whether the file
+    states the unit of a column of instants.
     """
 
     files: tuple[FileSource, ...]
@@ -86,6 +88,7 @@ class ResponseFile:
     several: Several = "realisations"
     name: str = ""
     source: str = ""
+    unit_of_time: bool = True
 
 
 @dataclass(frozen=True)
@@ -125,6 +128,8 @@ def loads_response(text: str, file: str = "response.yaml") -> ResponseFile:
 class _ResponseReader(SourceReader):
     """Reads one response file; files, instants and columns are described as in mapping files."""
 
+    unit_of_time = True
+
     def response(self, root: Node) -> ResponseFile | None:
         top = self.values(root, "the response file", KEYS)
         if top is None:
@@ -145,6 +150,7 @@ class _ResponseReader(SourceReader):
             several="postures" if several == "postures" else "realisations",
             name=self.text(top["name"], "name") if "name" in top else "",
             source=self.faults.file,
+            unit_of_time=self.unit_of_time,
         )
         for what, node in (("input", top.get("input")), ("excitation", excitation)):
             signal = getattr(found, what)
@@ -156,7 +162,11 @@ class _ResponseReader(SourceReader):
         return found
 
     def read_sources(self, node: Node | None) -> None:
-        """Read the recorded files, described as in a mapping file or given as a list of paths."""
+        """Read the recorded files, described as in a mapping file or given as a path or a list of paths."""
+        if isinstance(node, Scalar):
+            path = self.folder / node.text
+            self.files[path.stem] = FileSource(path.stem, path)
+            return
         if not isinstance(node, Sequence):
             self.read_files(node)
             return
@@ -172,6 +182,7 @@ class _ResponseReader(SourceReader):
         found = self.values(node, "time", TIME_KEYS) if node is not None else None
         if not found or "column" not in found or "rate" in found or "period" in found:
             return self.read_time(node)
+        self.unit_of_time = "unit" in found
         unit = units.read_unit(found["unit"], "time", units.TIME, self.faults) if "unit" in found else "s"
         file = self.choice(found["file"], "time.file", tuple(self.files)) if "file" in found else ""
         return TimeSource(None, file, self.column(found["column"], "time.column"), units.TIME[unit or "s"])
@@ -239,6 +250,12 @@ def _read(response: ResponseFile, source: FileSource, name: str) -> ResponseReco
             row = int(np.flatnonzero(~np.isfinite(numbers))[0]) + 1
             raise table_fault(file.path, f"column '{column}' has no number in row {row}", "mend or cut the recording")
     period = response.time.period or _sampling_period(values[3], source.path)
+    if not response.unit_of_time and period > SLOWEST:
+        raise table_fault(
+            source.path,
+            f"the instants are {period:.4g} apart, which would be seconds: state their unit",
+            f"time: {{column: {response.time.column}, unit: ms}}, or unit: s if they are",
+        )
     return ResponseRecording(name, period, values[0], values[1], values[2])
 
 

@@ -139,3 +139,39 @@ def test_a_resonance_among_few_lines_is_no_distortion(modes, top):
     assert found.findings == ()
     rough = estimate_one(record(rng, n, flexible_joint(modes), speed=0.05, friction=2.0, disturbance=0.3))
     assert [finding.kind for finding in rough.findings][:1] == ["distortion"]
+
+
+def test_instants_in_milliseconds_need_their_unit(rows, tmp_path):
+    """Read as seconds they would lead to resonances a thousand times too low."""
+    rows[:, 0] *= 1e3
+    with pytest.raises(
+        InputError, match=r"log.npy: .*the instants are 1 apart, which would be seconds: state their unit"
+    ):
+        read_recordings(response_file(tmp_path, rows))
+    (found,) = read_recordings(response_file(tmp_path, rows, time="{column: 1, unit: ms}"))
+    assert found.period == pytest.approx(PERIOD)
+    (slow,) = read_recordings(response_file(tmp_path, rows, time="{column: 1, unit: s}"))
+    assert slow.period == pytest.approx(1.0)
+
+
+def test_messages_name_the_recording_by_its_file(rows, tmp_path):
+    (found,) = read_recordings(response_file(tmp_path, rows[:40]))
+    with pytest.raises(DerivationError, match=r"^log: 40 samples are too few"):
+        estimate_one(found)
+    np.save(tmp_path / "shoulder.npy", rows[:40])
+    text = "schema: rrrgen-response/1\nfiles: shoulder.npy\ntime: {rate: 1 kHz}\ninput: 3\noutput: 4\n"
+    (found,) = read_recordings(loads_response(text, str(tmp_path / "response.yaml")))
+    with pytest.raises(DerivationError, match=r"^shoulder: 40 samples are too few"):
+        estimate_one(found)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"), [("0.029,1.5", "2 entries, where 3 are needed"), ("1;2;3", "where 2 are needed")]
+)
+def test_a_line_that_differs_near_the_start_is_named(tmp_path, row, message):
+    lines = ["t,u,q", *(f"{1e-3 * k:.3f},{k % 7},{k % 5}" for k in range(200))]
+    lines[30] = row
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    text = "schema: rrrgen-response/1\nfiles: log.csv\ntime: {rate: 1 kHz}\ninput: u\noutput: q\n"
+    with pytest.raises(InputError, match=f"log.csv:31:1: error: .*{message}"):
+        read_recordings(loads_response(text, str(tmp_path / "response.yaml")))

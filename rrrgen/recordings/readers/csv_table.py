@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import partial
 from itertools import islice
@@ -16,6 +17,7 @@ from rrrgen.errors import InputError
 from rrrgen.recordings.mapping import FileSource
 from rrrgen.recordings.readers.tables import named_column, table_fault
 
+MOST = 0.75  # share of the lines that a separator must split alike
 SEPARATORS = (";", "\t", ",", "|")
 MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "?", "inf", "-inf", "+inf", "infinity", "-infinity")
 SAMPLE_LINES = 60
@@ -194,6 +196,7 @@ class CsvTable:
     def _separator(self, head: list[str]) -> str:
         """Detect the separator: the first one that splits all of the later lines of ``head`` into equally many cells.
 
+        If there is none, the first one that does so with most of them, so that reading names the line that differs.
         A separator that does not occur in these lines does not count.
         """
         if self.source.separator:
@@ -203,8 +206,12 @@ class CsvTable:
             counts = {line.count(separator) for line in body}
             if len(counts) == 1 and counts != {0}:
                 return separator
-        counts = {len(line.split()) for line in body}
-        if len(counts) == 1:
+        words = {len(line.split()) for line in body}
+        for separator in SEPARATORS if words == {1} else ():
+            usual, lines = Counter(line.count(separator) for line in body).most_common(1)[0]
+            if usual and lines > MOST * len(body):
+                return separator
+        if len(words) == 1:
             return " "
         raise table_fault(
             self.path, "the separator of the columns cannot be told", "name it: separator: ',' | ';' | tab | space"
