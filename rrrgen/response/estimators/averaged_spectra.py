@@ -19,6 +19,8 @@ SEGMENTS = 10  # number of window lengths in a recording whose excitation is noi
 LEAST_SEGMENT = 32  # shortest window, samples
 LEAST_PERIODS = 4
 HANN_EFFICIENCY = 0.947  # independent averages per half-overlapping Hann segment
+HANN_OVERLAP = 1.0 / 6.0  # correlation of the noise of two such segments
+SHAPE = 64  # samples of a Hann window of which the correlation of lines is computed
 
 
 @dataclass(frozen=True)
@@ -26,14 +28,17 @@ class AveragedSpectra:
     """Auto and cross spectra of n, u and q at ``frequency`` (L,) in Hz: ``Phi[:, a, b] = E conj(A) B``, (L, 3, 3).
 
     A and B are the spectra of the signals number a and b, E is the mean over the windows. ``averages`` is the number of
-    independent averages, ``independent`` the share of the lines that share no data with others: a Hann window spreads a
-    line over its neighbours.
+    independent averages, ``dof`` the degrees of freedom of the noise. ``independent`` is the share of the lines that
+    share no data with others, ``kernel`` (lags,) the correlation of lines that are 0, 1, .. apart (None: independent),
+    as a Hann window spreads a line over its neighbours.
     """
 
     frequency: Array
     Phi: Complex
     averages: float
+    dof: float
     independent: float
+    kernel: Array | None
 
     def instrumental(self) -> tuple[Complex, Array]:
         """The instrumental response ``Phi_nq/Phi_nu`` and its variance: unbiased in closed loop."""
@@ -87,7 +92,23 @@ def averaged_spectra(record: ResponseRecording, samples: int | None) -> Averaged
     else:
         magnitude[:2] = 0.0  # the window spreads the remaining mean value over the first two lines
         k = excited_lines(magnitude, record.name)
-    return AveragedSpectra(k / (length * record.period), Phi[k], HANN_EFFICIENCY * segments, 1.0 if samples else 0.5)
+    frequency, dof = k / (length * record.period), HANN_EFFICIENCY * segments - 1.0
+    if samples is None:
+        return AveragedSpectra(frequency, Phi[k], dof + 1.0, dof, 0.5, _overlap())
+    # the excitation is the same in all windows, so that their noise is averaged, and not its products with n
+    averages = segments / (1.0 + 2.0 * HANN_OVERLAP * (segments - 1) / segments)
+    return AveragedSpectra(frequency, Phi[k], averages, dof, 1.0, None)
+
+
+def _overlap() -> Array:
+    """Correlation of estimates 0, 1, .. lines apart where the excitation is noise, since Hann windows share lines."""
+    window = np.hanning(SHAPE + 1)[:-1]
+    t = np.arange(SHAPE)
+    shared = np.zeros(3)
+    for shift in (-SHAPE // 2, 0, SHAPE // 2):
+        part = np.roll(window, shift) * (t >= shift) * (t < SHAPE + shift) * window
+        shared += [abs(part @ np.exp(2j * np.pi * lag * t / SHAPE)) ** 2 for lag in range(3)]
+    return np.asarray(shared / shared[0])
 
 
 def _averages(rows: Array, length: int) -> tuple[Complex, int]:

@@ -68,11 +68,11 @@ def estimate_one(
     if method in ("instrumental", "direct"):
         spectra = averaged_spectra(record, samples)
         P, variance = spectra.instrumental() if method == "instrumental" else spectra.direct()
-        dof: Array | float = spectra.averages - 1.0
-        frequency, coherence = spectra.frequency, spectra.coherence()
+        frequency, coherence, kernel = spectra.frequency, spectra.coherence(), spectra.kernel
+        dof: Array | float = spectra.dof
         independent: Array | float = spectra.independent
     else:
-        dof, frequency, independent = lines.dof, lines.frequency, lines.independent
+        dof, frequency, independent, kernel = lines.dof, lines.frequency, lines.independent, lines.kernel
         coherence = lines.signal / (lines.signal + lines.noise)
         P, variance = plain, spread
         if method == "indirect":
@@ -96,9 +96,9 @@ def estimate_one(
         findings=tuple(findings),
         details=details,
         dof=dof,
-        kernel=lines.kernel,
+        kernel=kernel,
     )
-    return smooth(found) if method in ("local_polynomial", "indirect") else found
+    return smooth(found)
 
 
 def _findings(

@@ -15,12 +15,11 @@ from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.response.controller import Complex
 from rrrgen.response.estimators.local_polynomial import EXCITED, ORDER, LineEstimates, regress_window, spectrum
-from rrrgen.response.estimators.uncertainty import GROWTH, LARGEST_BIAS, running_mean
+from rrrgen.response.estimators.uncertainty import GROWTH, LARGEST_BIAS, PARABOLA_AT_ITS_CENTRE, running_mean
 from rrrgen.response.response_file import ResponseRecording
 
 LEAST_WINDOW, MOST_WINDOW = 5, 20  # numbers of lines at either side of the middle of a window
 LEAST_SAMPLES = 500  # shortest recording
-PARABOLA_AT_ITS_CENTRE = 9.0 / 4.0  # variance of a fitted parabola's centre value, over that of the mean of its lines
 LEAST_ROUGHNESS = 0.2  # least share of the excitation's power in a window that is not smooth over the lines
 STEP = 4  # distance in lines of two estimates; nearer ones share most of their windows
 

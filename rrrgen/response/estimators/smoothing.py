@@ -4,7 +4,7 @@ Times frequency squared, the response of a joint is nearly constant away from it
 polynomial of order 2, fitted to the lines at either side, is then more accurate than the estimate of the line itself.
 But it shares its error with its neighbours, so that wide windows leave few independent values in a recording, and the
 share of lines within their bands is left to chance. So a line is smoothed only as far as it needs: over a few lines
-where these give a narrow band, over more only until it can be trusted (:data:`GOALS`).
+where these give a narrow band, over more only until it can be trusted (:data:`GOALS`). Where it cannot, it is left.
 
 The bias by smoothing must stay small against the remaining variance. It is estimated as the difference in the middle
 from a polynomial of order 4 fitted to the same lines; its square is averaged over neighbouring lines, and its own noise
@@ -21,16 +21,25 @@ import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.response.controller import Complex
-from rrrgen.response.estimators.uncertainty import GROWTH, LARGEST_BIAS, MANY, radius, running_mean
-from rrrgen.response.frequency_response import FrequencyResponse
+from rrrgen.response.estimators.uncertainty import (
+    GROWTH,
+    LARGEST_BIAS,
+    MANY,
+    PARABOLA_AT_ITS_CENTRE,
+    radius,
+    running_mean,
+)
+from rrrgen.response.frequency_response import WIDEST_BAND, FrequencyResponse
 
 HALF_WIDTHS = (2, 3, 4, 5, 6, 8, 12, 16, 24, 32, 48, 64, 96)  # numbers of lines at either side that are tried
-GOALS = ((0.03, 4), (0.04, 8), (0.09, 96))
+GOALS = ((0.03, 4, 0), (0.04, 8, 4), (0.09, 96, 0), (0.999 * WIDEST_BAND, 96, 0))
 """Relative confidence radii, each with the most independent lines at either side over which it is sought.
 
-A line takes the first goal that it reaches, over as few lines as possible. The last is just below the radius at which a
-line is trusted. Between the second and the last there is none: near 5 % a line would be neither independent nor sure to
-be within 4 %.
+A line takes the first goal that it reaches, over as few lines as possible. The last is the radius at which a line is
+trusted. Between the second and the third there is none: near 5 % a line would be neither independent nor sure to be
+within 4 %. The third number is the least of independent values in a response for which a goal is sought: of lines with
+a radius of 4 % one in fifty is off by more than 4 % or 2.5 degrees, with all lines that share its data, and of a few
+values it would be a large part.
 """
 MISSED_BIAS = 0.05  # squared bias that may have been missed, alike
 UNLIKELY = 1e-3  # probability that noise alone looks like a bias
@@ -41,26 +50,33 @@ EVENLY = 1e-6  # relative difference below which the spacings of lines are equal
 def smooth(response: FrequencyResponse) -> FrequencyResponse:
     """Smooth every line of a response as far as its goal needs (:data:`GOALS`), and where no bias forbids it.
 
-    A line that reaches no goal gets the narrowest band of all windows. The given response is kept as ``unsmoothed``.
+    A line that reaches no goal stays as it is. The given response is kept as ``unsmoothed``.
     """
     f, kernel, line = response.frequency, response.kernel, np.arange(len(response.frequency))
     value, variance, freedom = _windows(response)
-    band = radius(variance, freedom) / (np.abs(response.P) * f**2)
+    band = radius(variance, freedom) / np.abs(value)
     alike = 1.0 if kernel is None else _length(kernel, len(kernel))
     half = np.array([0, *HALF_WIDTHS])
-    chosen = np.argmin(band, axis=0)
-    for goal, most in reversed(GOALS):
+    chosen = np.zeros(len(f), dtype=np.int64)
+    for goal, most, values in reversed(GOALS):
         reached = (band < goal) & (half[:, None] <= most * alike)
-        chosen = np.where(reached.any(axis=0), reached.argmax(axis=0), chosen)
+        found, least = reached.any(axis=0), reached.argmax(axis=0)
+        if np.sum(_independent(half[least[found]], alike)) >= values:
+            chosen = np.where(found, least, chosen)
     P, var = value[chosen, line] / f**2, variance[chosen, line] / f**4
     return replace(
         response,
         P=P,
         variance=var,
-        band95=radius(var, freedom[chosen, line]) / np.abs(P),
+        band95=band[chosen, line],
         details=response.details | {"smoothed_over": 2 * half[chosen] + 1},
         unsmoothed=response,
     )
+
+
+def _independent(half: Array, alike: float) -> Array:
+    """Number of independent values for which lines count that are smoothed over ``half`` lines at either side."""
+    return np.asarray(np.minimum(1.0 / alike, PARABOLA_AT_ITS_CENTRE / (2.0 * half + 1.0)))
 
 
 def _windows(response: FrequencyResponse) -> tuple[Complex, Array, Array]:

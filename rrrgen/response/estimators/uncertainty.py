@@ -8,6 +8,7 @@ from rrrgen.arrays import Array
 
 CONFIDENCE = 0.95
 MANY = 1e6  # degrees of freedom from which on the variance counts as exactly known
+PARABOLA_AT_ITS_CENTRE = 9.0 / 4.0  # variance of a fitted parabola's centre value, over that of the mean of its lines
 LARGEST_BIAS = 0.15  # largest squared bias, as a share of the remaining variance
 GROWTH = 32.0  # least factor on the squared bias from a window to one twice as wide; 2^8 for a constant 4th derivative
 
