@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 
 from rrrgen.errors import DerivationError
+from rrrgen.response.estimators.uncertainty import unknown_variances
+from rrrgen.response.frequency_response import FrequencyResponse
 from rrrgen.response.models.difference_models import fit_difference_model
 from rrrgen.response.models.equations import arx
+from rrrgen.response.models.modal_fit import fit_modes
 from rrrgen.response.models.resonance_check import check_resonances
-from rrrgen.response.models.response_model import Resonance
+from rrrgen.response.models.response_model import Resonance, resonance
 from rrrgen.response.response_file import ResponseRecording
+from samples.flexible_joint import flexible_joint
 
 PERIOD = 2e-3
 MODES = ((31.0, 0.02, 1.0), (70.0, 0.008, 0.7))  # Hz, damping ratio, share
@@ -98,3 +102,28 @@ def test_a_model_that_foretells_nothing_is_refused(recorded):
     record = ResponseRecording("noise", PERIOD, u, u, np.random.default_rng(43).standard_normal(len(u)))
     with pytest.raises(DerivationError, match=r"noise: .* foretells the rows 1001:1333 better than their mean"):
         fit_difference_model(record, None, "arx")
+
+
+def test_what_the_errors_do_not_depend_on_is_not_known():
+    """A pseudo-inverse gave it the variance 0: a damping of 1e-9 was certain to a billionth."""
+    J = np.random.default_rng(44).standard_normal((50, 3))
+    assert np.allclose(unknown_variances(J, 2.0), np.diag(2.0 * np.linalg.inv(J.T @ J)))
+    assert unknown_variances(J * [1.0, 1e-15, 1.0], 1.0)[1] > 1e6
+    twins = np.column_stack([J, J[:, 0]])
+    assert np.all(unknown_variances(twins, 1.0)[[0, 3]] > 1e6)
+    assert resonance(30.0, 0.01, 1e-3, np.sqrt(1e6)).uncertain == ("damping",)
+
+
+def test_a_resonance_narrower_than_the_lines_has_an_unknown_damping():
+    """Between two lines 4/3 Hz apart: whatever damping is found, it is not certain."""
+    frequency = 4.0 / 3.0 * np.arange(3, 75)
+    rng, joint = np.random.default_rng(45), flexible_joint(((32.67, 1e-6, 0.3), (70.0, 0.02, 0.5)))
+    P = joint.response(frequency)
+    noise = 0.01 * np.abs(P) * (rng.standard_normal((4, 72, 2)) @ [1.0, 1j]) / np.sqrt(2.0)
+    for each in noise:
+        response = FrequencyResponse(
+            "lines", "", frequency, P + each, (0.01 * np.abs(P)) ** 2, np.full(72, 0.02), np.ones(72), 1e-3
+        )
+        near = [mode for mode in fit_modes(response).resonances if abs(mode.frequency - 32.67) < 1.0]
+        assert len(near) == 1
+        assert near[0].uncertain[-1:] == ("damping",)

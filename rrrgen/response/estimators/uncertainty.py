@@ -1,4 +1,4 @@
-"""Radius of the confidence circle of a complex estimate, from its variance; limits of the bias by averaging."""
+"""Confidence circles of complex estimates, limits of the bias by averaging, variances of unknowns of least squares."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from rrrgen.arrays import Array
 
 CONFIDENCE = 0.95
+LEAST_DEPENDENCE = 1e-12  # least relative dependence of errors on an unknown: that of rounding
 MANY = 1e6  # degrees of freedom from which on the variance counts as exactly known
 PARABOLA_AT_ITS_CENTRE = 9.0 / 4.0  # variance of a fitted parabola's centre value, over that of the mean of its lines
 LARGEST_BIAS = 0.15  # largest squared bias, as a share of the remaining variance
@@ -29,3 +30,17 @@ def running_mean(values: Array, m: int) -> Array:
     window = np.ones(2 * m + 1)
     count = np.convolve(np.ones(len(values)), window)
     return np.asarray((np.convolve(values, window) / count)[m : m + len(values)])
+
+
+def unknown_variances(J: Array, variance: float) -> Array:
+    """Variances (m,) of the unknowns of a least-squares fit with derivatives ``J`` (N, m) and errors of ``variance``.
+
+    An unknown that the errors do not depend on, alone or together with others, has a huge variance, not none as by a
+    pseudo-inverse.
+    """
+    sizes = np.linalg.norm(J, axis=0)
+    least = LEAST_DEPENDENCE * float(np.max(sizes, initial=0.0)) + 1e-300
+    scaled = J / np.maximum(sizes, least)
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    inverse = np.einsum("ik,k->i", vectors**2, 1.0 / np.maximum(values, LEAST_DEPENDENCE))
+    return np.asarray(variance * inverse / np.maximum(sizes, least) ** 2)

@@ -16,8 +16,9 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.response.controller import Complex
+from rrrgen.response.estimators.uncertainty import unknown_variances
 from rrrgen.response.frequency_response import FrequencyResponse
-from rrrgen.response.models.response_model import HIGHEST_DAMPING, Resonance, ResponseModel
+from rrrgen.response.models.response_model import HIGHEST_DAMPING, ResponseModel, resonance
 
 MOST_MODES = 6
 DELAYS = (0, 1, 2, 3)
@@ -263,7 +264,7 @@ def _model(
     for (log_f, log_damping), (std_f, std_damping) in zip(best.modes.reshape(-1, 2), spread, strict=True):
         f, damping = float(np.exp(log_f)), float(np.exp(log_damping))
         if damping < HIGHEST_DAMPING and used[0] <= f <= used[-1]:  # a pole outside the band is no measured resonance
-            resonances.append(Resonance(f, damping, f * float(std_f), damping * float(std_damping)))
+            resonances.append(resonance(f, damping, float(std_f), float(std_damping)))
     model = ResponseModel(
         method="modes",
         a=-denominator[1:],
@@ -307,4 +308,4 @@ def _deviations(lines: _Lines, best: _Candidate) -> Array:
     J = np.stack(columns, axis=1)
     dof = max(2 * len(lines.P) - len(best.modes) - len(best.numerators), 1)
     variance = max(0.5, best.cost / dof)
-    return np.sqrt(np.diag(variance * np.linalg.pinv(J.T @ J, hermitian=True))).reshape(-1, 2)
+    return np.sqrt(unknown_variances(J, variance)).reshape(-1, 2)

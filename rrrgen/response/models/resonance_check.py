@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
-from rrrgen.response.models.response_model import HIGHEST_DAMPING, Resonance
+from rrrgen.response.estimators.uncertainty import unknown_variances
+from rrrgen.response.models.response_model import HIGHEST_DAMPING, Resonance, resonance
 
 WHITENING_ORDER = 30
 NEEDED = 5.0  # a pair of poles is needed if it lowers the cost by this multiple of the logarithm of the rows
@@ -84,7 +85,7 @@ def _resonance(pole: complex, log_f: float | None, log_damping: float | None, pe
     f, damping = float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s))
     if log_f is None or log_damping is None:
         return Resonance(f, damping)
-    return Resonance(f, damping, f * log_f, damping * log_damping)
+    return resonance(f, damping, log_f, log_damping)
 
 
 def _logs(pole: complex) -> tuple[float, float]:
@@ -196,8 +197,7 @@ def _refined(rows: _Rows, logs: Array, rest: Poles) -> tuple[Array, Array]:
             break
     J = _slopes(rows, logs, X, coefficients)
     variance = _variance(rows, float(np.sum(error**2)), X.shape[1] + J.shape[1])
-    covariance = variance * np.linalg.pinv(J.T @ J, hermitian=True)
-    return logs, np.diag(covariance).reshape(-1, 2)
+    return logs, unknown_variances(J, variance).reshape(-1, 2)
 
 
 def _slopes(rows: _Rows, logs: Array, X: Array, coefficients: Array) -> Array:

@@ -48,6 +48,15 @@ class Resonance:
         return vars(self) | {"uncertain": list(self.uncertain)}
 
 
+def resonance(frequency: float, damping: float, relative_frequency: float, relative_damping: float) -> Resonance:
+    """A resonance with relative standard deviations, which are None where they exceed 1: the values are not known."""
+    known = [
+        std * value if std < 1.0 else None
+        for std, value in ((relative_frequency, frequency), (relative_damping, damping))
+    ]
+    return Resonance(frequency, damping, *known)
+
+
 @dataclass(frozen=True)
 class ResponseModel:
     """Difference equation ``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}``, i from 1, j from 0, with its resonances.
