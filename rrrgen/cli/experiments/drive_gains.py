@@ -60,7 +60,7 @@ def drive_gains(
     """Estimate unknown drive gains (torque constants) from recordings without and with a known payload.
 
     The masses of ROBOT are not used: all parameters of the arm are estimated too, in the units of the payload. Writes
-    drive_gains.json to DIR. Exits with 4 if the payload hardly loads a joint.
+    drive_gains.json to DIR. Exits with 4 if the payload hardly loads a joint, whose gain is then not determined.
 
     \b
     Example:
@@ -70,6 +70,7 @@ def drive_gains(
     import numpy as np
 
     from rrrgen import pipeline
+    from rrrgen.errors import DerivationError
     from rrrgen.identify.loads.drive_gains import identify_gains
     from rrrgen.identify.loads.rows import standard_of
     from rrrgen.recordings.log_stream import LogStream
@@ -101,4 +102,4 @@ def drive_gains(
     else:
         say(*found.lines(), *found.tuning.sentences())
         say(f"results in {output}")
-    return 0
+    return DerivationError.exit_code if found.undetermined else 0

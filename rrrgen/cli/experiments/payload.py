@@ -37,8 +37,8 @@ def payload(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **o
     """Estimate mass, centre of mass and inertia of a payload at the last link of a known arm.
 
     Writes payload.json, and robot.yaml with the payload as a part of the last link, to DIR. Half a minute of a motion
-    in which the last joints move through many directions of gravity is enough. Exits with 4 if the motion does not
-    determine the mass.
+    in which the last joints move through many directions of gravity is enough. Samples near rest are left out. Exits
+    with 4 if the motion does not determine the mass; other values that it does not determine are marked.
 
     \b
     Example:

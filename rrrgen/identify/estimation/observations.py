@@ -54,7 +54,8 @@ class RowMaker:
     ``regressor(q, dq, ddq)`` gives W (N, n, p) with p = ``columns``; ``processing`` holds filters and lowest speeds.
     ``known`` is a torque as a function of the motion that is subtracted from the measured one first, such as friction
     that is already known, (14.19). ``sliding`` computes the friction states that the regressor needs, None if it needs
-    none.
+    none. Samples of a joint below the speeds ``slow`` (n,), rad/s (m/s), are left out before the filters, so that
+    friction near rest does not reach the rows beside them; empty for none.
     """
 
     regressor: Regressor
@@ -62,6 +63,7 @@ class RowMaker:
     columns: int
     known: KnownTorque | None = None
     sliding: Sliding | None = None
+    slow: tuple[float, ...] = ()
 
     def memory(self, period: float) -> int:
         """Number of samples on either side that a row depends on, for a sampling ``period`` in s."""
@@ -111,19 +113,21 @@ class RowMaker:
     ) -> Rows:
         """Compute the rows of one block: regressor and torque pass the same filter and are decimated.
 
-        Samples with an invalid torque are set to zero on both sides of the equation. ``kept`` selects the rows of the
-        block from the decimated samples; ``given`` holds the directions of friction with a state, if there are any.
+        Samples with an invalid torque, and slow ones, are set to zero on both sides of the equation. ``kept`` selects
+        the rows of the block from the decimated samples; ``given`` holds the directions of friction with a state, if
+        there are any.
         """
         first = part.first
-        W = self.regressor(motion.q, motion.dq, motion.ddq, *given) * part.valid[..., None]
-        sound = decimate(part.valid.astype(float), first)[kept] > 0.5
+        valid = part.valid & (np.abs(motion.dq) >= np.asarray(self.slow)) if self.slow else part.valid
+        W = self.regressor(motion.q, motion.dq, motion.ddq, *given) * valid[..., None]
+        sound = decimate(valid.astype(float), first)[kept] > 0.5
         speed = np.abs(decimate(motion.dq, first)[kept])
         use = sound & (speed >= np.asarray(self.processing.low_speed)) if self.processing.low_speed else sound
         t = decimate.instants(part.t, first)[kept]
         return Rows(
             t=t,
             W=decimate(W, first)[kept],
-            tau=decimate(tau * part.valid, first)[kept],
+            tau=decimate(tau * valid, first)[kept],
             use=use,
             segment=np.zeros(len(t), np.int64),
             valid=sound,

@@ -21,7 +21,7 @@ from rrrgen.identify.estimation.observations import Recording, RowMaker
 from rrrgen.identify.estimation.regression import Estimate, correlated_covariance, weighted_least_squares
 from rrrgen.identify.estimation.statistics import correlation_lags, residual_whiteness
 from rrrgen.identify.estimation.structure import structure_of
-from rrrgen.identify.loads.rows import body_columns, deviations, factored, inertial
+from rrrgen.identify.loads.rows import body_columns, deviations, factored, inertial, slow_samples
 from rrrgen.identify.scoring.bandwidth import Tuning, tune
 from rrrgen.identify.validation import robot_model
 from rrrgen.model.drive_columns import drive_columns
@@ -34,6 +34,7 @@ NAMES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "
 UNITS = ("kg", "m", "m", "m", *["kg m^2"] * 6)
 PRIOR_RADIUS = 0.1  # m, radius of gyration of the prior, which determines what the motion does not
 CERTAIN = 0.5  # relative standard deviation of the mass above which there is no estimate
+ASSUMED = 0.5  # share of the prior in the variance above which a value counts as not determined
 SHARE = 1e-4  # of the RMS torque: a payload with smaller torques counts as none
 
 
@@ -42,14 +43,16 @@ class Payload:
     """Estimated payload in the frame of the last link, not that of the tool, with standard deviations.
 
     ``values``, ``std`` (10,): mass, centre of mass, inertia tensor about it, in the order of :data:`NAMES`; ``phi``
-    (10,): standard parameters. ``error_without``, ``error_with``: relative torque errors of the robot file alone and
-    with the payload. ``friction``: corrections of friction parameters by name. ``notes``: sentences on what no motion
-    of this arm can determine. ``tuning``: the filters.
+    (10,): standard parameters. ``undetermined``: names of the values that the motion does not determine; they are those
+    of a small sphere. ``error_without``, ``error_with``: relative torque errors of the robot file alone and with the
+    payload. ``friction``: corrections of friction parameters by name. ``notes``: sentences on what is left out and on
+    what no motion of this arm can determine. ``tuning``: the filters.
     """
 
     values: Array
     std: Array
     phi: Array
+    undetermined: tuple[str, ...]
     error_without: float
     error_with: float
     friction: dict[str, float]
@@ -62,7 +65,8 @@ class Payload:
             f"{'payload':>8} {'unit':<7} {'value':>12} {'std':>9}   in the frame of the last link, before the tool"
         ]
         for name, unit, value, std in zip(NAMES, UNITS, self.values, self.std, strict=True):
-            lines.append(f"{name:>8} {unit:<7} {value:12.6g} {std:9.2e}")
+            mark = "   assumed: not determined by this recording" if name in self.undetermined else ""
+            lines.append(f"{name:>8} {unit:<7} {value:12.6g} {std:9.2e}{mark}")
         lines.append("Ixx..Iyz: tensor about the centre of mass, Ixy = -int xy dm")
         lines += [f"correction of friction: {name} = {value:.3g}" for name, value in self.friction.items()]
         before, after = 100 * self.error_without, 100 * self.error_with
@@ -74,6 +78,7 @@ class Payload:
         return {
             "values": dict(zip(NAMES, self.values, strict=True)),
             "std": dict(zip(NAMES, self.std, strict=True)),
+            "undetermined": list(self.undetermined),
             "standard_parameters": dict(zip(STANDARD, self.phi, strict=True)),
             "frame": "last link, before the tool",
             "relative_error_without": self.error_without,
@@ -123,6 +128,7 @@ def identify_payload(
         if len(recording.joints) != n:
             raise InputError(f"a recording of {len(recording.joints)} joints for a robot with {n}")
     tuning = tune(processing, recordings)
+    slow = slow_samples(model, recordings, tuning.processing)
     torque = robot_model(model)
     kinds: tuple[Any, ...] = ("viscous", "coulomb", "offset") if correct_friction else ()
     corrections = DriveTerms.everywhere(n, *kinds).columns(n)
@@ -134,7 +140,8 @@ def identify_payload(
         return np.concatenate([body_columns(model, q, dq, ddq), friction, known], axis=-1)
 
     p = len(columns)
-    factors, blocks = factored(recordings, RowMaker(regressor, tuning.processing, p + 1, sliding=torque.sliding))
+    maker = RowMaker(regressor, tuning.processing, p + 1, sliding=torque.sliding, slow=slow.speeds)
+    factors, blocks = factored(recordings, maker)
     free = factors.selected(range(p), {p: 1.0})
     names = [column.name for column in columns]
     estimate = weighted_least_squares(free, names)
@@ -150,9 +157,11 @@ def identify_payload(
     size = float(np.sqrt(np.sum(factors.torque_squares) / np.sum(factors.counts)))
     body: Any = _Body()
     found = consistent_estimate(body, free, columns, estimate.weights, _prior(estimate, size), reference=estimate)
-    covariance = _covariance(found, estimate, free.stacked(estimate.weights)[:-1, :-1])
+    covariance, assumed = _covariances(found, estimate, free.stacked(estimate.weights)[:-1, :-1])
     phi = found.theta[: len(STANDARD)]
     values, std = inertial(phi), deviations(inertial, phi, covariance)
+    by_prior = deviations(inertial, phi, assumed) ** 2 > ASSUMED * std**2
+    undetermined = tuple(name for name, prior in zip(NAMES, by_prior, strict=True) if prior)
     total = float(np.sum(factors.torque_squares))
     error = float(np.sqrt(np.sum(factors.residual_squares(expand(found.theta))) / total))
     alone = float(np.sqrt(np.sum(factors.residual_squares(known)) / total))
@@ -160,12 +169,15 @@ def identify_payload(
         raise DerivationError(
             f"the mass of the payload is not determined: {values[0]:.3g} +- {std[0]:.2g} kg, and the torque error "
             f"{100 * alone:.3g} % without a payload is {100 * error:.3g} % with it; is there one, and do joints move "
-            "that carry its weight?"
+            + "; ".join(("that carry its weight?", *slow.sentences()))
         )
     structure = structure_of(lambda *motion: body_columns(model, *motion), STANDARD, n)
-    friction = dict(zip(names[len(STANDARD) :], (float(v) for v in found.theta[len(STANDARD) :]), strict=True))
-    notes = tuple(f"payload: {sentence}, no motion of this arm can tell" for sentence in structure.in_words())
-    return Payload(values, std, phi, alone, error, friction, notes, tuning)
+    moving = factors.counts > 0
+    corrected = zip(corrections, found.theta[len(STANDARD) :], strict=True)
+    friction = {column.name: float(value) for column, value in corrected if moving @ np.abs(column.direction)}
+    never = (f"payload: {sentence}, no motion of this arm can tell" for sentence in structure.in_words())
+    notes = (*slow.sentences(), *never)
+    return Payload(values, std, phi, undetermined, alone, error, friction, notes, tuning)
 
 
 def _prior(estimate: Estimate, torque: float) -> Prior:
@@ -177,14 +189,15 @@ def _prior(estimate: Estimate, torque: float) -> Prior:
     return Prior(mass * np.diag([PRIOR_RADIUS**2] * 3 + [1.0])[None])
 
 
-def _covariance(found: ConsistentEstimate, estimate: Estimate, R: Array) -> Array:
-    """Covariance (10, 10) of the payload's standard parameters, with allowance for correlated residuals.
+def _covariances(found: ConsistentEstimate, estimate: Estimate, R: Array) -> tuple[Array, Array]:
+    """Covariance (10, 10) of the payload's standard parameters, and the part of it that is due to the prior.
 
-    ``R`` is the triangular factor of the weighted rows.
+    Correlated residuals are allowed for. ``R`` is the triangular factor of the weighted rows.
     """
     assert found.near is not None
     information = R.T @ R
     scores = information @ estimate.covariance @ information
-    along = found.near.directions
+    along, body = found.near.directions, slice(len(STANDARD))
     whole = found.near.covariance(along, scores, estimate.variance)
-    return whole[: len(STANDARD), : len(STANDARD)]
+    prior = found.near.covariance(along, np.zeros_like(scores), estimate.variance)
+    return whole[body, body], prior[body, body]

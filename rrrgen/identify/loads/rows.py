@@ -3,17 +3,68 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
+from rrrgen.identify.estimation.consistency import link_lengths
 from rrrgen.identify.estimation.factoring import FittedRows, factor_recordings, fits_in_memory, rows_of_recordings
 from rrrgen.identify.estimation.full_regressor import RigidModel
-from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
+from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker, reconstruct
 from rrrgen.identify.estimation.tsqr import JointFactors, Rows
 from rrrgen.identify.scoring.split import Split
 from rrrgen.model.standard_parameters import STANDARD
+from rrrgen.signals.processing import Processing
+
+SLOW = 0.05
+"""Speed below which a sample is left out, as a share of the largest speed of its joint."""
+STILL = 0.02
+"""The same, as a share of the largest speed of all joints; those of prismatic joints over the length of a link."""
+
+
+@dataclass(frozen=True)
+class SlowSamples:
+    """Samples to leave out because friction near rest may have any value up to break-away.
+
+    ``speeds`` (n,) are the lowest speeds of the joints whose samples count, rad/s (m/s); ``standing`` names the joints
+    that are never faster.
+    """
+
+    speeds: tuple[float, ...]
+    standing: tuple[str, ...]
+
+    def sentences(self) -> tuple[str, ...]:
+        """A sentence about the joints that stand, if there are any."""
+        if not self.standing:
+            return ()
+        names = ", ".join(self.standing)
+        return (f"{names}: standing or hardly moving; friction there can have any value, so the torque is left out",)
+
+
+def slow_samples(model: Any, recordings: Sequence[Recording], processing: Processing) -> SlowSamples:
+    """Find the lowest speeds of ``recordings`` that count as sliding, unless ``processing`` states them.
+
+    Presliding and the Stribeck effect reach up to some percent of the largest speed of a joint. A joint of ``model``
+    that stands is still moved a little by the others.
+    """
+    peak = np.zeros(len(recordings[0].joints))
+    for window in Observations(tuple(recordings), RowMaker(_no_columns, processing, 1)).windows():
+        speed = reconstruct(window.part, processing).dq[window.start : window.stop]
+        peak = np.maximum(peak, np.max(np.abs(speed), axis=0))
+    sliding = [joint.type == "prismatic" for joint in model.spec.joints]
+    scale = np.where(sliding, np.max(link_lengths(model.spec)), 1.0)
+    lowest = np.maximum(SLOW * peak, STILL * scale * np.max(peak / scale))
+    if processing.low_speed:
+        lowest = np.asarray(processing.low_speed)
+    standing = tuple(name for name, most, least in zip(recordings[0].joints, peak, lowest, strict=True) if most < least)
+    return SlowSamples(tuple(float(v) for v in lowest), standing)
+
+
+def _no_columns(q: Array, dq: Array, ddq: Array) -> Array:
+    return np.zeros((*np.shape(q), 0))
 
 
 def body_columns(model: RigidModel, q: Array, dq: Array, ddq: Array) -> Array:
