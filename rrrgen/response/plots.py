@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,20 +29,39 @@ def plot_models(measured: Sequence[FrequencyResponse], models: Sequence[Response
 
 
 def plot_resonances(models: Sequence[ResponseModel]) -> Figure:
-    """Plot frequencies and damping ratios of the modes over the postures, with bars of two standard deviations."""
+    """Plot frequencies and damping ratios of the modes over the postures, with bars of two standard deviations.
+
+    Values that are uncertain have an open marker.
+    """
     modes = modes_over_postures(models)
     from matplotlib.ticker import FuncFormatter, LogLocator
 
     figure, axes = new_figure(2, 1, 5.4, max(6.0, 1.6 + 1.1 * len(models)), sharex=True)
     place = {model.name: k for k, model in enumerate(models)}
+    style_of_doubt: dict[str, Any] = {"markersize": 3.5, "markerfacecolor": "w", "zorder": 3}
+    any_doubt = False
     for number, mode in enumerate(modes):
         at = [place[name] for name in mode.found]
         style = {"color": f"C{number % 10}", "marker": "o", "markersize": 3.5, "linewidth": 0.9, "capsize": 3}
-        for axis, values, stds in (
-            (axes[0], mode.frequencies, [each.frequency_std for each in mode.found.values()]),
-            (axes[1], mode.dampings, [each.damping_std for each in mode.found.values()]),
+        found = mode.found.values()
+        for axis, name, values, stds in (
+            (axes[0], "frequency", mode.frequencies, [each.frequency_std for each in found]),
+            (axes[1], "damping", mode.dampings, [each.damping_std for each in found]),
         ):
-            axis.errorbar(at, values, yerr=[2.0 * (std or 0.0) for std in stds], **style)
+            axis.errorbar(
+                at,
+                values,
+                yerr=[min(2.0 * (std or 0.0), 0.9 * v) for std, v in zip(stds, values, strict=True)],
+                **style,
+            )
+            doubtful = np.array([name in each.uncertain for each in found])
+            axis.plot(
+                np.array(at)[doubtful],
+                values[doubtful],
+                "o",
+                **(style_of_doubt | {"markeredgecolor": f"C{number % 10}"}),
+            )
+            any_doubt = any_doubt or bool(doubtful.any())
     for axis, label in ((axes[0], "frequency (Hz)"), (axes[1], "damping ratio")):
         style_axes(axis, "", label)
         axis.set_yscale("log")
@@ -50,6 +69,9 @@ def plot_resonances(models: Sequence[ResponseModel]) -> Figure:
         axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.minorticks_off()
         axis.margins(x=0.15, y=0.15)
+    if any_doubt:
+        axes[0].plot([], [], "o", markeredgecolor="0.3", label="hardly known", **style_of_doubt)
+        axes[0].legend(frameon=False, fontsize=8)
     axes[1].set_xticks(range(len(models)), [model.name for model in models])
     return figure
 

@@ -157,9 +157,13 @@ def test_models_of_postures_lead_to_filters(tmp_path, capsys):
 
     a = [1.7, -0.9]
     zeros = -np.poly(np.exp(2j * np.pi * 70.0 * PERIOD * np.array([1, -1])) * 0.99).real
+    doubtful = Resonance(40.0, 0.2, 2.0, None)  # the recording does not tell whether it exists
     postures = [
-        ResponseModel("", np.array(a), np.array([1.0, *-zeros[1:]]), 1, PERIOD, (Resonance(f, 0.03),), {}, (), name)
-        for name, f in (("up", 90.0), ("down", 97.0))
+        ResponseModel("", np.array(a), np.array([1.0, *-zeros[1:]]), 1, PERIOD, modes, {}, (), name)
+        for name, modes in (
+            ("up", (doubtful, Resonance(90.0, 0.03, 0.1, 0.001))),
+            ("down", (Resonance(97.0, 0.03, 0.1, 0.001),)),
+        )
     ]
     record = postures[0].to_json() | {"postures": [each.to_json() for each in postures]}
     text = json.dumps(record, default=lambda value: value.tolist())
@@ -168,9 +172,11 @@ def test_models_of_postures_lead_to_filters(tmp_path, capsys):
     assert run(["vibration", model, "--crossover", "10", "-o", str(tmp_path / "run")]) == 0
     told = capsys.readouterr().out
     assert "90 to 97 Hz in 2 postures" in told
+    assert "40 Hz is left out" in told
     assert "degrees of phase at 10 Hz" in told
     found = json.loads((tmp_path / "run/results/vibration.json").read_text())
     assert found["vibrations"][0]["left"] < 0.05
+    assert found["left_out"] == [40.0]
     assert (tmp_path / "run/figures/vibration.png").is_file()
     assert run(["vibration", model, "--against", "antiresonances", "-o", str(tmp_path / "zeros")]) == 0
     assert capsys.readouterr().out.startswith("70.02 Hz")  # of the continuous pole: damped, a little above 70

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,13 +117,13 @@ def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -
     from rrrgen.response.vibration_plots import plot_vibration
     from rrrgen.runs.run_folder import RunFolder, plain
 
-    vibrations, period = _vibrations(model, options)
+    vibrations, period, left_out = _vibrations(model, options)
     kind, tolerance = options["kind"], options["tolerance"]
     if kind == "none" and not options["notch"]:
         raise click.UsageError("nothing to design: neither a shaper nor a notch")
     shaper = None if kind == "none" else design_shaper(vibrations, period, kind, tolerance)
     notches = design_notches(vibrations, period, options["peak"], options["width"]) if options["notch"] else []
-    record = _record(vibrations, shaper, notches, period, options["crossover"])
+    record = _record(vibrations, shaper, notches, period, options["crossover"]) | {"left_out": left_out}
     settings = {name: value for name, value in options.items() if name != "fresh"}
     inputs = {} if model is None else {"model": str(model)}
     with RunFolder(output, "vibration", inputs, settings, 0, options["fresh"]) as folder:
@@ -137,8 +138,11 @@ def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -
     return 1 if any(each.get("left", 0.0) > 1.01 * tolerance for each in record["vibrations"]) else 0
 
 
-def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibration], float]:
-    """The vibrations to suppress, from the model file or the options, and the sampling period (s)."""
+def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibration], float, list[float]]:
+    """The vibrations to suppress, from the model file or the options, and the sampling period (s).
+
+    Third the frequencies (Hz) of resonances of which the recording hardly tells that they exist, which are left out.
+    """
     from rrrgen.control.vibration.modes import Vibration
     from rrrgen.errors import DerivationError
     from rrrgen.response.models.postures import modes_over_postures
@@ -147,9 +151,15 @@ def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibra
     if (model is None) != bool(options["modes"]) or (model is None) == (options["rate"] is None):
         raise click.UsageError("give either MODEL, or --mode and --rate")
     if model is None:
-        return [Vibration((f,), (damping,)) for f, damping in options["modes"]], 1.0 / options["rate"]
+        return [Vibration((f,), (damping,)) for f, damping in options["modes"]], 1.0 / options["rate"], []
     models = read_response_models(model)
     against = options["against"]
+    left_out = (
+        []
+        if against != "resonances"
+        else [mode.frequency for each in models for mode in each.resonances if mode.unknown]
+    )
+    models = [replace(each, resonances=tuple(m for m in each.resonances if not m.unknown)) for each in models]
     found = [
         Vibration(tuple(mode.frequencies.tolist()), tuple(mode.dampings.tolist()))
         for mode in modes_over_postures(models, against)
@@ -159,7 +169,7 @@ def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibra
     if not chosen:
         told = ", ".join(f"{each.frequency:.4g} Hz" for each in found) or "none at all"
         raise DerivationError(f"{model} has no {against} between {low:g} and {high:g} Hz; it has {told}")
-    return chosen, models[0].period
+    return chosen, models[0].period, left_out
 
 
 def _record(
@@ -216,6 +226,8 @@ def _print(record: dict[str, Any]) -> None:
         if "notch" in each:
             parts.append(f"notch of width {each['notch']['width']:.3g} leaves a peak of {each['notch']['peak']:.3g}")
         say("; ".join(parts))
+    for frequency in record["left_out"]:
+        say(f"{frequency:.4g} Hz is left out: the recording hardly tells it (--mode states modes)")
     if "shaper" in record:
         say(f"the shaped reference ends {1e3 * record['shaper']['duration']:.4g} ms later")
     if "phase_lag" in record:

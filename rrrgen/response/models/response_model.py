@@ -43,6 +43,11 @@ class Resonance:
             name for name, (value, std) in pairs.items() if std is None or not std <= CERTAIN[name] * abs(value)
         )
 
+    @property
+    def unknown(self) -> bool:
+        """Whether there may be a resonance and no more is known: frequency uncertain, damping without deviation."""
+        return "frequency" in self.uncertain and self.damping_std is None
+
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON: the values with their deviations, and what is uncertain."""
         return vars(self) | {"uncertain": list(self.uncertain)}
