@@ -12,7 +12,13 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.friction_estimation.candidates import DELAY, Candidate, candidates
-from rrrgen.friction_estimation.inverse_dynamics import LEAST_INERTIA, best_delay, sliding_samples, start_values
+from rrrgen.friction_estimation.inverse_dynamics import (
+    LEAST_INERTIA,
+    best_delay,
+    growth_rate,
+    sliding_samples,
+    start_values,
+)
 from rrrgen.friction_estimation.joint_data import JointData
 from rrrgen.friction_estimation.kalman_filter import kalman_estimates
 from rrrgen.friction_estimation.notes import notes
@@ -144,7 +150,7 @@ def estimate_friction(
     _check_start(list(started.values()), data)
     least = {name: theta for name, (theta, _) in started.items()}
     filtered = _filtered(laws, least, data, tell)
-    work = _OutputError(laws, data, tell)
+    work = _OutputError(laws, data, growth_rate(data, max(gravity, 1), delay), tell)
     full = work.fitted({law.name: (filtered[law.name], least[law.name]) for law in laws})
     inside = work.without_folds(full)
     sigma = min(each.sigma for each in full.values())
@@ -172,9 +178,9 @@ class _OutputError:
     damping of the bristles, then all parameters are fitted to all windows, with rest and reversals.
     """
 
-    def __init__(self, laws: Sequence[Candidate], data: JointData, tell: Progress) -> None:
+    def __init__(self, laws: Sequence[Candidate], data: JointData, growth: Array, tell: Progress) -> None:
         self.laws, self.tell = laws, tell
-        self.sliding, self.whole = data.sliding_windows(), data.windows()
+        self.sliding, self.whole = data.sliding_windows(growth), data.windows(growth)
         if len(self.sliding) < LEAST_WINDOWS:
             raise DerivationError(
                 f"joint '{data.name}' slides steadily in {len(self.sliding)} short stretches only: too little data to "

@@ -81,6 +81,19 @@ def start_values(candidate: Candidate, data: JointData, delay: float) -> tuple[A
     return candidate.clipped(theta), error / float(np.linalg.norm(samples.tau))
 
 
+def growth_rate(data: JointData, gravity: int, delay: float) -> Array:
+    """Rate (N,), 1/s, at which an error of the state grows in sliding: ``-(d tau_f / d dq) / J``, 0 where it decays.
+
+    Friction and inertia are those of the Stribeck law by least squares, ``gravity`` is the number of gravity
+    coefficients, and the motion lags the torque by ``delay`` sampling periods.
+    """
+    samples = sliding_samples(data, delay)
+    known, _ = _law_start("stribeck", samples, samples.rigid_columns(gravity), data.speed)
+    ratio = np.abs(data.motion[1]) / known["stribeck_speed"]
+    falls = 2.0 * known["stiction_excess"] / known["stribeck_speed"] * ratio * np.exp(-(ratio**2)) - known["viscous"]
+    return np.asarray(np.maximum(falls, 0.0) / max(known["inertia"], LEAST_INERTIA))
+
+
 def _law_start(
     law: str, samples: SlidingSamples, rigid: Sequence[Array], scale: float
 ) -> tuple[dict[str, float], float]:

@@ -23,8 +23,9 @@ PERIOD = 1e-3  # s; faster recordings are reduced to about this
 CUTOFF = 50.0  # Hz, of the low-pass filter that gives the states at the start of windows
 SHORTEST = 15.0  # s; 10 s leave the Stribeck speed undetermined in simulations, 30 s are enough
 WINDOW = 0.2  # s, longest window in fast motion
-SLOW_WINDOW = 0.06  # s, longest window in slow motion
+SLOW_WINDOW = 0.06  # s, longest window in slow or unstable motion
 FAST = 0.3  # times the rms speed: faster motion counts as fast
+GROWTH = 3.0  # logarithm by which an error may grow within a window of fast motion
 SPACING = 5e-3  # s between two positions at which simulation and recording are compared
 ROUGH = 5.0  # factor by which initial states are less certain where the joint may start, stop or ring on its bristles
 BLOCK = 2.0  # s: windows within a block are held out or resampled together
@@ -101,33 +102,35 @@ class JointData:
             turning[[first, last - 1]] = True
         return np.asarray(~binary_dilation(turning, iterations=round(0.03 / self.period)) & self.usable)
 
-    def windows(self) -> Windows:
+    def windows(self, growth: Array) -> Windows:
         """Consecutive short windows over the whole recording, except where the torque is unknown.
 
+        ``growth`` (N,) is the rate, 1/s, at which an error of the state grows because friction falls with the speed.
         The low-pass filter, which gives the initial states, rounds off reversals: they are less certain here.
         """
-        found = self._tiled(self.usable)
+        found = self._tiled(self.usable, growth)
         return replace(found, q0_std=ROUGH * found.q0_std, v0_std=ROUGH * found.v0_std)
 
-    def sliding_windows(self) -> Windows:
+    def sliding_windows(self, growth: Array) -> Windows:
         """Windows in which the joint slides in one direction without sticking.
 
-        Positions simulated over such a window are smooth functions of the parameters.
+        Positions simulated over such a window are smooth functions of the parameters. ``growth`` (N,) is the rate, 1/s,
+        at which an error of the state grows.
         """
-        found = self._tiled(self.sliding)
+        found = self._tiled(self.sliding, growth)
         return replace(found, direction=np.sign(found.v0))
 
-    def _tiled(self, allowed: NDArray[np.bool_]) -> Windows:
+    def _tiled(self, allowed: NDArray[np.bool_], growth: Array) -> Windows:
         """Cut the samples with ``allowed`` (N,) True into windows of at most 0.2 s in fast and 0.06 s in slow motion.
 
-        Windows in slow motion are shorter because friction that falls with the speed makes it unstable: an error of the
-        initial state grows like e^(60 t).
+        Windows are shorter, too, where friction that falls with the speed makes the motion unstable: there an error of
+        the initial state may grow like e^(60 t), and hides what the parameters do.
         """
         length, stride = self._grid
         inside = np.zeros(len(self.q), np.int8)
         for a, b in self.stretches:
             inside[a + MARGIN : b - MARGIN - length] = 1
-        fast = np.abs(self.motion[1]) > FAST * self.speed
+        fast = (np.abs(self.motion[1]) > FAST * self.speed) & (growth * WINDOW < GROWTH)
         kinds = np.where(allowed, 1 + fast, 0) * inside
         edges = np.concatenate([[0], np.flatnonzero(np.diff(kinds)) + 1, [len(kinds)]])
         starts, lengths = [], []

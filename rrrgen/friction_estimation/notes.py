@@ -14,7 +14,17 @@ if TYPE_CHECKING:
 EXTRAPOLATED = 1.0  # s: with less time of sliding below the Stribeck speed, stiction is an extrapolation
 HARDLY = 0.02  # relative standard deviation of the inertia above which a note warns the user
 UNEXPLAINED = 0.1  # torque error in sliding above which a note warns that no law fits
+UNCERTAIN = 0.2  # relative standard deviation of another parameter above which a note warns the user
+SMALL = 0.02  # times break-away: torque below which viscous friction does not matter
 CERTAIN = 3.0  # standard deviations from zero from which on a difference counts
+
+TOLD_BY = {
+    **dict.fromkeys(("coulomb", "coulomb_p", "coulomb_n"), "steady motion in both directions tells it"),
+    **dict.fromkeys(("viscous", "viscous_p", "viscous_n"), "fast motion tells it"),
+    **dict.fromkeys(("stiction_excess", "stribeck_speed"), "slow reversals tell it"),
+    **dict.fromkeys(("sigma0", "sigma1"), "slow reversals tell it, better a recording below break-away"),
+}
+"""What kind of motion tells a parameter."""
 
 
 def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
@@ -35,13 +45,12 @@ def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
                 f"the joint slides below the Stribeck speed for {seconds:.2g} s only: stiction_excess is extrapolated, "
                 "and its deviation a lower bound; add slow reversals"
             )
-    for name in ("stiction_excess", "stribeck_speed", "sigma0", "sigma1"):
+    for name, advice in TOLD_BY.items():
         value, std = chosen.values.get(name), chosen.std.get(name, 0.0)
-        if value is not None and std > 0.2 * abs(value):
-            found.append(
-                f"{name} is hardly determined ({value:.3g} +- {std:.2g}): slow reversals tell it, sigma0 and sigma1 "
-                "also a recording below break-away"
-            )
+        # viscous friction may be next to none: then its torque has to be uncertain, too
+        matters = "viscous" not in name or std * data.speed > SMALL * chosen.break_away
+        if value is not None and std > UNCERTAIN * abs(value) and matters:
+            found.append(f"{name} is hardly determined ({value:.3g} +- {std:.2g}): {advice}")
     return (*found, *_ambiguities(chosen))
 
 

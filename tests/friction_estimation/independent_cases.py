@@ -334,6 +334,7 @@ CASES: dict[str, Case] = {
         SlidingJoint("coulomb_viscous", gravity=0.0, constant=0.05), NOISY, **RRR1
     ),
     "stribeck, hanging elsewhere": Case(SlidingJoint("stribeck", hang=1.9), NOISY),
+    "stribeck, hardly faster than its speed": Case(SlidingJoint("stribeck", hang=0.4), NOISY, fast=0.3, slow=0.06),
     "stribeck, prismatic": Case(
         SlidingJoint("stribeck", **SLIDE), SampledLoop(resolution=MICRON, noise=0.3), moving="q1", **MM
     ),
