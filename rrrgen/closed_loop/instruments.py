@@ -13,7 +13,7 @@ import numpy as np
 from rrrgen.arrays import Array
 from rrrgen.closed_loop.loop import Run
 from rrrgen.closed_loop.loop_recording import LoopRecording
-from rrrgen.identify.bias_check import LIKE, BiasCheck, Paired, compare
+from rrrgen.identify.bias_check import LIKE, BiasCheck, Paired, compare, position_difference
 from rrrgen.identify.estimation.observations import Observations, RowMaker
 from rrrgen.identify.estimation.regression import least_squares
 from rrrgen.identify.estimation.tsqr import Rows, factor_blocks
@@ -36,6 +36,11 @@ def simulated_bias_check(
     """
     assert found.regressor is not None
     assert found.parametrisation is not None
+    far = max(
+        position_difference(own.q[own.warm :], run.q[own.warm :]) for own, run in zip(recordings, runs, strict=True)
+    )
+    if far > LIKE:
+        return None
     regressor, chosen = found.regressor, found.parametrisation
     maker = RowMaker(regressor, found.processing, len(regressor.columns), options.known, regressor.sliding)
     pairs: list[Paired] = []
@@ -50,8 +55,7 @@ def simulated_bias_check(
             measured.append(Rows(a.t, a.W, a.tau, use, a.segment))
     factors = chosen.transform(factor_blocks(measured))
     x = least_squares(factors, chosen.structure.names, found.estimate.weights).x
-    check, apart = compare(found, x, pairs)
-    return check if apart <= LIKE else None
+    return compare(found, x, pairs)
 
 
 def _log(recording: LoopRecording, q: Array, own: slice, joints: Sequence[str]) -> Log:

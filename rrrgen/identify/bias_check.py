@@ -9,7 +9,7 @@ which has no noise at all (Janot, Vandanjon and Gautier 2014). The difference of
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,11 +18,15 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
+from rrrgen.identify.estimation.observations import Recording
 from rrrgen.identify.estimation.tsqr import Rows
 from rrrgen.identify.identification import Identification
 
-LIKE = 0.3
-"""Largest difference of the regressor from that of another period, over its size, for the same motion."""
+LIKE = 0.2
+"""Largest RMS difference of the positions of a joint from those of another period, over their spread.
+
+Positions tell whether the motion is the same; the accelerations in the regressor may be noise where there is bias."""
+STILL = 0.01  # spread of a joint's positions, relative to that of the others, below which it stands
 LAGS = 20  # rows over which scores are taken as correlated (Newey and West)
 CLEAR = 4.0  # standard deviations; one of fifty parameters exceeds them by chance in three checks of a thousand
 MOST_NAMED = 3
@@ -33,22 +37,26 @@ TELLING = 0.1  # difference of the torques, relative, above which estimates that
 class BiasCheck:
     """Instrumental minus least-squares estimate ``difference`` (r,), with standard deviations ``std`` (r,).
 
+    ``scatter`` (r,) are the standard deviations of the least-squares estimate itself; a smaller bias does not matter.
     ``torque`` is the RMS difference of the torques predicted by the two estimates, relative to the RMS torque.
     """
 
     names: tuple[str, ...]
     difference: Array
     std: Array
+    scatter: Array
     torque: float
 
     @property
     def significant(self) -> tuple[int, ...]:
         """Numbers (from 0) of the parameters whose two estimates differ by more than CLEAR standard deviations.
 
-        They are ordered by that ratio, the largest first.
+        They differ by more than the standard deviation of the estimate, too, and are ordered by the first ratio, the
+        largest first.
         """
         ratio = np.abs(self.difference) / np.maximum(self.std, np.finfo(float).tiny)
-        return tuple(int(i) for i in np.argsort(-ratio) if ratio[i] > CLEAR)
+        matters = np.abs(self.difference) > self.scatter
+        return tuple(int(i) for i in np.argsort(-ratio) if ratio[i] > CLEAR and matters[i])
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON: differences of the estimates, standard deviations, effect on the torques."""
@@ -75,10 +83,11 @@ class BiasCheck:
         ]
 
 
-def check_bias(found: Identification, period: float) -> BiasCheck:
+def check_bias(found: Identification, recordings: Sequence[Recording], period: float) -> BiasCheck:
     """Compare the unconstrained estimate of ``found`` with instrumental variables one ``period`` (s) apart.
 
-    Raises InputError if the recording is shorter than two periods, or if the motion does not repeat.
+    ``recordings`` are those of the estimate. Raises InputError if they are shorter than two periods, or if the motion
+    does not repeat.
     """
     pairs = []
     for rows in _stretches(found.blocks):
@@ -88,10 +97,34 @@ def check_bias(found: Identification, period: float) -> BiasCheck:
             pairs.append(Paired(rows.W[at], rows.W[other], rows.tau[at], use))
     if not pairs:
         raise InputError(f"the recording has no two periods of {period:g} s: the check of bias needs the motion twice")
-    compared, apart_by = compare(found, found.estimate.x, pairs)
-    if apart_by > LIKE:
-        raise InputError(f"the motion does not repeat after {period:g} s: the regressors differ by {apart_by:.0%}")
-    return compared
+    difference = max((_later(q, round(period / step)) for q, step in _positions(recordings)), default=0.0)
+    if difference > LIKE:
+        raise InputError(
+            f"the motion does not repeat after {period:g} s: the positions differ by {difference:.0%} of their spread"
+        )
+    return compare(found, found.estimate.x, pairs)
+
+
+def position_difference(q: Array, other: Array) -> float:
+    """Largest RMS difference of the positions ``q`` and ``other`` (N, n) of a joint, over their spread."""
+    spread = np.std(q, axis=0)
+    least = max(STILL * float(np.max(spread)), np.finfo(float).tiny)
+    return float(np.max(np.sqrt(np.mean((q - other) ** 2, axis=0)) / np.maximum(spread, least)))
+
+
+def _later(q: Array, shift: int) -> float:
+    """Difference of the positions ``q`` (N, n) from those ``shift`` samples later; 0 for a shorter stretch."""
+    return position_difference(q[:-shift], q[shift:]) if 0 < shift < len(q) else 0.0
+
+
+def _positions(recordings: Sequence[Recording]) -> Iterator[tuple[Array, float]]:
+    """Positions (N, n) of every uninterrupted stretch, with the sampling period (s)."""
+    for recording in recordings:
+        stretches: dict[int, list[Array]] = {}
+        for part in recording.parts():
+            stretches.setdefault(part.segment, []).append(part.q)
+        for pieces in stretches.values():
+            yield np.concatenate(pieces), recording.period
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,17 +139,14 @@ class Paired:
     use: NDArray[np.bool_]
 
 
-def compare(found: Identification, x: Array, pairs: Sequence[Paired]) -> tuple[BiasCheck, float]:
-    """Compare the instrumental-variable estimate from ``pairs`` with the least-squares estimate ``x`` (r,).
-
-    Returns the check, and the relative difference of the instruments Z from the regressor W.
-    """
+def compare(found: Identification, x: Array, pairs: Sequence[Paired]) -> BiasCheck:
+    """Compare the instrumental-variable estimate from ``pairs`` with the least-squares estimate ``x`` (r,)."""
     estimate = found.estimate
     assert found.parametrisation is not None
     transform, known = found.parametrisation.T, found.parametrisation.known
     w2 = estimate.weights**2
     r = transform.shape[1]
-    A, scores, size, change = np.zeros((r, r)), [], 0.0, 0.0
+    A, scores = np.zeros((r, r)), []
     torque, apart = 0.0, np.zeros((r, r))
     for pair in pairs:
         W, Z = pair.W @ transform, pair.Z @ transform
@@ -125,16 +155,13 @@ def compare(found: Identification, x: Array, pairs: Sequence[Paired]) -> tuple[B
         A += np.einsum("kji,kjl->il", Z * use, W)
         apart += np.einsum("kji,kjl->il", W * use, W)
         scores.append(np.einsum("kji,kj->ki", (Z - W) * use, residual))
-        scale = np.abs(x) + estimate.std
-        size += float(np.sum(use * (W * scale) ** 2))
-        change += float(np.sum(use * ((Z - W) * scale) ** 2))
         torque += float(np.sum(use[..., 0] * pair.tau**2))
     inverse = np.linalg.pinv(A)
     difference = inverse @ np.sum([np.sum(each, axis=0) for each in scores], axis=0)
     covariance = inverse @ np.sum([_long_run(each) for each in scores], axis=0) @ inverse.T
     effect = float(np.sqrt(max(0.0, difference @ apart @ difference) / max(torque, np.finfo(float).tiny)))
-    check = BiasCheck(found.names, difference, np.sqrt(np.maximum(np.diag(covariance), 0.0)), effect)
-    return check, float(np.sqrt(change / max(size, np.finfo(float).tiny)))
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return BiasCheck(found.names, difference, std, estimate.std, effect)
 
 
 def _stretches(blocks: Iterable[Rows]) -> list[Rows]:

@@ -195,7 +195,7 @@ def identify(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **
         if controller is not None:
             loop = fit_loop(folder, found, controller, recordings, tests, chosen, spec, progress)
             found = loop.identification
-        bias = None if options["bias_check"] is None else check_bias(found, options["bias_check"])
+        bias = None if options["bias_check"] is None else check_bias(found, recordings, options["bias_check"])
         validation = None
         if options["cross_validate"]:
             validation = cross_validate(model, recordings, processing, chosen, options["cross_validate"], progress)
