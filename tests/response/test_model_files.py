@@ -5,8 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
+from numpy.polynomial.polynomial import polyadd
 
 from backends.c_tools import C99, CXX, compile_all, compiler
 from rrrgen.backends.c.functions import function_files
@@ -239,7 +241,7 @@ def test_many_slow_poles_keep_their_precision_in_state_space():
     for delay in (0, 1, 3):
         whole = [np.zeros(1), np.ones(1)]
         for c, d in zip(numerators, factors, strict=True):
-            whole = [np.polyadd(np.convolve(whole[0], d), np.convolve(c, whole[1])), np.convolve(whole[1], d)]
+            whole = [polyadd(np.convolve(whole[0], d), np.convolve(c, whole[1])), np.convolve(whole[1], d)]
         fractions = tuple(zip(numerators, factors, strict=True))
         model = ResponseModel("modes", -whole[1][1:], whole[0], delay, 1e-3, fractions=fractions)
         states, f = model.state_space(), np.array([0.3, 0.5, 1.0, 30.0, 200.0])
@@ -247,3 +249,10 @@ def test_many_slow_poles_keep_their_precision_in_state_space():
         found = [states.C @ np.linalg.solve(x * np.eye(len(states.B)) - states.A, states.B) + states.D for x in z]
         assert np.allclose(found, model.response(f), rtol=1e-7, atol=0.0)
         assert len(states.B) == 12 + max(delay - 1, 0)
+        with mpmath.workdps(40):  # the error of a and b as they are, which the file tells
+            w = mpmath.expjpi(-2 * mpmath.mpf(1) / 1000)
+            top, bottom = (mpmath.polyval([mpmath.mpf(float(c)) for c in x[::-1]], w) for x in whole)
+            told = abs(complex(top / bottom * w**delay) / model.response(np.array([1.0]))[0] - 1.0)
+        assert told < 1.1 * model.rounding
+        assert model.rounding < 10 * told
+        assert model.to_json()["rounding"] == model.rounding

@@ -28,6 +28,7 @@ OTHER_PROTOCOLS = {
     "free_run_from_zero_state": "free run from the state zero",
     "one_step": "one step ahead",
 }
+COARSE = 1e-6  # relative error by the rounding of a and b that is told
 METHODS = ("auto", "modes", "arx", "armax", "output_error", "subspace", "indirect")
 
 
@@ -184,6 +185,10 @@ def _print_model(model: ResponseModel) -> None:
     if "scored_rows" in fit:
         first, last = fit["scored_rows"]
         say(f"  scored on rows {first}:{last}{'' if fit['held_out'] else ', which were fitted'}")
+    if model.rounding > COARSE:
+        say(
+            f"  a and b, in double precision, hold the response to {100.0 * model.rounding:.2g} %: take the state space"
+        )
     for mode in model.resonances:
         say(f"  resonance {_told(mode)}")
     say("candidates:")

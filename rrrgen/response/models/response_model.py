@@ -19,6 +19,7 @@ SCHEMA = "rrrgen-response-model/1"
 HIGHEST_DAMPING = 0.3  # highest damping ratio of a resonance
 CERTAIN = {"frequency": 0.0025, "damping": 0.05}
 """Relative standard deviations above which frequency or damping of a resonance counts as uncertain."""
+LOWEST_SHARE = 1e-3  # of the sampling rate: lowest frequency at which the rounding of a and b is told
 HIGHEST_ZERO = 0.8  # zeros above this share of half the sampling rate are due to sampling
 
 
@@ -103,6 +104,25 @@ class ResponseModel:
         return np.asarray(powers(z, self.numerator) / powers(z, self.denominator))
 
     @property
+    def rounding(self) -> float:
+        """Largest relative error of the response of a and b due to their rounding, from 1e-3 of the sampling rate on.
+
+        The fractions tell it; without them a and b are the model, and it is 0.
+        """
+        if not self.fractions:
+            return 0.0
+        import mpmath
+
+        share = np.geomspace(LOWEST_SHARE, 0.49, 50)
+        exact = []
+        with mpmath.workdps(40):  # in double precision the evaluation itself would be off by more
+            for each in share:
+                z = mpmath.expjpi(-2 * mpmath.mpf(float(each)))
+                top, bottom = (mpmath.polyval(c[::-1].tolist(), z) for c in (self.numerator, self.denominator))
+                exact.append(complex(top / bottom))
+        return float(np.max(np.abs(np.array(exact) / self.response(share / self.period) - 1.0)))
+
+    @property
     def antiresonances(self) -> tuple[Resonance, ...]:
         """The weakly damped pairs of zeros, at whose frequency the output stands still while the rest vibrates.
 
@@ -145,6 +165,7 @@ class ResponseModel:
             "a": self.a,
             "b": self.b,
             "delay": self.delay,
+            "rounding": self.rounding,
             "state_space": self.state_space().to_json(),
             "fractions": [{"numerator": c, "denominator": d} for c, d in self.fractions],
             "resonances": [each.to_json() for each in self.resonances],
