@@ -77,6 +77,20 @@ def test_the_poles_of_the_arm_itself_are_certain(recorded):
         assert all(mode.damping_std < 0.03 * mode.damping for mode in found)
 
 
+@pytest.mark.parametrize("late", [0, 2, 3])
+def test_an_input_later_than_in_the_model_biases_nothing(late):
+    """In disturbances that go through the modes, where every share of the response counts."""
+    rng = np.random.default_rng(46)
+    u, disturbance = rng.standard_normal((2, 2000)) * [[1.0], [0.07]]
+    y = held_arm(np.concatenate([np.zeros(late), u[: len(u) - late]]) + disturbance)
+    poles = [np.exp(2 * np.pi * f * PERIOD * (-d + 1j * np.sqrt(1 - d**2))) for f, d, _ in MODES]
+    found = check_resonances(-np.poly([*poles, *np.conj(poles), 0.4]).real[1:], 1, u, y, PERIOD)
+    assert [mode.uncertain for mode in found] == [(), ()]
+    wrong = [np.exp(2 * np.pi * f * PERIOD * (-0.8 * d + 1j * np.sqrt(1 - d**2))) for f, d, _ in MODES]
+    found = check_resonances(-np.poly([*wrong, *np.conj(wrong), 0.4]).real[1:], 1, u, y, PERIOD)
+    assert [mode.uncertain for mode in found] == [("damping",), ("damping",)]
+
+
 def test_a_damping_that_the_rows_contradict_is_uncertain(recorded):
     """By a fifth too large; the deviation then is the distance from the damping that explains the rows best."""
     u, y = recorded

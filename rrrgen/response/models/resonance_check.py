@@ -19,6 +19,7 @@ from rrrgen.response.models.response_model import HIGHEST_DAMPING, Resonance, re
 
 WHITENING_ORDER = 30
 NEEDED = 5.0  # a pair of poles is needed if it lowers the cost by this multiple of the logarithm of the rows
+DIRECT = 5  # inputs that act directly: with them a true delay of up to three samples more than the model's has no bias
 ROWS_PER_UNKNOWN = 4  # below that many rows nothing is compared
 WHITENINGS = 3  # alternating estimates of the whitening filter and of the numerators
 STEPS = 6  # Gauss-Newton steps towards the maximum-likelihood estimate
@@ -66,6 +67,8 @@ def check_resonances(a: Array, delay: int, u: Array, y: Array, period: float) ->
         return ()
     logs = np.array([_logs(p) for p in chosen])
     best, variance = _refined(rows, logs, rest)
+    better = np.concatenate([[_pole(*each) for each in best], rest])  # whose error has less of the modes in it
+    best, variance = _refined(_whitened(rows, better), best, rest)
     spread = np.sqrt(variance + (best - logs) ** 2)
     return tuple(_resonance(p, float(f), float(d), period) for p, (f, d) in zip(chosen, spread, strict=True))
 
@@ -112,8 +115,9 @@ def _columns(rows: _Rows, pole: complex) -> Array:
 
 
 def _all_columns(rows: _Rows, poles: Poles) -> list[Array]:
-    """The columns of every pole, and that of the direct response to the input."""
-    return [*(_columns(rows, p) for p in poles), rows.u[:, None]]
+    """The columns of every pole, and those of the direct response to the input and to the ones before."""
+    late = [np.concatenate([np.zeros(k), rows.u[: len(rows.u) - k]]) for k in range(DIRECT)]
+    return [*(_columns(rows, p) for p in poles), np.stack(late, axis=1)]
 
 
 def _solve(X: Array, y: Array) -> tuple[Array, Array]:
@@ -125,6 +129,7 @@ def _solve(X: Array, y: Array) -> tuple[Array, Array]:
 
 def _whitened(rows: _Rows, poles: Poles) -> _Rows:
     """Estimate the filter W from the error of the numerators that fit best."""
+    rows = replace(rows, whitening=np.ones(1))
     X = np.hstack(_all_columns(rows, poles))
     least = LEAST_ERROR * float(np.sqrt(np.mean((rows.y - rows.y.mean()) ** 2)))
     for _ in range(WHITENINGS):
