@@ -294,7 +294,9 @@ def _estimate(
     drawn = [reported(law, each, data.period) for each in spread.T]
     values = reported(law, found.theta, data.period)
     std = {name: _deviation(np.array([each[name] for each in drawn]), name) for name in values}
-    std = {name: float(np.hypot(value, DISCRETE * abs(values[name]))) for name, value in std.items()}
+    # a relative error of the simulated torque also shifts what may be zero: offset, angle of gravity, delay
+    scale = {"offset": float(np.sqrt(np.mean(data.u**2))), "gravity_angle": 1.0, DELAY: data.period}
+    std = {name: float(np.hypot(own, DISCRETE * scale.get(name, abs(values[name])))) for name, own in std.items()}
     samples = sliding_samples(data, float(found.theta[-1]))
     model = found.theta[0] * samples.ddq + law.gravity_torque(samples.q, found.theta)
     error = samples.tau - model - law.torque(samples.dq, found.theta)

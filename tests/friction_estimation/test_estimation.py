@@ -130,15 +130,16 @@ def test_an_unknown_joint_is_named(tmp_path, capsys):
     assert "q1, q2, q3" in message
 
 
-def test_soft_bristles_are_told_with_honest_deviations():
-    """How far they are bent when a window begins is unknown; a guess spoils stiffness, damping and their deviations."""
-    truth = Joint("lugre", sigma0=5e3, sigma1=10.0, gravity=0.0)
-    found = record(truth, duration=16.0, period=2e-3, substeps=6)
+@pytest.mark.parametrize(("sigma0", "sigma1"), [(5e3, 10.0), (6e4, 20.0)], ids=["soft", "stiff"])
+def test_bristles_are_told_with_honest_deviations(sigma0, sigma1):
+    """How far they are bent and how fast they ring when a window begins is unknown: a guess spoils all deviations."""
+    truth = Joint("lugre", sigma0=sigma0, sigma1=sigma1, gravity=0.0)
+    found = record(truth, duration=16.0, period=2e-3, substeps=8, finer=5)
     data = joint_data(Log(("q",), found["t"], found["q"][:, None], found["tau"][:, None]), "q")
     chosen = estimate_friction(data, 0, ("lugre",)).chosen
     assert chosen.name == "lugre"
     assert chosen.score.held_out < 1.0
     actual = {"inertia": truth.inertia, "sigma0": truth.sigma0, "sigma1": truth.sigma1, "stiction_excess": truth.excess}
     for name, value in actual.items():
-        assert chosen.values[name] == pytest.approx(value, rel=0.01), name
+        assert chosen.values[name] == pytest.approx(value, rel=0.05 if name == "sigma1" else 0.01), name
         assert abs(chosen.values[name] - value) < 3.0 * chosen.std[name], name

@@ -12,6 +12,7 @@ import numpy as np
 
 FINE = 2.0 * math.pi / 655360
 COARSE = 2.0 * math.pi / 65536
+SLOW = 0.1  # rad/s: slower motion of a LuGre joint can be integrated in smaller steps
 
 
 @dataclass(frozen=True)
@@ -75,8 +76,12 @@ def record(
     bandwidth: float = 6.0,
     centred: bool = False,
     motion=None,
+    finer: int = 1,
 ):
-    """t, q, tau (and reference) of the joint under PD control with backward differences; torque held over a sample."""
+    """t, q, tau (and reference) of the joint under PD control with backward differences; torque held over a sample.
+
+    ``finer`` is the number of steps in place of one where the bristles of a LuGre joint stick and slip.
+    """
     rng = np.random.default_rng(1000 + seed)
     t, qr, dqr = reference(duration, period, seed) if motion is None else motion
     omega = 2 * math.pi * bandwidth
@@ -100,7 +105,9 @@ def record(
         for _ in range(substeps):
             load = held - joint.gravity * math.cos(q - joint.angle)
             if lugre:
-                q, v, z = _lugre_step(joint, load, q, v, z, h)
+                pieces = finer if abs(v) < SLOW else 1
+                for _ in range(pieces):
+                    q, v, z = _lugre_step(joint, load, q, v, z, h / pieces)
                 continue
             if tanh_law:
                 f0 = sum(f * math.tanh(w * v) for f, w in joint.tanh) + b * v

@@ -27,6 +27,7 @@ ADAPTING = 4  # iterations in which only the initial states are fitted
 LARGEST_STEP = 0.7  # largest change of a logarithm in one iteration
 QUADRATIC = 0.6  # factor by which the lower bound on the robust scale falls in every iteration
 FRICTION_STD = 1.0  # prior standard deviation of the bristles' initial force, relative to the break-away torque
+RINGING = 20.0  # factor by which the initial speed is less certain on bristles: the filter does not see them ring
 FRICTION_STEP = 1e-3  # step of finite differences of that force
 SMALL_GAIN = 1e-4  # relative decrease of the cost at which the search ends
 
@@ -163,6 +164,7 @@ class _Problem:
 
     def __init__(self, candidate: Candidate, windows: Windows, noise: Noise, held: tuple[str, ...]) -> None:
         self.candidate, self.windows, self.noise = candidate, windows, noise
+        self.parts = windows.by_length()
         self.free = np.array([i for i, name in enumerate(candidate.names) if name not in held], dtype=int)
         self.usual = np.stack([windows.q0, windows.v0])
         # standard deviations of the initial states' prior, and steps of finite differences
@@ -170,14 +172,22 @@ class _Problem:
         self.steps = np.array([windows.resolution, max(windows.v0_std, 1e-6)]) * 0.1
         if candidate.has_bristles:
             self.usual = np.vstack([self.usual, np.zeros(len(windows))])
-            self.prior, self.steps = np.append(self.prior, FRICTION_STD), np.append(self.steps, FRICTION_STEP)
+            self.prior = np.array([windows.q0_std, RINGING * windows.v0_std, FRICTION_STD])
+            self.steps = np.append(self.steps, FRICTION_STEP)
 
     def positions(self, theta: Array, start: Array) -> Array:
-        """Simulated positions (m, C, S) for parameters ``theta`` (k, C) and initial states ``start`` (s, C, S)."""
-        w = self.windows
+        """Simulated positions (m, C, S) for parameters ``theta`` (k, C) and initial states ``start`` (s, C, S).
+
+        They are 0 after the end of a window.
+        """
         friction = self.bristle_force(theta, start[2]) if self.candidate.has_bristles else None
-        q, v = start[:2]
-        return simulate(self.candidate, theta, w.torque, q, v, w.period, w.stride, w.direction, friction)
+        found = np.zeros((len(self.windows.measured), *start.shape[1:]))
+        for numbers, w in self.parts:
+            q, v = start[:2, :, numbers]
+            force = None if friction is None else friction[:, numbers]
+            simulated = simulate(self.candidate, theta, w.torque, q, v, w.period, w.stride, w.direction, force)
+            found[: len(simulated), :, numbers] = simulated
+        return found
 
     def bristle_force(self, theta: Array, correction: Array) -> Array:
         """Force (C, S) of the bristles at the start of the windows, for a relative ``correction`` (C, S)."""

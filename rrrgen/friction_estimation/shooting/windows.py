@@ -48,6 +48,23 @@ class Windows:
         """Number of positions that are compared, over all windows."""
         return int(np.count_nonzero(self.used))
 
+    def by_length(self) -> list[tuple[NDArray[np.int64], Windows]]:
+        """Short and long windows apart: their numbers and the windows, cut to the longest of them.
+
+        Windows are short that take at most half as long as the longest: to simulate them further is lost time.
+        """
+        points = self.used.sum(axis=0)
+        long = points > (len(self.measured) + 1) // 2
+        found = []
+        for numbers in (np.flatnonzero(~long), np.flatnonzero(long)):
+            if len(numbers):
+                part, most = self.of(numbers), int(points[numbers].max())
+                torque = replace(part.torque, length=(most - 1) * self.stride)
+                found.append(
+                    (numbers, replace(part, torque=torque, measured=part.measured[:most], used=part.used[:most]))
+                )
+        return found
+
     def of(self, chosen: NDArray[Any]) -> Windows:
         """The ``chosen`` windows, given by a mask (S,) or by their numbers."""
         torque, smoothed = (replace(each, starts=each.starts[chosen]) for each in (self.torque, self.smoothed))
