@@ -53,12 +53,12 @@ class Windows:
 
         Windows are short that take at most half as long as the longest: to simulate them further is lost time.
         """
-        points = self.used.sum(axis=0)
+        points = np.asarray(np.count_nonzero(self.used, axis=0))
         long = points > (len(self.measured) + 1) // 2
         found = []
         for numbers in (np.flatnonzero(~long), np.flatnonzero(long)):
             if len(numbers):
-                part, most = self.of(numbers), int(points[numbers].max())
+                part, most = self.of(numbers), int(np.max(points[numbers]))
                 torque = replace(part.torque, length=(most - 1) * self.stride)
                 found.append(
                     (numbers, replace(part, torque=torque, measured=part.measured[:most], used=part.used[:most]))
