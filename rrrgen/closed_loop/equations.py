@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.friction.law import FrictionLaw
 from rrrgen.identify.estimation.full_regressor import FullRegressor
 from rrrgen.model.estimated_terms import Column
 from rrrgen.program import Builder, Port, Program, Role
@@ -152,12 +151,18 @@ class LoopEquations:
         shape = len(self.columns)
         for surface in self.regressor.surfaces:
             law, j = surface.definition, self._surface(surface.direction)
-            linear, bent = len(law.linear), len(law.shapes)
-            values = law.under_load(law.joined(theta[k : k + linear], theta[shape : shape + bent]), size[j])
-            torques[j] = torques[j] + directed_torque(builder, law, values, u[j], d[j], s[j])
-            if law.bristles is not None:
-                reach[j], damping[j] = law.bristles(Directed(builder, d[j]), u[j], values)
-            k, shape = k + linear, shape + bent
+            linear = dict(zip((each.name for each in law.linear), theta[k:], strict=False))
+            shapes = theta[shape : shape + len(law.shapes)]
+            at = s[j] if surface.has_state else d[j]
+            factors = law.factors(Directed(builder, d[j]), u[j], at, shapes)
+            factors += [at * size[j]] if law.has_load else []
+            for (name, weight), factor in zip(linear.items(), factors, strict=True):
+                if name != law.damping:  # the simulation adds the damping of bristles
+                    torques[j] = torques[j] + weight * factor
+            if surface.has_state:
+                reach[j] = law.reach(Directed(builder, d[j]), u[j], shapes)
+                damping[j] = linear.get(law.damping, 0)
+            k, shape = k + len(linear), shape + len(shapes)
         outputs = [(Port("f", (m,), "N m | N", "", "friction of the surfaces"), torques)]
         if any(self.bent):
             outputs += list(zip(bristle_ports(m), (reach, damping), strict=True))
@@ -187,22 +192,6 @@ def bristle_ports(m: int) -> tuple[Port, Port]:
     """Outputs of a friction program for m surfaces: deflection in steady sliding and damping of their bristles."""
     reach = Port("reach", (m,), "rad | m", "", "deflections in steady sliding forwards")
     return reach, Port("damping", (m,), "N m s/rad | N s/m", "", "torques per rate of the deflections")
-
-
-def directed_torque(builder: Builder, law: FrictionLaw, values: Sequence[Any], u: Any, d: Any, s: Any) -> Any:
-    """Friction torque of ``law`` with the parameters ``values`` at the speed ``u``, sliding in the direction ``d``.
-
-    Where the law has a state, ``s`` is the deflection of its bristles relative to that in steady sliding; their damping
-    is left out.
-    """
-    at = d if law.rate is None else s
-    if law.factors is None:
-        return law.torque(Directed(builder, at), u, values)
-    weights, shapes = law.split(values)
-    torque: Any = 0
-    for weight, factor in zip(weights, law.factors(Directed(builder, d), u, at, shapes), strict=not law.has_load):
-        torque = torque + weight * factor
-    return torque
 
 
 def _replayed(program: Program, builder: Builder, known: dict[Role, list[Any]]) -> list[Any]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.closed_loop.controller import LoopController
-from rrrgen.closed_loop.equations import Directed, bristle_ports, directed_torque, friction_inputs
+from rrrgen.closed_loop.equations import Directed, bristle_ports, friction_inputs
 from rrrgen.closed_loop.loop import CompiledLoop
 from rrrgen.closed_loop.loop_recording import LoopRecording, loop_recordings
 from rrrgen.closed_loop.output_error import OutputError
@@ -87,7 +87,8 @@ class JointEquations:
         values = self.candidate.law_values([*theta, 0])
         law = self.candidate.law
         port = Port("f", (1,), "N m | N", "", "friction")
-        outputs = [(port, [directed_torque(builder, law, values, u[0], d[0], s[0])])]
+        at = Directed(builder, d[0] if law.rate is None else s[0])
+        outputs = [(port, [law.torque(at, u[0], values)])]
         if law.bristles is not None:
             bristles = law.bristles(Directed(builder, d[0]), u[0], values)
             outputs += [(each, [value]) for each, value in zip(bristle_ports(1), bristles, strict=True)]

@@ -64,8 +64,10 @@ def stated_equations(model: Any) -> tuple[LoopEquations, Array]:
     known = dict(zip(model.base_parameter_names, np.asarray(model.beta, float).tolist(), strict=True))
     known |= {term.name: term.value for term in drive_terms(spec)}
     for surface, stated in stated_laws(spec):
-        names = (parameter.name for parameter in surface.definition.parameters)
-        known |= {f"{name}{surface.owner}": value for name, value in zip(names, stated.values, strict=True)}
+        law = surface.definition
+        names = (*(parameter.name for parameter in law.linear), *law.shapes)
+        values = (*law.split(stated.values)[0], *surface.shapes)
+        known |= {f"{name}{surface.owner}": value for name, value in zip(names, values, strict=True)}
     return equations, np.array([known[name] for name in equations.names])
 
 

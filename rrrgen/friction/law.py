@@ -8,7 +8,7 @@ every law smooth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -17,6 +17,7 @@ Factors = Callable[[Any, Any, Any, Sequence[Any]], list[Any]]
 
 
 COULOMB, LOAD = "coulomb", "load_ratio"
+LEAST = 1e-9  # value of a parameter that must be positive and was estimated as 0 or less
 
 
 class LawParameter(NamedTuple):
@@ -31,6 +32,18 @@ class LawParameter(NamedTuple):
     positive: bool = False
 
 
+class Substitution(NamedTuple):
+    """Shapes of which some are no parameters of the law but functions of them, like a ratio of two torques.
+
+    ``replaced`` names the nonlinear parameters; ``shapes(p)`` computes the shapes from the parameters p (name ->
+    value), and ``values(linear, shapes)`` the nonlinear parameters (name -> value) from the linear ones and the shapes.
+    """
+
+    replaced: tuple[str, ...]
+    shapes: Callable[[Mapping[str, Any]], Sequence[Any]]
+    values: Callable[[Mapping[str, Any], Sequence[Any]], Mapping[str, Any]]
+
+
 @dataclass(frozen=True)
 class FrictionLaw:
     """A friction law of one joint: the friction torque as a function of the speed dq and the parameters p.
@@ -43,9 +56,10 @@ class FrictionLaw:
     deflection in steady sliding forwards and the damping, the torque per dz/dt. ``passivity(p)`` is a margin: where it
     is not negative, the law is passive.
 
-    A *separable* law is linear in all parameters except those named in ``shapes``. ``factors(ops, dq, s, shapes)`` are
-    the derivatives by the linear ones, in their order, for given values of the shapes, with s = sgn(dq), or
-    z / ``shapes[-1]`` if the law has a state.
+    A law is linear in all parameters except those named in ``shapes``, which are positive, or those that the shapes
+    replace by a ``substitution``. ``factors(ops, dq, s, shapes)`` are the derivatives by the linear ones, in their
+    order, for given values of the shapes, with s = sgn(dq), or z relative to its value in steady sliding forwards if
+    the law has a state. The linear parameter named ``damping``, if any, multiplies dz/dt.
 
     A *load-dependent* law has ``load_ratio`` as its last linear parameter: the Coulomb friction is raised by this ratio
     times the magnitude of the torque that the joint carries without friction. :meth:`under_load` returns the parameters
@@ -57,6 +71,7 @@ class FrictionLaw:
     formula: str
     parameters: tuple[LawParameter, ...]
     torque: Callable[[Any, Any, Sequence[Any]], Any]
+    factors: Factors
     columns: Callable[[Any, Any], list[Any]] | None = None
     rate: Callable[[Any, Any, Any, Sequence[Any]], Any] | None = None
     state_torque: Callable[[Any, Any, Any, Sequence[Any]], Any] | None = None
@@ -64,7 +79,8 @@ class FrictionLaw:
     bristles: Callable[[Any, Any, Sequence[Any]], tuple[Any, Any]] | None = None
     passivity: Callable[[Sequence[Any]], Any] | None = None
     shapes: tuple[str, ...] = ()
-    factors: Factors | None = None
+    substitution: Substitution | None = None
+    damping: str = ""
 
     @property
     def has_load(self) -> bool:
@@ -81,19 +97,29 @@ class FrictionLaw:
 
     @property
     def linear(self) -> tuple[LawParameter, ...]:
-        """The parameters in which the torque is linear: all except those named in ``shapes``."""
-        return tuple(p for p in self.parameters if p.name not in self.shapes)
+        """The parameters in which the torque is linear for given shapes."""
+        bent = self.shapes if self.substitution is None else self.substitution.replaced
+        return tuple(p for p in self.parameters if p.name not in bent)
 
     def split(self, p: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-        """Split the values ``p`` of all parameters into those of the linear ones and those of the ``shapes``."""
+        """Convert the values ``p`` of all parameters to those of the linear ones and those of the ``shapes``."""
         known = dict(zip((each.name for each in self.parameters), p, strict=True))
-        return [known[each.name] for each in self.linear], [known[name] for name in self.shapes]
+        shapes = [known[name] for name in self.shapes] if self.substitution is None else self.substitution.shapes(known)
+        return [known[each.name] for each in self.linear], list(shapes)
 
     def joined(self, linear: Sequence[Any], shapes: Sequence[Any]) -> tuple[Any, ...]:
         """Values of all parameters in the order of ``parameters``, from the linear ones and the shapes."""
         known = dict(zip((each.name for each in self.linear), linear, strict=True))
-        known |= dict(zip(self.shapes, shapes, strict=True))
+        if self.substitution is None:
+            known |= dict(zip(self.shapes, shapes, strict=True))
+        else:
+            known |= self.substitution.values(known, shapes)
         return tuple(known[each.name] for each in self.parameters)
+
+    def reach(self, ops: Any, dq: Any, shapes: Sequence[Any]) -> Any:
+        """Deflection in steady sliding forwards at the speed ``dq``, rad (m); the ``shapes`` alone determine it."""
+        assert self.bristles is not None
+        return self.bristles(ops, dq, self.joined([1] * len(self.linear), shapes))[0]
 
 
 def linear_torque(columns: Callable[[Any, Any], list[Any]]) -> Callable[[Any, Any, Sequence[Any]], Any]:
@@ -151,7 +177,7 @@ def separable(
     def bristles(ops: Any, dq: Any, p: Sequence[Any]) -> tuple[Any, Any]:
         return distance(p), 0
 
-    law = FrictionLaw(name, equation, formula, tuple(parameters), torque, shapes=shapes, factors=factors)
+    law = FrictionLaw(name, equation, formula, tuple(parameters), torque, factors, shapes=shapes)
     if not presliding:
         return law
     return replace(law, rate=rate, state_torque=state_torque, step=step, bristles=bristles)

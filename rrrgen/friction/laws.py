@@ -8,10 +8,11 @@ Equation numbers (14.x): Kostic, de Jager, Steinbuch, Robotics and Automation Ha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rrrgen.friction.law import LOAD, FrictionLaw, LawParameter, forgotten, linear_torque, separable
+from rrrgen.friction.law import LOAD, FrictionLaw, LawParameter, Substitution, forgotten, linear_torque, separable
 
 
 def coulomb_viscous_columns(ops: Any, dq: Any) -> list[Any]:
@@ -110,6 +111,21 @@ def _lugre_bristles(ops: Any, dq: Any, p: Sequence[Any]) -> tuple[Any, Any]:
     return stribeck_level(ops, dq, excess, coulomb, speed) / sigma0, sigma1
 
 
+def _lugre_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    ratio, speed, _ = shapes
+    return [dq - dq * ops.sign(dq) * s, s * stribeck_level(ops, dq, ratio - 1, 1, speed), dq]
+
+
+def _lugre_shapes(p: Mapping[str, Any]) -> list[Any]:
+    coulomb = p["coulomb"]
+    return [1 + p["stiction_excess"] / coulomb, p["stribeck_speed"], coulomb / p["sigma0"]]
+
+
+def _lugre_values(linear: Mapping[str, Any], shapes: Sequence[Any]) -> dict[str, Any]:
+    (ratio, speed, distance), coulomb = shapes, linear["coulomb"]
+    return {"sigma0": coulomb / distance, "stiction_excess": (ratio - 1) * coulomb, "stribeck_speed": speed}
+
+
 def _lugre_passivity(p: Sequence[Any]) -> Any:
     """Passivity margin of the LuGre law, ``alpha2 - sigma1 alpha0/alpha1``: passive if >= 0. Source: after (14.13)."""
     _, sigma1, excess, coulomb, viscous, _ = p
@@ -133,6 +149,21 @@ def _logistic(ops: Any, dq: Any, p: Sequence[Any]) -> Any:
     span, steepness, shift = p
     half = steepness / 2
     return span / 2 * (ops.tanh(half * (dq + shift)) - ops.tanh(half * shift))
+
+
+def _logistic_factors(ops: Any, dq: Any, s: Any, shapes: Sequence[Any]) -> list[Any]:
+    steepness, ratio = shapes
+    t = ops.tanh(steepness / 2 * dq)
+    return [2 * ratio * t / ((1 + ratio) * (1 + ratio + (ratio - 1) * t))]
+
+
+def _logistic_shapes(p: Mapping[str, Any]) -> list[Any]:
+    return [p["steepness"], math.exp(p["steepness"] * p["shift"])]
+
+
+def _logistic_values(linear: Mapping[str, Any], shapes: Sequence[Any]) -> dict[str, Any]:
+    steepness, ratio = shapes
+    return {"steepness": steepness, "shift": math.log(ratio) / steepness}
 
 
 _VISCOUS = LawParameter("viscous", "N m s/rad", "viscous friction, alpha2")
@@ -256,6 +287,11 @@ LUGRE = FrictionLaw(
     step=_lugre_step,
     bristles=_lugre_bristles,
     passivity=_lugre_passivity,
+    # ratio of stiction to Coulomb friction, and the motion coulomb/sigma0 over which bristles bend
+    shapes=("stiction_ratio", "stribeck_speed", "presliding"),
+    factors=_lugre_factors,
+    substitution=Substitution(("sigma0", "stiction_excess", "stribeck_speed"), _lugre_shapes, _lugre_values),
+    damping="sigma1",
 )
 LOGISTIC = FrictionLaw(
     "logistic",
@@ -267,6 +303,10 @@ LOGISTIC = FrictionLaw(
         LawParameter("shift", "rad/s", "shift of the curve; other than 0 the directions differ"),
     ),
     _logistic,
+    # ratio of friction backwards to friction forwards in fast motion, exp(steepness shift)
+    shapes=("steepness", "direction_ratio"),
+    factors=_logistic_factors,
+    substitution=Substitution(("steepness", "shift"), _logistic_shapes, _logistic_values),
 )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rrrgen.friction.law import LEAST
 from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
 
 if TYPE_CHECKING:
@@ -12,7 +13,6 @@ if TYPE_CHECKING:
     from rrrgen.friction_estimation.presliding import Presliding
     from rrrgen.robotfile.robot_spec import RobotSpec
 
-LEAST = 1e-9  # value of a parameter that must be positive and was estimated as 0
 CERTAIN = 3.0  # standard deviations from zero from which on a torque offset is written
 
 

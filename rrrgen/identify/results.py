@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.errors import DerivationError
+from rrrgen.friction.law import LEAST
 from rrrgen.identify.estimation.consistency import ConsistentEstimate
 from rrrgen.identify.estimation.statistics import confidence_factor
 from rrrgen.identify.scoring.held_out import held_out_notes
@@ -189,7 +190,8 @@ def _law(surface: FrictionSurface, left: dict[str, float]) -> LawSpec:
 
     ``left`` maps the names of parameters not yet used to their values; those of this law are removed from it.
     """
-    linear = [left.pop(f"{parameter.name}{surface.owner}") for parameter in surface.definition.linear]
+    found = [(parameter, left.pop(f"{parameter.name}{surface.owner}")) for parameter in surface.definition.linear]
+    linear = [max(value, LEAST) if parameter.positive else value for parameter, value in found]
     return LawSpec(surface.law, tuple(float(value) for value in surface.definition.joined(linear, surface.shapes)))
 
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
-from rrrgen.friction.models import FrictionModel
 from rrrgen.identify.estimation.factoring import ScoredRows
 from rrrgen.identify.estimation.observations import Observations, Recording, RowMaker
 from rrrgen.identify.estimation.statistics import relative_error, rms
@@ -296,16 +295,14 @@ class RobotTorque:
     """Torque model of a compiled robot as its file describes it: inverse dynamics plus friction.
 
     Friction is computed from regressor columns of ``terms`` and ``surfaces`` with the parameters ``values``. In them
-    the sign of a speed near zero is zero, so that round-off of a reconstructed speed causes no friction. Laws that have
-    no regressor columns are in ``others``, each with its direction (n,) in joint space; they are evaluated in steady
-    sliding, as are laws with a state when no state is given.
+    the sign of a speed near zero is zero, so that round-off of a reconstructed speed causes no friction. Laws with
+    a state are evaluated in steady sliding when no state is given.
     """
 
     model: Any
     terms: tuple[Any, ...]
     surfaces: tuple[FrictionSurface, ...]
     values: Array
-    others: tuple[tuple[Array, FrictionModel], ...] = ()
 
     @property
     def sliding(self) -> Sliding | None:
@@ -321,25 +318,17 @@ class RobotTorque:
         drives = drive_columns(self.terms, speeds, np.asarray(ddq, dtype=float))
         torque = self.model.inverse_dynamics(q, dq, ddq)
         columns = np.concatenate([drives, law_columns(self.surfaces, speeds, s, torque)], axis=-1)
-        torque = torque + columns @ self.values
-        for w, friction in self.others:
-            torque = torque + friction.torque(speeds @ w[:, None]) * w
-        return np.asarray(torque)
+        return np.asarray(torque + columns @ self.values)
 
 
 def robot_model(model: Any) -> RobotTorque:
     """Build the torque model of a compiled robot, with links, drives and friction of its file."""
     terms = friction_terms(model.spec)
     values = [term.value for term in terms]
-    surfaces, others = [], []
-    for surface, law in stated_laws(model.spec):
-        definition = surface.definition
-        if definition.factors is None:
-            others.append((np.array(surface.direction), FrictionModel(definition, np.array([law.values]))))
-        else:
-            surfaces.append(surface)
-            values += definition.split(law.values)[0]
-    return RobotTorque(model, terms, tuple(surfaces), np.array(values, dtype=float), tuple(others))
+    stated = stated_laws(model.spec)
+    for surface, law in stated:
+        values += surface.definition.split(law.values)[0]
+    return RobotTorque(model, terms, tuple(surface for surface, _ in stated), np.array(values, dtype=float))
 
 
 def joint_scores(result: Validation, units: Sequence[str], width: int | None = None) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rrrgen.friction.law import LOAD, FrictionLaw
 from rrrgen.friction.laws import LAWS
 from rrrgen.robotfile.keys import FRICTION, LINEAR_FRICTION, ROBOT_FILE
@@ -57,7 +59,7 @@ def _law(
 ) -> LawSpec:
     """Complete a friction law: parameters that the file does not state are 0.
 
-    A parameter that must be positive, and is absent or not positive, is a fault.
+    A parameter that must be positive, and is absent or not positive, is a fault; so are bristles without friction.
     """
     for parameter in law.parameters:
         if not parameter.positive:
@@ -70,4 +72,8 @@ def _law(
             scope.faults.error(
                 values[parameter.name], f"{parameter.name} of {what} is {number:g}", "it must be positive"
             )
+    excess = numbers.get("stiction_excess", 0.0)
+    if law.damping and excess <= -numbers.get("coulomb", math.inf):
+        hint = "it must be above -coulomb, or bristles at rest would carry nothing"
+        scope.faults.error(values.get("stiction_excess", node), f"stiction_excess of {what} is {excess:g}", hint)
     return LawSpec(law.name, tuple(numbers.get(p.name, 0.0) for p in law.parameters))

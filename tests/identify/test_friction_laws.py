@@ -13,11 +13,9 @@ import rrrgen
 from rrrgen import pipeline
 from rrrgen.cli.main import cli
 from rrrgen.errors import InputError
-from rrrgen.friction.laws import LAWS
-from rrrgen.friction.models import FrictionModel
 from rrrgen.identify.friction_laws import choice
 from rrrgen.identify.friction_laws.choice import CANDIDATES, LawChoice
-from rrrgen.identify.friction_laws.surfaces import FrictionSurface, stated_surfaces
+from rrrgen.identify.friction_laws.surfaces import FrictionSurface
 from rrrgen.identify.identification import identify
 from rrrgen.identify.options import Options
 from rrrgen.identify.results import identified_spec
@@ -42,6 +40,8 @@ links:
   - {mass: 2, com: [-0.15, 0.01, 0], inertia: {about: com, xx: 0.01, yy: 0.02, zz: 0.02}}
 """
 TRUTH = ("dahl_exponential", (-0.8, 2.0, 1.2, -0.15, 0.12, 8e-4)), ("stribeck", (0.9, 1.5, 0.6, 0.08))
+BRISTLES = ("lugre", (2.5e3, 5.0, 0.9, 2.0, 1.2, 0.12)), ("lugre", (2e3, 4.0, -0.5, 1.5, 0.6, 0.08))
+FINE = 10  # steps of the integration of friction in a sampling period
 PERIOD = 2e-3
 PROCESSING = Processing("logged", decimate=10)
 
@@ -51,16 +51,36 @@ def arm():
     return rrrgen.compile(loads_spec(ARM), backend="numpy")
 
 
-def recording(arm, seed=3, seconds=10.0, noise=0.02):
-    """A motion with many reversals, its friction stepped sample by sample, and encoders and torques with noise."""
+def friction(name, p, v):
+    """Friction torque (N,) at the speeds ``v`` (N FINE,): an own integration by the implicit midpoint rule."""
+    slow = v[::FINE]
+    if name == "stribeck":
+        return (p[0] * np.exp(-((slow / p[3]) ** 2)) + p[1]) * np.sign(slow) + p[2] * slow
+
+    def level(v):
+        return p[3] + p[2] * np.exp(-((v / p[5]) ** 2))
+
+    reach = level(v) / p[0] if name == "lugre" else np.full(len(v), p[5])
+    z, deflection = 0.0, []
+    travels = (v + np.concatenate([v[:1], v[:-1]])) / 2 * PERIOD / FINE
+    for x, far in zip(travels.tolist(), reach.tolist(), strict=True):
+        bent = abs(x) / far / 2
+        z = ((1 - bent) * z + x) / (1 + bent)
+        deflection.append(z)
+    z = np.array(deflection)[::FINE]
+    if name == "lugre":
+        return p[0] * z + p[1] * (slow - abs(slow) * z / reach[::FINE]) + p[4] * slow
+    return (p[0] * np.exp(-abs(slow) / p[4]) + p[1]) * z / p[5] + p[2] * slow + p[3] * slow * abs(slow)
+
+
+def recording(arm, truth=TRUTH, seed=3, seconds=10.0, noise=0.02):
+    """A motion with many reversals, with friction after ``truth``, and with noise of the torques."""
     t = PERIOD * np.arange(round(seconds / PERIOD))
     q, dq, ddq = fourier_motion(t, 2, seed, base=1 / 5, size=0.35)
     torque = arm.inverse_dynamics(q, dq, ddq)
-    for i, (name, values) in enumerate(TRUTH):
-        law, z = FrictionModel(LAWS[name], np.array([values])), np.zeros(1)
-        for k in range(len(t)):
-            z, tau = law.step(z, dq[k, [i]], PERIOD)
-            torque[k, i] += tau[0]
+    speeds = fourier_motion(PERIOD / FINE * np.arange(FINE * len(t)), 2, seed, base=1 / 5, size=0.35)[1]
+    for i, (name, values) in enumerate(truth):
+        torque[:, i] += friction(name, values, speeds[:, i])
     torque[:, 0] += 0.3
     torque += noise * np.random.default_rng(seed).normal(size=torque.shape)
     return Log(("a", "b"), t, q, torque, dq=dq, ddq=ddq, period=PERIOD)
@@ -85,8 +105,8 @@ def test_the_law_of_every_joint_is_found_with_its_shapes(chosen):
     assert [surface.law for surface in chosen.friction.surfaces] == ["dahl_exponential", "stribeck"]
     assert [each.law for each in chosen.friction.table] == list(CANDIDATES)
     first, second = (surface.shapes for surface in chosen.friction.surfaces)
-    assert first == pytest.approx((0.12, 8e-4), rel=0.15)
-    assert second == pytest.approx((0.08,), rel=0.1)
+    assert first == pytest.approx((0.12, 8e-4), rel=0.01)
+    assert second == pytest.approx((0.08,), rel=0.02)
     values = dict(zip(chosen.consistent.names, chosen.consistent.theta, strict=True))
     truth = {
         "coulomb1": 2.0,
@@ -97,9 +117,40 @@ def test_the_law_of_every_joint_is_found_with_its_shapes(chosen):
         "stiction_excess2": 0.9,
     }
     for name, value in truth.items():
-        assert values[name] == pytest.approx(value, rel=0.08), name
-    assert values["off1"] == pytest.approx(0.3, abs=0.02)
-    assert chosen.consistent_held_out["relative_error"] < 0.01
+        assert values[name] == pytest.approx(value, rel=0.02), name
+    assert values["off1"] == pytest.approx(0.3, abs=0.01)
+    assert chosen.consistent_held_out["relative_error"] < 0.002
+
+
+def test_bristles_are_found_and_chosen(arm, monkeypatch):
+    """LuGre friction, once with more and once with less friction at rest than in sliding; (14.13)."""
+    monkeypatch.setattr(choice, "CANDIDATES", ("coulomb_viscous", "stribeck", "dahl_exponential", "lugre"))
+    log = recording(arm, BRISTLES, noise=0.005)
+    found = fitted(arm, log, "auto", split=Split.parse("first:0.7"))
+    assert [surface.law for surface in found.friction.surfaces] == ["lugre", "lugre"]
+    spec = loads_spec(dumps(identified_spec(arm.spec, found.consistent, surfaces=found.friction.surfaces)))
+    for joint, (_, truth) in zip(spec.joints, BRISTLES, strict=True):
+        assert joint.friction.law.name == "lugre"
+        errors = np.array(joint.friction.law.values) / truth - 1.0
+        assert np.all(np.abs(errors) < [0.03, 0.15, 0.05, 0.01, 0.01, 0.05])  # damping is hardly excited
+    scored = validate_recordings(robot_model(rrrgen.compile(spec, backend="numpy")), [log], PROCESSING)
+    assert scored.relative_error == pytest.approx(found.consistent_fit["relative_error"], rel=0.2)
+
+
+def test_a_stated_logistic_law_is_estimated(arm):
+    truth = (1.6, 15.0, 0.04)
+    text = ARM.replace("{viscous: 0, coulomb: 0}", "{law: logistic, span: 1, steepness: 40, shift: -0.01}")
+    t = PERIOD * np.arange(2000)
+    q, dq, ddq = fourier_motion(t, 2, 3, base=1 / 5, size=0.35)
+    tau = arm.inverse_dynamics(q, dq, ddq)
+    span, steepness, shift = truth
+    tau[:, 1] += span / (1 + np.exp(-steepness * (dq[:, 1] + shift))) - span / (1 + np.exp(-steepness * shift))
+    tau += 0.002 * np.random.default_rng(5).normal(size=tau.shape)
+    log = Log(("a", "b"), t, q, tau, dq=dq, ddq=ddq, period=PERIOD)
+    stated = rrrgen.compile(loads_spec(text), backend="numpy")
+    found = fitted(stated, log)
+    spec = identified_spec(stated.spec, found.consistent, surfaces=found.friction.surfaces)
+    assert spec.joints[1].friction.law.values == pytest.approx(truth, rel=0.01)
 
 
 def test_the_true_law_beats_the_linear_one_held_out(arm, log, chosen):
@@ -138,8 +189,7 @@ def test_the_written_robot_file_is_the_model_that_was_scored(arm, log, chosen):
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        ("dhal", "no friction law 'dhal' can be fitted; there are"),
-        ("lugre", "'lugre' can be fitted .dahl_exponential has its presliding"),
+        ("lugr", r"no friction law 'lugr'; did you mean 'lugre'\? there are coulomb_viscous, asymmetric"),
         ("c=dahl", "no joint or motor 'c' states friction; there are a, b"),
     ],
 )
@@ -148,19 +198,13 @@ def test_wrong_laws_are_refused(arm, law, message):
         LawChoice.parse([law], arm.spec)
 
 
-def test_a_stated_law_that_cannot_be_fitted_names_another():
-    stated = "{law: lugre, sigma0: 400, sigma1: 1, coulomb: 0.6, stribeck_speed: 0.3}"
-    spec = loads_spec(ARM.replace("{viscous: 0, coulomb: 0}", stated))
-    with pytest.raises(InputError, match="dahl_exponential has its presliding"):
-        stated_surfaces(spec)
-
-
 def test_the_command_prints_the_table_and_writes_the_law(tmp_path, arm, log, monkeypatch):
     monkeypatch.setattr(pipeline, "compile", partial(pipeline.compile, backend="numpy"))
     robot, data = tmp_path / "robot.yaml", tmp_path / "log.csv"
     robot.write_text(written(arm.spec))
     write_log(data, log)
     command = ["identify", str(robot), "--log", str(data), "-o", str(tmp_path / "run"), "--cutoff", "60"]
+    monkeypatch.setattr(choice, "CANDIDATES", ("coulomb_viscous", "dahl", "dahl_exponential"))
     told = CliRunner().invoke(cli, [*command, "--decimate", "10", "--friction", "a=auto", "--no-consistent"])
     assert told.exit_code == 0, told.output
     lines = told.output.splitlines()
@@ -168,7 +212,7 @@ def test_the_command_prints_the_table_and_writes_the_law(tmp_path, arm, log, mon
     assert any(line.startswith("friction of a: dahl_exponential: decay_speed 0.1") for line in lines)
     assert "relative torque error" in told.output
     record = json.loads((tmp_path / "run" / "results" / "identification.json").read_text())
-    assert [each["law"] for each in record["friction"]["candidates"]] == list(CANDIDATES)
+    assert [each["law"] for each in record["friction"]["candidates"]] == list(choice.CANDIDATES)
     assert record["friction"]["surfaces"][0]["shapes"]["presliding"] == pytest.approx(8e-4, rel=0.2)
 
 

@@ -81,6 +81,10 @@ def test_units_of_the_parameters():
         ("{coulomb: 1, presliding: 1}", "the friction law coulomb_viscous of joint 1 has no 'presliding'"),
         ("{law: dahl, presliding: 1 N*m}", "presliding of joint 1"),
         ("{law: dahl, presliding: 1, coulomb: -2}", "coulomb of joint 1 is -2"),
+        (
+            "{law: lugre, sigma0: 1, coulomb: 2, stribeck_speed: 1, stiction_excess: -2}",
+            "stiction_excess of joint 1 is -2",
+        ),
     ],
 )
 def test_faults_are_told(friction, message):

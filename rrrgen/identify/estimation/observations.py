@@ -76,7 +76,7 @@ class RowMaker:
             raise InputError("the recording has no torques: nothing can be estimated from it")
         motion = reconstruct(part, self.processing)
         tau = part.tau if self.known is None else part.tau - self.known(motion)
-        states = None if self.sliding is None else self._states(window, motion.q)
+        states = None if self.sliding is None else self._states(window, motion)
         decimate = Decimator(self.processing.decimate or 1)
         block = max(SHORTEST_BLOCK, decimate.memory, BLOCK_BYTES // (8 * part.q.shape[1] * self.columns))
         for start in range(window.start, window.stop, block):
@@ -87,14 +87,14 @@ class RowMaker:
             rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept, given)
             yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
 
-    def _states(self, window: Window, q: Array) -> Array:
-        """Directions (N, m) of friction with a state along the positions ``q`` (N, n) of a window.
+    def _states(self, window: Window, motion: Reconstruction) -> Array:
+        """Directions (N, m) of friction with a state along the N samples of the ``motion`` in a window.
 
         The window gives the directions at one of its samples; before that sample they are taken as constant.
         """
         assert self.sliding is not None
         lead, start = (0, self.sliding.start()) if window.state is None else window.state
-        states = self.sliding.states(q[lead:], start)
+        states = self.sliding.states(motion.q[lead:], motion.dq[lead:], start)
         return np.concatenate([np.broadcast_to(start, (lead, len(start))), states])
 
     def following(self, window: Window) -> tuple[int, Array] | None:
@@ -104,7 +104,7 @@ class RowMaker:
         """
         if self.sliding is None:
             return None
-        states = self._states(window, reconstruct(window.part, self.processing).q)
+        states = self._states(window, reconstruct(window.part, self.processing))
         at = max(0, window.stop - Decimator(self.processing.decimate or 1).memory)
         return at - max(0, window.stop - self.memory(window.period)), states[at]
 

@@ -80,8 +80,12 @@ def parametrise(
     T = T[:, free]
     columns = [*rigid.kept, *range(b, p)]
 
+    moved = sum(surface.has_state for surface in regressor.surfaces)
+
     def restricted(q: Array, dq: Array, ddq: Array) -> Array:
-        return np.asarray(regressor(q, dq, ddq) @ T)
+        # away from steady sliding, where bristles do not move and their damping has no effect
+        s = np.random.default_rng(seed).uniform(-1, 1, (len(q), moved))
+        return np.asarray(regressor(q, dq, ddq, s if moved else None) @ T)
 
     structure = structure_of(restricted, [z_names[i] for i in free], regressor.model.n, seed)
     return Parametrisation(structure, T[:, list(structure.kept)], known, tuple(columns[i] for i in free))

@@ -2,7 +2,7 @@
 
 The fitted part is split into two halves of alternating stretches. Each law is tuned on one half and scored on the
 other, and vice versa; the data that the caller holds out are not used. Joints of one arm are built alike, and half a
-recording says little about one joint. So all share one law, the simplest whose error is within two percent of the
+recording says little about one joint. So all share one law, the simplest whose error is within one percent of the
 smallest, except joints at which another law is significantly better.
 """
 
@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.errors import InputError
+from rrrgen.friction.laws import LAWS
 from rrrgen.identify.estimation.full_regressor import FullRegressor, RigidModel
 from rrrgen.identify.estimation.observations import KnownTorque, Recording, RowMaker
 from rrrgen.identify.friction_laws.load import tune_under_load
 from rrrgen.identify.friction_laws.problem import Problem
 from rrrgen.identify.friction_laws.surfaces import (
-    FITTED_LAWS,
     FrictionSurface,
-    not_fitted,
     stated_surfaces,
     surfaces_with,
     without_laws,
@@ -33,6 +32,7 @@ from rrrgen.identify.scoring.split import Split
 from rrrgen.model.estimated_terms import DriveTerms
 from rrrgen.signals.processing import Processing
 from rrrgen.text_table import text_table
+from rrrgen.yamltext.suggest import did_you_mean
 
 LINEAR = "coulomb_viscous"
 AUTO = "auto"
@@ -46,10 +46,11 @@ CANDIDATES = (
     "asymmetric_exponential",
     "dahl_exponential",
     "dahl_load_dependent",
+    "lugre",
 )
-"""The laws compared by ``auto``, the simpler ones first."""
+"""The laws compared by ``auto``, the simpler ones first: those with fewer shapes."""
 PARTS = 6  # stretches into which the fitted part is cut, alternating between the two halves
-TOLERANCE = 0.02  # share by which the error of a simpler law may be larger
+TOLERANCE = 0.01  # share by which the error of a simpler law may be larger
 BLOCKS = 24  # number of blocks of rows over which errors are compared
 SIGNIFICANT = 2.0  # standard errors by which the law of one surface must be better there than the common one
 
@@ -128,7 +129,7 @@ class FrictionFit:
 class LawChoice:
     """The friction laws that the user asks for: ``common`` at every joint and motor with friction, ``named`` at some.
 
-    ``named`` holds pairs (joint or motor, law). A law is a name of :data:`FITTED_LAWS`, or :data:`AUTO` to choose one
+    ``named`` holds pairs (joint or motor, law). A law is a name of :data:`LAWS`, or :data:`AUTO` to choose one
     by held-out error; ``common`` None keeps the laws of the robot file.
     """
 
@@ -142,8 +143,10 @@ class LawChoice:
         common, named = None, []
         for text in texts:
             where, _, law = text.rpartition("=")
-            if law not in (*FITTED_LAWS, AUTO):
-                raise InputError(not_fitted(law, (AUTO,)))
+            if law not in (*LAWS, AUTO):
+                known = (*LAWS, AUTO)
+                hint = " ".join(filter(None, (did_you_mean(law, known), f"there are {', '.join(known)}")))
+                raise InputError(f"no friction law '{law}'; {hint}")
             if where and where not in owners:
                 raise InputError(
                     f"no joint or motor '{where}' states friction; there are {', '.join(owners) or 'none'}"

@@ -52,7 +52,7 @@ class Stretch:
     def columns(self, surface: FrictionSurface, decimate: Decimator) -> Array:
         """Columns (r, n, k) of the linear friction parameters of a joint or motor ``surface``, after decimation."""
         sliding = Sliding.of((surface,))
-        s = None if sliding is None else sliding.states(self.q, sliding.start())[:, 0]
+        s = None if sliding is None else sliding.states(self.q, self.dq, sliding.start())[:, 0]
         factors = surface.factors(self.dq, s, self.load)
         found = np.zeros((len(self.t), self.dq.shape[1], factors.shape[1]))
         every = decimate(factors, self.first) if self.valid.all() else None

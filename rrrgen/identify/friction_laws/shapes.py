@@ -21,10 +21,21 @@ from rrrgen.arrays import Array
 from rrrgen.identify.friction_laws.problem import Problem
 from rrrgen.identify.friction_laws.surfaces import FrictionSurface
 
-SCALES = {"presliding": 3e-5, "decay_speed": 0.05, "stribeck_speed": 0.05, "w1": 0.3, "w2": 3.0, "w3": 30.0}
-"""Usual values of shapes at an RMS speed of 1 rad/s (m/s); speeds and distances grow with it, weights of it fall."""
+SCALES = {
+    "presliding": (3e-5, 1),
+    "decay_speed": (0.05, 1),
+    "stribeck_speed": (0.05, 1),
+    "stiction_ratio": (1.3, 0),
+    "direction_ratio": (1.0, 0),
+    "steepness": (30.0, -1),
+    "w1": (0.3, -1),
+    "w2": (3.0, -1),
+    "w3": (30.0, -1),
+}
+"""Usual values of shapes at an RMS speed of 1 rad/s (m/s), and the power of that speed in proportion to which a shape
+grows: speeds and distances grow with it, what multiplies a speed falls."""
 STARTS = (1 / 3, 3.0)
-"""Multiples of the usual values at which the search of common shapes starts."""
+"""Multiples of the usual values at which the search of common speeds and distances starts."""
 RANGE = 300.0  # largest factor by which a shape may differ from its usual value
 PRIOR = math.log(2.0)  # standard deviation of the logarithm of a shape about the common one
 COMMON_PRIOR = math.log(3.0)  # standard deviation of the logarithm of the common shape about its usual value
@@ -32,7 +43,8 @@ STEP = 1e-3  # step of the logarithm in finite differences
 ITERATIONS = 12
 SETTLED = 1e-3  # change of the logarithms at which the search ends
 RANK = 1e-9  # singular values of the scaled columns below this share of the largest are zero
-WEIGHTS = 2  # passes in which the weights of the joints are renewed
+WEIGHTS = 6  # most passes in which the weights of the joints are renewed
+UNCHANGED = 0.01  # change of the logarithms of the shapes in such a pass at which the last one is reached
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,17 +143,16 @@ class _Search:
             J[:, i] = -(change - U @ (U.T @ change))
         return r, J
 
-    def descend(self, start: Array, to_logs: Array, pull: Array, usual: Array | None = None) -> tuple[Array, Array]:
+    def descend(self, start: Array, to_logs: Array, pull: Array, usual: Array) -> tuple[Array, Array]:
         """Minimise the cost over x by Levenberg-Marquardt; ``usual + to_logs x`` are the logarithms of all shapes.
 
-        The search begins at the logarithms ``start``; x = 0 stands for ``usual``, which is ``start`` by default.
+        The search begins at the logarithms ``start``; x = 0 stands for ``usual``.
         ``pull`` are the inverse variances of a prior of x about 0. Returns the logarithms, and the covariance of x in
         units of the noise variance.
         """
-        logs = start if usual is None else usual
-        x: Array = np.asarray(np.linalg.lstsq(to_logs, start - logs, rcond=None)[0])
+        x: Array = np.asarray(np.linalg.lstsq(to_logs, start - usual, rcond=None)[0])
         damping = 1e-2
-        r, J = self.jacobian(logs + to_logs @ x)
+        r, J = self.jacobian(usual + to_logs @ x)
         cost = float(r @ r) + float(pull @ x**2)
         H: Array = np.eye(len(x))
         for _ in range(ITERATIONS):
@@ -152,7 +163,9 @@ class _Search:
             for _ in range(6):
                 step = -np.linalg.solve(H + damping * np.diag(np.diag(H)) + 1e-12 * np.eye(len(x)), gradient)
                 step = np.clip(step, -1.0, 1.0)
-                tried = np.clip(logs + to_logs @ (x + step), self.scale - math.log(RANGE), self.scale + math.log(RANGE))
+                tried = np.clip(
+                    usual + to_logs @ (x + step), self.scale - math.log(RANGE), self.scale + math.log(RANGE)
+                )
                 reached = self.cost(tried) + float(pull @ (x + step) ** 2)
                 if reached < cost:
                     moved, damping = True, damping / 5.0
@@ -163,8 +176,8 @@ class _Search:
             x, cost = x + step, reached
             if np.max(np.abs(step)) < SETTLED:
                 break
-            r, J = self.jacobian(logs + to_logs @ x)
-        return logs + to_logs @ x, np.linalg.pinv(H, hermitian=True)
+            r, J = self.jacobian(usual + to_logs @ x)
+        return usual + to_logs @ x, np.linalg.pinv(H, hermitian=True)
 
     def residual(self, logs: Array) -> tuple[Array, Array]:
         """Residuals (r, n) of all rows, and the linear parameters of all columns, fitted to the rows in use."""
@@ -184,19 +197,24 @@ def tune_shapes(problem: Problem, surfaces: Sequence[FrictionSurface], use: NDAr
     search = _Search(problem, surfaces, use)
     logs: Array = np.zeros(0)
     std: tuple[tuple[float, ...], ...] = tuple(() for _ in surfaces)
-    for _ in range(WEIGHTS if search.owner else 1):
-        if search.owner:
-            logs, std = _tuned(search, logs)
+    if search.owner:
+        usual, logs = _common(search)
+        for _ in range(WEIGHTS):
+            before = logs
+            logs, std = _tuned(search, usual, before)
+            search.renew(logs)
+            if np.max(np.abs(logs - before)) < UNCHANGED:
+                break
+    else:
         search.renew(logs)
     residual, theta = search.residual(logs)
     return Fitted(search.shaped(logs), residual, theta, std)
 
 
-def _tuned(search: _Search, before: Array) -> tuple[Array, tuple[tuple[float, ...], ...]]:
-    """Logarithms of the fitted shapes, and their standard deviations for every surface.
+def _common(search: _Search) -> tuple[Array, Array]:
+    """Logarithms of all shapes, common to all joints and fitted from several initial values, and the best known ones.
 
-    First the common shapes are fitted, from several initial values or from the logarithms ``before``, then the
-    deviations of every joint from them.
+    The best known are those with which every joint on its own begins, see :func:`_apart`.
     """
     names = [name for each in search.surfaces for name in each.definition.shapes]
     laws = [search.surfaces[k].law for k in search.owner]
@@ -204,19 +222,33 @@ def _tuned(search: _Search, before: Array) -> tuple[Array, tuple[tuple[float, ..
     common = np.zeros((len(names), len(groups)))
     for i, key in enumerate(zip(laws, names, strict=True)):
         common[i, groups.index(key)] = 1.0
-    start: Array = before if len(before) else min(_starts(search, groups, common), key=search.cost)
-    residual, _ = search.jacobian(start)
-    # the priors are relative to the noise of a row; correlated rows carry less information than their number suggests
-    variance = float(residual @ residual) / max(1, len(residual)) / _independent_share(search, start)
-    if not len(before):
-        start, _ = search.descend(start, common, np.full(len(groups), variance / COMMON_PRIOR**2), search.scale)
-    pull = np.full(len(names), variance / PRIOR**2)
-    logs, covariance = search.descend(start, np.eye(len(names)), pull)
+    start = min(_starts(search, groups, common), key=search.cost)
+    pull = np.full(len(groups), _variance(search, start) / COMMON_PRIOR**2)
+    usual, _ = search.descend(start, common, pull, search.scale)
+    return usual, min(_apart(search, usual), start, key=search.cost)
+
+
+def _tuned(search: _Search, usual: Array, start: Array) -> tuple[Array, tuple[tuple[float, ...], ...]]:
+    """Logarithms of the shapes fitted joint by joint, and their standard deviations for every surface.
+
+    The search begins at the logarithms ``start``; the prior is about the common ones, ``usual``.
+    """
+    variance = _variance(search, start)
+    logs, covariance = search.descend(start, np.eye(len(start)), np.full(len(start), variance / PRIOR**2), usual)
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0) * variance)
     std: list[list[float]] = [[] for _ in search.surfaces]
     for k, value in zip(search.owner, spread, strict=True):
         std[k].append(float(value))
     return logs, tuple(tuple(own) for own in std)
+
+
+def _variance(search: _Search, logs: Array) -> float:
+    """Variance of the residuals at the shapes ``logs``, by which priors are weighed.
+
+    It is larger where rows are correlated, because these carry less information than their number suggests.
+    """
+    residual = search.projected(logs)[0]
+    return float(residual @ residual) / max(1, len(residual)) / _independent_share(search, logs)
 
 
 def _starts(search: _Search, groups: Sequence[tuple[str, str]], common: Array) -> list[Array]:
@@ -225,27 +257,46 @@ def _starts(search: _Search, groups: Sequence[tuple[str, str]], common: Array) -
     ``groups`` are the pairs (law, shape) that share a value; the matrix ``common`` (shapes, groups) copies the
     logarithm of each group to its shapes.
     """
-    choices = [(1.0,) if name.startswith("w") else STARTS for _, name in groups]
-    found = [search.scale + common @ np.log(values) for values in product(*choices)]
+    choices = product(*(_multiples(name) for _, name in groups))
+    found = [search.scale + common @ np.log(values) for values in choices]
     known = [value for each in search.surfaces for value in each.shapes]
     if len(known) == len(search.owner):
         found.append(np.log(known))
     return found
 
 
+def _apart(search: _Search, usual: Array) -> Array:
+    """Logarithms of all shapes, where a surface may leave the common ones, ``usual``, for initial values of its own.
+
+    Joints unlike each other, such as one with and one without presliding, have no good value in common.
+    """
+    logs = usual
+    for k, surface in enumerate(search.surfaces):
+        own = np.array([owner == k for owner in search.owner])
+        for values in product(*(_multiples(name) for name in surface.definition.shapes)):
+            tried = logs.copy()
+            tried[own] = search.scale[own] + np.log(values)
+            logs = min(logs, tried, key=search.cost)
+    return logs
+
+
+def _multiples(shape: str) -> tuple[float, ...]:
+    """Multiples of the usual value of ``shape`` at which a search starts."""
+    return STARTS if SCALES[shape][1] > 0 else (1.0,)
+
+
 def _scales(problem: Problem, surfaces: Sequence[FrictionSurface]) -> Array:
     """Typical magnitude of every shape parameter, from the RMS sliding speed of all ``surfaces``.
 
-    It is in proportion to that speed, or to its inverse for a parameter that multiplies the speed. The mean is taken
-    of motor speeds divided by the gear ratio, so that joints and motors share one scale.
+    It is in proportion to a power of that speed, see :data:`SCALES`. The mean is taken of motor speeds divided by the
+    gear ratio, so that joints and motors share one scale.
     """
     gears = [float(np.linalg.norm(each.direction)) for each in surfaces]
     rms = math.sqrt(np.mean([(problem.speed(each) / gear) ** 2 for each, gear in zip(surfaces, gears, strict=True)]))
     scales = []
     for each, gear in zip(surfaces, gears, strict=True):
         speed = max(rms, 1e-9) * gear
-        names = each.definition.shapes
-        scales += [SCALES[name] / speed if name.startswith("w") else SCALES[name] * speed for name in names]
+        scales += [value * speed**power for value, power in (SCALES[name] for name in each.definition.shapes)]
     return np.array(scales)
 
 

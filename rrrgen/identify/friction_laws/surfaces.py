@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from rrrgen.arrays import Array
-from rrrgen.errors import InputError
 from rrrgen.friction.law import FrictionLaw
 from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import NUMPY
@@ -23,7 +22,7 @@ from rrrgen.model.drive_terms import KINDS, unit
 from rrrgen.model.estimated_terms import Column, CoupledDrive, DriveTerms
 from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
 
-BOUNDED = ("viscous", "coulomb", "viscous_p", "viscous_n", "coulomb_p", "coulomb_n")
+BOUNDED = ("viscous", "coulomb", "viscous_p", "viscous_n", "coulomb_p", "coulomb_n", "sigma1", "span")
 """Parameters that a physically consistent estimate keeps from being negative."""
 
 
@@ -80,7 +79,6 @@ class FrictionSurface:
         speed = np.where(np.abs(speed) > STANDSTILL, speed, 0.0)
         at = np.sign(speed) if s is None or not self.has_state else s
         law = self.definition
-        assert law.factors is not None
         found = [factor + 0.0 * speed for factor in law.factors(NUMPY, speed, at, self.shapes)]
         if law.has_load:
             found.append(at * np.abs(along(self.carried, load)) if load is not None else 0.0 * speed)
@@ -125,17 +123,24 @@ class Sliding:
         """Directions (m,) at the beginning of a stretch: 0, no friction."""
         return np.zeros(len(self.surfaces))
 
-    def states(self, q: Array, start: Array) -> Array:
-        """Directions (N, m) along the positions ``q`` (N, n), from ``start`` (m,) at the first sample.
+    def states(self, q: Array, dq: Array, start: Array) -> Array:
+        """Directions (N, m) along positions ``q`` and speeds ``dq`` (N, n), from ``start`` (m,) at the first sample.
 
-        Exact between samples: over the travel x in one direction, ``s - sgn`` decays by exp(-|x| / presliding).
+        A direction is the deflection of the bristles relative to that in steady sliding at the same speed. Exact
+        between samples for the mean of their speeds: over the travel x in one direction, the deflection approaches that
+        in steady sliding, ``reach``, by exp(-|x| / reach).
         """
-        x = np.stack([along(surface.direction, q) for surface in self.surfaces], axis=-1)
-        distances = np.array([surface.shapes[-1] for surface in self.surfaces])
-        travel = np.diff(x, axis=0)
-        kept = np.exp(-np.abs(travel) / distances)
-        added = -np.expm1(-np.abs(travel) / distances) * np.sign(travel)
-        return recursion(np.vstack([np.zeros_like(start), kept]), np.vstack([start, added]))
+        x, v = (np.stack([along(each.direction, y) for each in self.surfaces], axis=-1) for y in (q, dq))
+        travel, reach = np.diff(x, axis=0), self._reach((v[1:] + v[:-1]) / 2.0)
+        kept = np.exp(-np.abs(travel) / reach)
+        added = -np.expm1(-np.abs(travel) / reach) * np.sign(travel) * reach
+        own = self._reach(v)
+        return recursion(np.vstack([np.zeros_like(start), kept]), np.vstack([start * own[0], added])) / own
+
+    def _reach(self, v: Array) -> Array:
+        """Deflections (N, m) in steady sliding forwards at the sliding speeds ``v`` (N, m)."""
+        found = [each.definition.reach(NUMPY, v[:, k], each.shapes) for k, each in enumerate(self.surfaces)]
+        return np.stack([np.broadcast_to(value, len(v)) for value in found], axis=-1)
 
 
 def recursion(a: Array, b: Array) -> Array:
@@ -149,46 +154,20 @@ def recursion(a: Array, b: Array) -> Array:
     return y
 
 
-FITTED_LAWS = tuple(name for name, law in LAWS.items() if law.factors is not None)
-"""The laws that can be fitted: those that are linear for known shapes."""
-INSTEAD = {
-    "lugre": "dahl_exponential has its presliding with a level that depends on the speed, stribeck its friction in "
-    "sliding; `rrrgen friction` fits lugre itself to a recording of one joint",
-    "logistic": "neural and asymmetric_exponential have such curves",
-}
-"""What to fit instead of a law that is not linear for known shapes."""
-
-
-def not_fitted(law: str, others: Sequence[str] = ()) -> str:
-    """Message that the friction ``law`` cannot be fitted, with what can; ``others`` are further allowed names."""
-    told = f" ({INSTEAD[law]})" if law in INSTEAD else ""
-    return f"no friction law '{law}' can be fitted{told}; there are {', '.join((*FITTED_LAWS, *others))}"
-
-
 def stated_laws(spec: Any) -> list[tuple[FrictionSurface, LawSpec]]:
-    """Joints and motors for which the robot file states a friction law, each paired with that law.
-
-    A separable law brings its shape parameters along.
-    """
+    """Joints and motors for which the robot file states a friction law, with its shapes, each paired with that law."""
     found = []
     for owner, direction, carried, friction in _owners(spec):
         if friction is not None and friction.law is not None:
             law = LAWS[friction.law.name]
-            shapes = () if law.factors is None else tuple(law.split(friction.law.values)[1])
+            shapes = tuple(law.split(friction.law.values)[1])
             found.append((FrictionSurface(owner, direction, law.name, shapes, carried), friction.law))
     return found
 
 
 def stated_surfaces(spec: Any) -> tuple[FrictionSurface, ...]:
-    """The joints and motors for which the robot file states a friction law.
-
-    Raises InputError for a law that is not separable.
-    """
-    found = tuple(surface for surface, _ in stated_laws(spec))
-    for surface in found:
-        if surface.definition.factors is None:
-            raise InputError(not_fitted(surface.law))
-    return found
+    """The joints and motors for which the robot file states a friction law."""
+    return tuple(surface for surface, _ in stated_laws(spec))
 
 
 def surfaces_with(spec: Any, law: str) -> tuple[FrictionSurface, ...]:
