@@ -176,6 +176,24 @@ def test_instrumental_estimate_is_unbiased_where_the_direct_one_is_not(kind, req
     assert np.median(errors(good)[0]) < 0.05
 
 
+def test_a_sweep_that_is_not_repeated_cannot_be_averaged():
+    """Each line is excited in one window or two, and what rings on in the next had errors of sixty times the band."""
+    t = PERIOD * np.arange(SAMPLES)
+    swept = record(np.random.default_rng(0), 7.0 * np.sin(2.0 * np.pi * (0.5 * t + 150.0 / 40.0 * t**2)))
+    for method in ("instrumental", "direct"):
+        with pytest.raises(DerivationError, match="moves through its band"):
+            estimate_one(swept, method=method)
+    wrong, band, _, _, _ = errors(estimate_one(swept), 140.0)
+    assert np.max(wrong / band) < 2.0
+
+
+def test_a_sine_is_averaged_at_its_own_line_alone():
+    """Its trend in a window is no drift; without it, harmonics appeared at which there is no excitation."""
+    sine = 7.0 * np.sin(2.0 * np.pi * 5.0 * PERIOD * np.arange(SAMPLES))
+    found = estimate_one(record(np.random.default_rng(0), sine), method="instrumental")
+    assert found.frequency == pytest.approx([5.0])
+
+
 @pytest.mark.parametrize("kind", ["periodic", "noisy", "odd"])
 def test_friction_at_changes_of_direction_is_refused(kind):
     rng = np.random.default_rng(3)

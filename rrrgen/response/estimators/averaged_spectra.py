@@ -18,6 +18,7 @@ from rrrgen.response.response_file import ResponseRecording
 SEGMENTS = 10  # number of window lengths in a recording whose excitation is noise; the windows overlap by half
 LEAST_SEGMENT = 32  # shortest window, samples
 LEAST_PERIODS = 4
+LEAST_STEADY = 0.2  # least ratio of the squared mean power of n at a line to the mean of its square; 1/2 for noise
 HANN_EFFICIENCY = 0.947  # independent averages per half-overlapping Hann segment
 HANN_OVERLAP = 1.0 / 6.0  # correlation of the noise of two such segments
 SHAPE = 64  # samples of a Hann window of which the correlation of lines is computed
@@ -85,7 +86,8 @@ def averaged_spectra(record: ResponseRecording, samples: int | None) -> Averaged
             raise DerivationError(
                 f"{record.name}: {len(rows)} samples are too few for {SEGMENTS} segments of at least {LEAST_SEGMENT}"
             )
-    Phi, segments = _averages(rows, length)
+    F = _windows(rows, length, trends=samples is None)
+    segments, Phi = len(F), np.einsum("sla,slb->lab", F.conj(), F) / len(F)
     magnitude = np.sqrt(Phi[: length // 2, 0, 0].real)
     if samples is not None:
         k = 2 * excited_lines(magnitude[::2], record.name)
@@ -94,6 +96,13 @@ def averaged_spectra(record: ResponseRecording, samples: int | None) -> Averaged
         k = excited_lines(magnitude, record.name)
     frequency, dof = k / (length * record.period), HANN_EFFICIENCY * segments - 1.0
     if samples is None:
+        power = np.abs(F[:, k, 0]) ** 2
+        steady = float(np.median(power.mean(axis=0) ** 2 / np.mean(power**2, axis=0)))
+        if steady < LEAST_STEADY:
+            raise DerivationError(
+                f"{record.name}: the excitation moves through its band, as a sweep that is not repeated does, so that "
+                "few windows excite a line and the response rings on in others; the local polynomial method can be used"
+            )
         return AveragedSpectra(frequency, Phi[k], dof + 1.0, dof, 0.5, _overlap())
     # the excitation is the same in all windows, so that their noise is averaged, and not its products with n
     averages = segments / (1.0 + 2.0 * HANN_OVERLAP * (segments - 1) / segments)
@@ -111,14 +120,16 @@ def _overlap() -> Array:
     return np.asarray(shared / shared[0])
 
 
-def _averages(rows: Array, length: int) -> tuple[Complex, int]:
-    """Spectra (length/2 + 1, 3, 3), averaged over windows without their linear trends, and the number of windows."""
+def _windows(rows: Array, length: int, trends: bool) -> Complex:
+    """Spectra (windows, length/2 + 1, 3) of Hann windows that overlap by half, without means and perhaps ``trends``.
+
+    The linear trend of a periodic excitation in a window is a part of it.
+    """
     window = np.hanning(length + 1)[:-1, None]
     t = np.arange(length) - 0.5 * (length - 1)
-    Phi = np.zeros((length // 2 + 1, rows.shape[1], rows.shape[1]), complex)
-    starts = range(0, len(rows) - length + 1, length // 2)
-    for start in starts:
+    found = []
+    for start in range(0, len(rows) - length + 1, length // 2):
         part = rows[start : start + length] - rows[start : start + length].mean(axis=0)
-        F = np.fft.rfft(window * (part - np.multiply.outer(t, t @ part / (t @ t))), axis=0)
-        Phi += np.einsum("la,lb->lab", F.conj(), F) / len(starts)
-    return Phi, len(starts)
+        slope = t @ part / (t @ t) if trends else np.zeros(rows.shape[1])
+        found.append(np.fft.rfft(window * (part - np.multiply.outer(t, slope)), axis=0))
+    return np.array(found)

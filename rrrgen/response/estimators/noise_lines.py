@@ -6,7 +6,7 @@ show it. So the window of a line is the widest of a few in which the bias is sma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,11 @@ from rrrgen.arrays import Array
 from rrrgen.errors import DerivationError
 from rrrgen.response.controller import Complex
 from rrrgen.response.estimators.local_polynomial import EXCITED, ORDER, LineEstimates, regress_window, spectrum
-from rrrgen.response.estimators.uncertainty import GROWTH, LARGEST_BIAS, PARABOLA_AT_ITS_CENTRE, running_mean
+from rrrgen.response.estimators.uncertainty import GROWTH, PARABOLA_AT_ITS_CENTRE, running_mean
 from rrrgen.response.response_file import ResponseRecording
 
 LEAST_WINDOW, MOST_WINDOW = 5, 20  # numbers of lines at either side of the middle of a window
+LARGEST_BIAS = 0.3  # squared bias, as a share of the variance, from which on a window is too wide
 LEAST_SAMPLES = 500  # shortest recording
 LEAST_ROUGHNESS = 0.2  # least share of the excitation's power in a window that is not smooth over the lines
 STEP = 4  # distance in lines of two estimates; nearer ones share most of their windows
@@ -27,8 +28,8 @@ STEP = 4  # distance in lines of two estimates; nearer ones share most of their 
 def noise_lines(record: ResponseRecording) -> LineEstimates:
     """Estimate the responses for any excitation, by a least-squares fit over windows of neighbouring lines.
 
-    For Y = U, Q the model is ``Y(k+r) = sum g_s r^s N(k+r) + sum t_s r^s``; g_0 is the response, t the transient. What
-    may be left of the bias of Q/U enlarges the covariance.
+    For Y = U, Q the model is ``Y(k+r) = sum g_s r^s N(k+r) + sum t_s r^s``; g_0 is the response, t the transient. Where
+    the bias of Q/U is large even in the narrowest window, it enlarges the covariance.
     """
     if len(record.n) < LEAST_SAMPLES:
         raise DerivationError(
@@ -48,7 +49,7 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
     k, power = k[use], power[use]
     fits = [_fit(F, k, width)]
     while fits[-1].width >= 2 * LEAST_WINDOW:
-        fits.append(_fit(F, k, fits[-1].width // 2))
+        fits.append(_pooled(_fit(F, k, fits[-1].width // 2), width))
     chosen, bias = _widest_without_bias(_fit(F, k, 2 * width), fits, k)
     at = chosen, np.arange(len(k))
     G, V = np.array([fit.G for fit in fits])[at], np.array([fit.V for fit in fits])[at]
@@ -104,8 +105,20 @@ def _fit(F: Complex, k: NDArray[np.int64], width: int) -> _Fit:
     return _Fit(width, G, V, spread, dof, P, variance, middle == k)
 
 
+def _pooled(fit: _Fit, widest: int) -> _Fit:
+    """The fit with a variance of P, relative to P, that is the mean over as many lines as the widest window has.
+
+    The few lines of a narrow window tell the noise badly, and the response changes faster than the noise in it.
+    """
+    size = np.abs(fit.P) ** 2 * fit.spread
+    own = np.maximum(fit.variance / np.maximum(size, np.finfo(float).tiny), np.finfo(float).tiny)
+    change = running_mean(own, max(1, round((widest - fit.width) / STEP))) / own
+    dof = round(fit.dof * (2 * widest + 1) / (2 * fit.width + 1))
+    return replace(fit, V=change[:, None, None] * fit.V, variance=change * fit.variance, dof=dof)
+
+
 def _widest_without_bias(outer: _Fit, fits: list[_Fit], k: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
-    """Index (L,) of the fit that is used at each line, and its squared bias (L,) over its variance.
+    """Index (L,) of the fit that is used at each line, and its squared bias (L,) over its variance where that is large.
 
     ``fits`` become narrower by half from one to the next, and ``outer`` is twice as wide as the first. The bias of a
     window is much smaller than that of one twice as wide, and so than the difference of the two estimates. Its square,
@@ -127,7 +140,8 @@ def _widest_without_bias(outer: _Fit, fits: list[_Fit], k: NDArray[np.int64]) ->
     for i in range(len(fits) - 1, -1, -1):
         allowed &= (ratio[i] < LARGEST_BIAS) | (i == len(fits) - 1)
         chosen[allowed] = i
-    return chosen, ratio[chosen, np.arange(len(k))]
+    left = ratio[chosen, np.arange(len(k))]
+    return chosen, np.where(left < LARGEST_BIAS, 0.0, left)
 
 
 def _rough_power(lines: Complex) -> Array:

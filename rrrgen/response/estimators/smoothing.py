@@ -23,7 +23,6 @@ from rrrgen.arrays import Array
 from rrrgen.response.controller import Complex
 from rrrgen.response.estimators.uncertainty import (
     GROWTH,
-    LARGEST_BIAS,
     MANY,
     PARABOLA_AT_ITS_CENTRE,
     radius,
@@ -41,6 +40,7 @@ within 4 %. The third number is the least of independent values in a response fo
 a radius of 4 % one in fifty is off by more than 4 % or 2.5 degrees, with all lines that share its data, and of a few
 values it would be a large part.
 """
+LARGEST_BIAS = 0.15  # largest squared bias, as a share of the remaining variance
 MISSED_BIAS = 0.05  # squared bias that may have been missed, alike
 UNLIKELY = 1e-3  # probability that noise alone looks like a bias
 ORDER, FINE_ORDER = 2, 4

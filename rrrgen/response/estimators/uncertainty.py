@@ -10,7 +10,6 @@ CONFIDENCE = 0.95
 LEAST_DEPENDENCE = 1e-12  # least relative dependence of errors on an unknown: that of rounding
 MANY = 1e6  # degrees of freedom from which on the variance counts as exactly known
 PARABOLA_AT_ITS_CENTRE = 9.0 / 4.0  # variance of a fitted parabola's centre value, over that of the mean of its lines
-LARGEST_BIAS = 0.15  # largest squared bias, as a share of the remaining variance
 GROWTH = 32.0  # least factor on the squared bias from a window to one twice as wide; 2^8 for a constant 4th derivative
 
 
