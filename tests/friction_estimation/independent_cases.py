@@ -328,7 +328,7 @@ CASES: dict[str, Case] = {
     "lugre, soft": Case(SlidingJoint("lugre", sigma0=5e3, sigma1=5.0)),
     "lugre, stiff": Case(SlidingJoint("lugre", sigma0=1e5, sigma1=60.0)),
     "stribeck, offset": Case(SlidingJoint("stribeck", constant=0.3), NOISY),
-    "coulomb_viscous, offset": Case(SlidingJoint("coulomb_viscous", constant=0.1), NOISY),
+    "asymmetric, as by an offset": Case(SlidingJoint("asymmetric", coulomb=0.7, coulomb_n=0.5), NOISY),
     "stribeck, no gravity, offset": Case(SlidingJoint("stribeck", gravity=0.0, constant=0.05), NOISY, **RRR1),
     "coulomb_viscous, no gravity, offset": Case(
         SlidingJoint("coulomb_viscous", gravity=0.0, constant=0.05), NOISY, **RRR1

@@ -1,7 +1,13 @@
-"""The choice among laws by their losses on held-out windows."""
+"""The choice among laws by their losses on held-out windows, and what is said about the one chosen."""
+
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
+from rrrgen.friction_estimation.candidates import candidates
+from rrrgen.friction_estimation.estimation import LawEstimate, reported
+from rrrgen.friction_estimation.notes import notes
 from rrrgen.friction_estimation.selection import Score, choose
 
 BLOCKS = np.repeat(np.arange(10), 5)
@@ -27,3 +33,21 @@ def test_a_small_uncertain_gain_does_not_pay_for_parameters():
 def test_of_equally_many_parameters_the_criterion_decides():
     even = np.ones(50)
     assert choose([score("a", 8, even, bic=5.0), score("b", 8, even, bic=-5.0)], BLOCKS) == 1
+
+
+@pytest.mark.parametrize(
+    ("gravity", "law", "theta", "told"),
+    [
+        (2, 1, [0.1, 1.0, 0.0, 0.2, 0.2, 0.7, 0.5, 0.0], ["offset of the measured torque of 0.1 with equal Coulomb"]),
+        (2, 1, [0.1, 1.0, 0.0, 0.2, 0.3, 0.7, 0.5, 0.0], []),
+        (1, 1, [0.1, 1.0, 0.2, 0.3, 0.7, 0.5, 0.0], ["gravity is the force for which the two are equal"]),
+        (0, 0, [0.1, 0.1, 0.2, 0.6, 0.0], ["Coulomb friction of 0.7 forward and 0.5 backward (law asymmetric)"]),
+        (0, 0, [0.1, 0.001, 0.2, 0.6, 0.0], []),
+    ],
+)
+def test_models_that_are_the_same_are_named(gravity, law, theta, told):
+    law, theta = candidates(gravity)[law], np.array(theta)
+    values = reported(law, theta, 1e-3)
+    chosen = LawEstimate(law, law.settled(theta), values, dict.fromkeys(values, 1e-3), None, values, 0.01)
+    found = notes(chosen, SimpleNamespace(speed=1.0))
+    assert [part in note for part, note in zip(told, found, strict=True)] == [True] * len(told)
