@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 EXTRAPOLATED = 1.0  # s: with less time of sliding below the Stribeck speed, stiction is an extrapolation
 HARDLY = 0.02  # relative standard deviation of the inertia above which a note warns the user
 UNEXPLAINED = 0.1  # torque error in sliding above which a note warns that no law fits
+MISFIT = 1.6  # held-out error above which a note warns that the law is doubtful; true laws have 0.8 to 1.35
 UNCERTAIN = 0.2  # relative standard deviation of another parameter above which a note warns the user
 SMALL = 0.02  # times break-away: torque below which viscous friction does not matter
 CERTAIN = 3.0  # standard deviations from zero from which on a difference counts
@@ -34,6 +35,11 @@ def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
         found.append(
             f"no law fits well: {100 * chosen.torque_error:.0f} % of the torque in sliding remain unexplained; check "
             "that the other joints stand still, and look for torque ripple, backlash or a limit cycle in the recording"
+        )
+    elif chosen.score.held_out > MISFIT:
+        found.append(
+            f"errors on windows that were not fitted are {chosen.score.held_out:.2g} times the noise: {chosen.name} is "
+            "the best law tried, but does not describe rest and reversals; add slow reversals, which tell the law"
         )
     if chosen.std["inertia"] > HARDLY * chosen.values["inertia"]:
         found.append("inertia is hardly determined: the joint accelerates too little; add a fast multisine")

@@ -36,18 +36,24 @@ def test_of_equally_many_parameters_the_criterion_decides():
 
 
 @pytest.mark.parametrize(
-    ("gravity", "law", "theta", "told"),
+    ("gravity", "law", "theta", "held_out", "told"),
     [
-        (2, 1, [0.1, 1.0, 0.0, 0.2, 0.2, 0.7, 0.5, 0.0], ["offset of the measured torque of 0.1 with equal Coulomb"]),
-        (2, 1, [0.1, 1.0, 0.0, 0.2, 0.3, 0.7, 0.5, 0.0], []),
-        (1, 1, [0.1, 1.0, 0.2, 0.3, 0.7, 0.5, 0.0], ["gravity is the force for which the two are equal"]),
-        (0, 0, [0.1, 0.1, 0.2, 0.6, 0.0], ["Coulomb friction of 0.7 forward and 0.5 backward (law asymmetric)"]),
-        (0, 0, [0.1, 0.001, 0.2, 0.6, 0.0], []),
+        (
+            2,
+            1,
+            [0.1, 1.0, 0.0, 0.2, 0.2, 0.7, 0.5, 0.0],
+            1.0,
+            ["of the measured torque of 0.1 with equal Coulomb"],
+        ),
+        (2, 1, [0.1, 1.0, 0.0, 0.2, 0.3, 0.7, 0.5, 0.0], 2.4, ["2.4 times the noise: asymmetric is the best"]),
+        (1, 1, [0.1, 1.0, 0.2, 0.3, 0.7, 0.5, 0.0], 1.0, ["gravity is the force for which the two are equal"]),
+        (0, 0, [0.1, 0.1, 0.2, 0.6, 0.0], 1.0, ["Coulomb friction of 0.7 forward and 0.5 backward (law asymmetric)"]),
+        (0, 0, [0.1, 0.001, 0.2, 0.6, 0.0], 1.35, []),
     ],
 )
-def test_models_that_are_the_same_are_named(gravity, law, theta, told):
+def test_models_that_are_the_same_and_a_poor_fit_are_named(gravity, law, theta, held_out, told):
     law, theta = candidates(gravity)[law], np.array(theta)
-    values = reported(law, theta, 1e-3)
-    chosen = LawEstimate(law, law.settled(theta), values, dict.fromkeys(values, 1e-3), None, values, 0.01)
+    values, rating = reported(law, theta, 1e-3), Score(law.name, len(theta), held_out, 0.0, np.ones(1))
+    chosen = LawEstimate(law, law.settled(theta), values, dict.fromkeys(values, 1e-3), rating, values, 0.01)
     found = notes(chosen, SimpleNamespace(speed=1.0))
     assert [part in note for part, note in zip(told, found, strict=True)] == [True] * len(told)
