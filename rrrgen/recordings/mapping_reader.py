@@ -26,7 +26,9 @@ KEYS = {
         "schema": Entry(words([SCHEMA]), required=True),
         "name": Entry("of the recording"),
         "description": Entry("what was recorded"),
-        "files": Entry("path of the recording; or several as name: path, or name: mapping", required=True),
+        "files": Entry(
+            "path or description of the recording; or several as name: path, or name: description", required=True
+        ),
         "time": Entry("when the samples were taken", required=True),
         "units": Entry("signal: unit of its columns, for all joints"),
         "side": Entry("where signals are measured: `joint` (if missing) or `motor`"),
@@ -68,6 +70,9 @@ KEYS_OF_OTHER_FILES = {
     "drives: {drive_from_joint: [[1, 0], [1, 1]], motors: [{name: m1}, {name: m2, inertia: 0, friction: {viscous: 0}}]}"
 }
 """Keys that belong to another file, with a hint where."""
+UNITS_OF: dict[Signal, Signal] = {"reference": "position", "reference_velocity": "velocity", "feedforward": "torque"}
+"""Signals whose unit is that of another signal where `units` does not state it."""
+
 UNITS: dict[Signal, dict[str, float]] = {
     "position": log_units.POSITION | {log_units.COUNTS: 1.0},
     "velocity": log_units.VELOCITY | {log_units.COUNTS + "/s": 1.0},
@@ -201,7 +206,7 @@ class _Reader(SourceReader):
             part: dict[str, Node] = {"column": node}
         else:
             part = self.section(node, "channel", what) or {}
-        unit = self.units.get(signal, "")
+        unit = self.units.get(signal) or self.units.get(UNITS_OF.get(signal, signal), "")
         if "unit" in part:
             unit = log_units.read_unit(part["unit"], what, UNITS[signal], self.faults) or "one"
         elif not unit:

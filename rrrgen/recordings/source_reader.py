@@ -46,31 +46,39 @@ class SourceReader(Reader):
         self.files: dict[str, FileSource] = {}
 
     def read_files(self, node: Node | None) -> None:
-        """Fill ``files`` from one path or from a mapping of names to paths or descriptions."""
+        """Fill ``files`` from one path or description, or from a mapping of names to paths or descriptions."""
         if node is None:
             return
         if isinstance(node, Scalar):
             self.files["log"] = FileSource("log", self.folder / node.text)
             return
-        for alias, (_, value) in (read_entries(node, "files", self.faults) or {}).items():
+        entries = read_entries(node, "files", self.faults) or {}
+        if "path" in entries and entries.keys() <= FILE_KEYS.keys():
+            self.files["log"] = self.read_file("log", node, "files")
+            return
+        for alias, (_, value) in entries.items():
             if isinstance(value, Scalar):
                 self.files[alias] = FileSource(alias, self.folder / self.text(value, f"files.{alias}"))
                 continue
-            part = self.values(value, f"files.{alias}", FILE_KEYS) or {}
-            self.files[alias] = FileSource(
-                name=alias,
-                path=self.folder / self.text(part["path"], "path") if "path" in part else self.folder,
-                format=self.choice(part["format"], "format", FORMATS) if "format" in part else None,
-                separator=self.separator(part.get("separator")),
-                decimal=self.choice(part["decimal"], "decimal", DECIMALS) if "decimal" in part else None,
-                header=self.whole(part.get("header"), "header", None),
-                skip=self.whole(part.get("skip"), "skip", 0) or 0,
-                comment=self.text(part["comment"], "comment") if "comment" in part else "#",
-                encoding=self.text(part["encoding"], "encoding") if "encoding" in part else "utf-8-sig",
-                topic=self.text(part["topic"], "topic") if "topic" in part else None,
-            )
+            self.files[alias] = self.read_file(alias, value, f"files.{alias}")
         if not self.files:
             self.faults.error(node, "files names no file")
+
+    def read_file(self, alias: str, node: Node, what: str) -> FileSource:
+        """Read the description of one file, a mapping that the messages call ``what``."""
+        part = self.values(node, what, FILE_KEYS) or {}
+        return FileSource(
+            name=alias,
+            path=self.folder / self.text(part["path"], "path") if "path" in part else self.folder,
+            format=self.choice(part["format"], "format", FORMATS) if "format" in part else None,
+            separator=self.separator(part.get("separator")),
+            decimal=self.choice(part["decimal"], "decimal", DECIMALS) if "decimal" in part else None,
+            header=self.whole(part.get("header"), "header", None),
+            skip=self.whole(part.get("skip"), "skip", 0) or 0,
+            comment=self.text(part["comment"], "comment") if "comment" in part else "#",
+            encoding=self.text(part["encoding"], "encoding") if "encoding" in part else "utf-8-sig",
+            topic=self.text(part["topic"], "topic") if "topic" in part else None,
+        )
 
     def read_time(self, node: Node | None) -> TimeSource:
         """Read where the sampling instants come from: a rate (Hz), a period (s), or a column of a file."""

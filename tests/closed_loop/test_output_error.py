@@ -97,6 +97,9 @@ def test_another_controller_is_told(drive, fitted):
     early = loads_controller(CONTROLLER.replace("{delayed: volts, by: 1}", "{sum: {volts: 1}}"))
     found = validate_loop(model, early, recordings, Processing("differences"))
     assert "a delay of 1 periods fits better" in found.lines(["slide"])[0]
+    crude = loads_controller(CONTROLLER.replace("{difference: averaged}", "{difference: position}"))
+    found = validate_loop(model, crude, recordings, Processing("differences"))
+    assert "look at differences, averages, filters" in found.lines(["slide"])[0]
     unstable = loads_controller(CONTROLLER.replace("position: -160.0", "position: 160.0"))
     with pytest.raises(DerivationError, match=r"the simulated loop diverges .* s after the start of the recording"):
         validate_loop(model, unstable, recordings, Processing("differences"))

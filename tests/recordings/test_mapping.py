@@ -113,3 +113,14 @@ def test_a_transmission_that_is_not_the_robots_is_refused():
     ):
         check_robot(uncoupled, spec)
     check_robot(uncoupled, replace(spec, drives=None))
+
+
+def test_one_file_with_its_separator_and_references_in_the_unit_of_positions():
+    text = FAULTY.splitlines()[0].replace("/2", "/1") + '\nfiles: {path: x.csv, separator: ";"}\ntime: {period: 1 ms}\n'
+    text += "units: {position: deg, torque: N*m}\njoints:\n"
+    text += "  - {name: j1, position: q1, torque: t1, reference: r1, feedforward: f1}\n"
+    mapping = loads_mapping(text, "log.yaml")
+    assert [(file.path.name, file.separator) for file in mapping.files] == [("x.csv", ";")]
+    channel = mapping.joints[0]
+    assert channel.reference.factor == channel.position.factor
+    assert channel.feedforward.factor == channel.torque.factor
