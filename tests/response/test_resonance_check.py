@@ -141,3 +141,15 @@ def test_a_resonance_narrower_than_the_lines_has_an_unknown_damping():
         near = [mode for mode in fit_modes(response).resonances if abs(mode.frequency - 32.67) < 1.0]
         assert len(near) == 1
         assert near[0].uncertain[-1:] == ("damping",)
+
+
+def test_a_tone_in_the_noise_is_no_resonance():
+    """Such as that of a fan, next to an arm: a pair of poles without damping explains it by its free motion."""
+    rng = np.random.default_rng(47)
+    u = rng.standard_normal(1500)
+    y = held_arm(u, MODES[:1])
+    y = y + y.std() * (0.02 * rng.standard_normal(1500) + 0.1 * np.sin(2 * np.pi * 113.0 * PERIOD * np.arange(1500)))
+    p = [np.exp(2 * np.pi * f * PERIOD * (-d + 1j * np.sqrt(1 - d**2))) for f, d in ((31.0, 0.02), (113.0, 1e-6))]
+    (found,) = check_resonances(-np.poly([*p, *np.conj(p)]).real[1:], 1, u, y, PERIOD)
+    assert found.frequency == pytest.approx(31.0)
+    assert found.uncertain == ()

@@ -150,9 +150,14 @@ def _variance(rows: _Rows, cost: float, unknowns: int) -> float:
 
 
 def _needed(rows: _Rows, poles: Poles, weak: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Mask of the ``weak`` pairs that the rows need: the least needed one is left out until all that remain are."""
+    """Mask of the ``weak`` pairs that the rows need: the least needed one is left out until all that remain are.
+
+    Only the response to the input counts: a free motion of a pair without damping explains a tone in the noise too.
+    """
     columns = _all_columns(rows, poles)
     owner = np.concatenate([np.full(each.shape[1], i) for i, each in enumerate(columns)])
+    for i in range(len(poles)):
+        owner[np.flatnonzero(owner == i)[1::2]] = len(poles)  # the responses to the initial state always stay
     X = rows.white(np.hstack(columns))
     X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     R: Array = np.asarray(np.linalg.qr(np.column_stack([X, rows.white(rows.y[:, None])]), mode="r"))
