@@ -153,3 +153,15 @@ def test_a_tone_in_the_noise_is_no_resonance():
     (found,) = check_resonances(-np.poly([*p, *np.conj(p)]).real[1:], 1, u, y, PERIOD)
     assert found.frequency == pytest.approx(31.0)
     assert found.uncertain == ()
+
+
+def test_a_model_with_one_mode_in_place_of_two_tells_nothing():
+    """Its damping is that of both together, which no small deviation may make certain."""
+    rng = np.random.default_rng(48)
+    u = rng.standard_normal(1500)
+    y = held_arm(u, ((28.4, 0.065, 1.0), (31.2, 0.0085, 0.5)))
+    y = y + 0.001 * y.std() * rng.standard_normal(len(y))
+    p = np.exp(2 * np.pi * 30.4 * PERIOD * (-0.045 + 1j))
+    for mode in check_resonances(-np.poly([p, np.conj(p)]).real[1:], 1, u, y, PERIOD):
+        assert mode.uncertain == ("frequency", "damping")
+        assert mode.unknown

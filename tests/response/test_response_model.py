@@ -99,6 +99,19 @@ def test_rows_of_a_closed_loop_are_fitted_and_the_others_test_the_model(tmp_path
     assert run(["response-model", log, "--fit-rows", "1:99999", "-o", str(tmp_path / "no")]) == 3
 
 
+@pytest.mark.usefixtures("no_figures")
+def test_resonances_that_a_difference_equation_does_not_have_are_told(tmp_path, capsys):
+    """Least squares of a joint that moves freely, with an encoder of 1e-5 rad: they are sure of no mode."""
+    rng = np.random.default_rng(2)
+    log = write_loop(tmp_path, record(rng, multisine(rng, 8000)))
+    assert run(["response-model", log, "--method", "arx", "-o", str(tmp_path / "run")]) == 0
+    found = json.loads((tmp_path / "run/results/response_model.json").read_text())
+    certain = [mode["frequency"] for mode in found["resonances"] if not mode["uncertain"]]
+    assert found["overlooked"][0]["frequency"] == pytest.approx(MODES[0][0], rel=5e-3)
+    assert certain == []
+    assert "not in the model: 28 " in capsys.readouterr().out
+
+
 def test_difference_equations_of_a_closed_loop_are_judged_by_what_they_can_tell():
     """The joint integrates: its free run drifts, short runs and the loop from n to q do not."""
     rng = np.random.default_rng(5)
@@ -203,9 +216,10 @@ def write(folder, recording):
 
 def test_command_writes_model_figure_and_c(swinging, tmp_path, capsys):
     log, out = write(tmp_path, swinging[0]), tmp_path / "run"
-    assert run(["response-model", log, "--fit-rows", "1:800", "-o", str(out)]) == 0
+    assert run(["response-model", log, "--method", "output_error", "--fit-rows", "1:800", "-o", str(out)]) == 0
     found = json.loads((out / "results/response_model.json").read_text())
     assert found["fit"]["value"] > 85.0
+    assert found["overlooked"] == []
     assert "measured past" in found["fit"]["protocol"]
     assert {"a", "b", "delay", "resonances"} <= set(found)
     assert "response_model_step" in (out / "results/response_model.c").read_text()

@@ -157,6 +157,8 @@ def _print(found: FittedModels, record: dict[str, Any]) -> None:
     """Print the orders, scores and resonances of the models."""
     for model in found.models:
         _print_model(model)
+    for mode in found.overlooked:
+        say(f"not in the model: {_told(mode)}, which the frequency response shows; --method modes fits it")
     for name, reason in found.refused.items():
         say(f"no model of {name}: {reason}")
     for mode in record.get("resonances_over_postures", ()):

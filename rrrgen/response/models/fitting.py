@@ -14,24 +14,29 @@ from rrrgen.response.frequency_response import FrequencyResponse
 from rrrgen.response.models.difference_models import fit_difference_model
 from rrrgen.response.models.modal_fit import fit_modes
 from rrrgen.response.models.postures import modes_over_postures
-from rrrgen.response.models.response_model import ResponseModel
+from rrrgen.response.models.response_model import Resonance, ResponseModel
 from rrrgen.response.response_file import ResponseFile, ResponseRecording, read_recordings
+
+APART = 0.02  # relative distance of the frequencies of two resonances
 
 
 @dataclass(frozen=True)
 class FittedModels:
     """Models fitted to postures, the ``measured`` responses to draw with them, and postures without a model.
 
-    ``refused`` maps the name of each posture without a model to the reason.
+    ``refused`` maps the name of each posture without a model to the reason. ``overlooked`` are resonances of the
+    frequency response that a difference equation does not have.
     """
 
     models: list[ResponseModel]
     measured: list[FrequencyResponse]
     refused: dict[str, str]
+    overlooked: tuple[Resonance, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The contents of ``results/response_model.json``: the first posture, and all of them if there are several."""
         record = self.models[0].to_json()
+        record["overlooked"] = [mode.to_json() for mode in self.overlooked]
         if len(self.models) + len(self.refused) > 1:
             record["postures"] = [model.to_json() for model in self.models]
             record["resonances_over_postures"] = [mode.to_json() for mode in modes_over_postures(self.models)]
@@ -73,9 +78,23 @@ def fit_recordings(response: ResponseFile, rows: tuple[int, int] | None, method:
         return _modes_of(record, response.period, rows)
     model = fit_difference_model(record, rows, method, response.controller)
     try:
-        return FittedModels([model], [estimate_one(record, response.period)], {})
+        measured = estimate_one(record, response.period)
     except DerivationError:  # too short for a frequency response to show beside the model
         return FittedModels([model], [], {})
+    return FittedModels([model], [measured], {}, _overlooked(model, measured))
+
+
+def _overlooked(model: ResponseModel, measured: FrequencyResponse) -> tuple[Resonance, ...]:
+    """The resonances of which the frequency response is certain and that the model does not have."""
+    try:
+        modes = fit_modes(measured).resonances
+    except DerivationError:
+        return ()
+    return tuple(
+        mode
+        for mode in modes
+        if not mode.uncertain and all(abs(each.frequency / mode.frequency - 1.0) > APART for each in model.resonances)
+    )
 
 
 def _modes_of(record: ResponseRecording, period: float | None, rows: tuple[int, int] | None) -> FittedModels:

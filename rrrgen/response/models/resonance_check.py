@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rrrgen.arrays import Array
 from rrrgen.response.estimators.uncertainty import unknown_variances
-from rrrgen.response.models.response_model import HIGHEST_DAMPING, Resonance, resonance
+from rrrgen.response.models.response_model import CERTAIN, HIGHEST_DAMPING, Resonance, resonance
 
 WHITENING_ORDER = 30
 NEEDED = 5.0  # a pair of poles is needed if it lowers the cost by this multiple of the logarithm of the rows
@@ -70,6 +70,8 @@ def check_resonances(a: Array, delay: int, u: Array, y: Array, period: float) ->
     better = np.concatenate([[_pole(*each) for each in best], rest])  # whose error has less of the modes in it
     best, variance = _refined(_whitened(rows, better), best, rest)
     spread = np.sqrt(variance + (best - logs) ** 2)
+    elsewhere = np.abs(best - logs)[:, 0] > CERTAIN["frequency"]  # the mode that the rows show is another one
+    spread[elsewhere, 1] = np.inf
     return tuple(_resonance(p, float(f), float(d), period) for p, (f, d) in zip(chosen, spread, strict=True))
 
 
