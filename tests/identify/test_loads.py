@@ -84,6 +84,13 @@ def test_what_a_planar_arm_cannot_tell_is_said(planar):
 def test_no_payload_and_no_links_are_refused(planar):
     with pytest.raises(DerivationError, match="the mass of the payload is not determined"):
         identify_payload(planar, [recording(planar, 3, carried=False)], LOGGED)
+    with pytest.raises(InputError, match="too little data: 10 rows"):
+        identify_payload(planar, [recording(planar, 3, seconds=0.2)], LOGGED)
+    still = recording(planar, 3)
+    noise = 1e-6 * np.random.default_rng(3).normal(size=still.q.shape)
+    still = replace(still, q=0.3 + noise, dq=noise, ddq=noise)
+    with pytest.raises(InputError, match="no joint moves"):
+        identify_payload(planar, [still], LOGGED)
     bare = rrrgen.compile(replace(planar.spec, links=None), backend="numpy")
     with pytest.raises(InputError, match="no links"):
         identify_payload(bare, [recording(planar, 3)], LOGGED)

@@ -24,6 +24,11 @@ SLOW = 0.05
 STILL = 0.02
 """The same, as a share of the largest speed of all joints; those of prismatic joints over the length of a link."""
 
+JITTER = 0.3
+"""Size of the steps from sample to sample over the spread of the positions, above which they are noise, not motion."""
+FEWEST = 20
+"""Rows of a joint below which there is no estimate: some two cycles of the fastest part of the motion."""
+
 
 @dataclass(frozen=True)
 class SlowSamples:
@@ -48,12 +53,16 @@ def slow_samples(model: Any, recordings: Sequence[Recording], processing: Proces
     """Find the lowest speeds of ``recordings`` that count as sliding, unless ``processing`` states them.
 
     Presliding and the Stribeck effect reach up to some percent of the largest speed of a joint. A joint of ``model``
-    that stands is still moved a little by the others.
+    that stands is still moved a little by the others. Raises InputError if none moves.
     """
-    peak = np.zeros(len(recordings[0].joints))
+    peak, steps, spread = np.zeros((3, len(recordings[0].joints)))
     for window in Observations(tuple(recordings), RowMaker(_no_columns, processing, 1)).windows():
         speed = reconstruct(window.part, processing).dq[window.start : window.stop]
         peak = np.maximum(peak, np.max(np.abs(speed), axis=0))
+        steps = np.maximum(steps, np.std(np.diff(window.part.q, axis=0), axis=0))
+        spread = np.maximum(spread, np.std(window.part.q, axis=0))
+    if np.all(steps >= JITTER * spread):
+        raise InputError("no joint moves in the recording: its positions are constant but for noise")
     sliding = [joint.type == "prismatic" for joint in model.spec.joints]
     scale = np.where(sliding, np.max(link_lengths(model.spec)), 1.0)
     lowest = np.maximum(SLOW * peak, STILL * scale * np.max(peak / scale))
@@ -95,7 +104,7 @@ def standard_of(mass: float, com: Array, inertia: Array) -> Array:
 
 
 def factored(recordings: Sequence[Recording], maker: RowMaker) -> tuple[JointFactors, Iterable[Rows]]:
-    """Triangular factors and blocks of all rows. Raises InputError if none is left."""
+    """Triangular factors and blocks of all rows. Raises InputError if there are too few."""
     for recording in recordings:
         if len(recording) == 0:
             raise InputError("a recording holds no samples")
@@ -105,8 +114,12 @@ def factored(recordings: Sequence[Recording], maker: RowMaker) -> tuple[JointFac
         factors, blocks, _ = rows_of_recordings(observations, Split())
     else:
         factors, blocks = factor_recordings(observations), FittedRows(observations, Split())
-    if int(np.sum(factors.fit.counts)) == 0:
-        raise InputError("no row is left to fit: check the lowest speed of the processing")
+    most = int(np.max(factors.fit.counts))
+    if most < FEWEST:
+        raise InputError(
+            f"too little data: {most} rows of a joint are left after filtering, fewer than {FEWEST}; record longer, or "
+            "check low_speed and decimate"
+        )
     return factors.fit, blocks
 
 
