@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,11 @@ from rrrgen.response.response_file import ResponseRecording
 LEAST_COUNTS = 12.0  # encoder steps of amplitude below which inertia and damping are unreliable
 HIGHEST = 0.4  # times the sampling rate: with a higher resonance only the stiffness is reported
 BREAK_AWAY = 0.5  # largest excitation, relative to the break-away torque
+FASTEST = 1.5  # times the sampling rate: highest resonance that is tried
+RESONANCES = 60  # tried resonances
+RATIOS = (0.03, 0.1, 0.3, 1.0, 3.0)  # tried ratios of the damping to the critical one
+REFINED = 3  # of the tried ones, the best are refined
+ALIKE = 1.5  # largest ratio of the stiffnesses at two amplitudes
 WIDE = 0.5  # relative standard deviation of the response above which a frequency is left out
 
 Complex = NDArray[np.complexfloating[Any, Any]]
@@ -94,9 +100,16 @@ def presliding(
     ``resolution`` is that of the encoder, rad (m), used if the recorded positions do not lie on a grid. The other
     arguments come from an estimate with sliding motion: the ``break_away`` torque (N m or N), the ``viscous``
     coefficient, the ``gravity`` coefficients of cos q and sin q, and the ``delay`` (s) of the motion behind the torque.
-    Raises :class:`DerivationError` if the excitation comes near break-away or is not periodic.
+    Raises :class:`DerivationError` if the excitation comes near break-away or is not periodic, or if the stiffnesses at
+    two amplitudes contradict each other.
     """
     levels = sorted((_level(each, resolution, break_away, delay) for each in records), key=lambda x: x.torque)
+    found = [float(level.values[2]) for level in levels]
+    if max(found) > ALIKE * min(found):
+        raise DerivationError(
+            f"the stiffness is {min(found):.3g} at one amplitude and {max(found):.3g} at another: the recordings do "
+            "not tell it; the joint oscillates on its bristles too fast for the sampling rate, or moves too little"
+        )
     values, stds = _extrapolated(levels)
     J, damping, stiffness = values
     position = float(np.mean([level.position for level in levels]))
@@ -129,8 +142,6 @@ def _level(record: ResponseRecording, resolution: float, break_away: float, dela
     Frequencies are weighted by the inverse standard deviation of the response. Raises :class:`DerivationError` for an
     excitation that comes near the torque ``break_away``, is not periodic, or is hidden by noise.
     """
-    from scipy.optimize import least_squares
-
     torque = record.u - np.mean(record.u)
     if float(np.max(np.abs(torque))) > BREAK_AWAY * break_away:
         raise DerivationError(
@@ -148,27 +159,49 @@ def _level(record: ResponseRecording, resolution: float, break_away: float, dela
     if np.count_nonzero(use) < 6:
         raise DerivationError(f"{record.name}: noise hides the response at all but {np.count_nonzero(use)} lines")
     f, P, weight = lines.frequency[use], P[use], 1.0 / np.sqrt(np.maximum(variance[use], 1e-300))
-    size = np.abs(P)
-
-    def residual(x: Array) -> Array:
-        inertia, damping, stiffness = np.exp(x)
-        e = (zero_order_hold(f, record.period, inertia, damping, stiffness, delay) - P) * weight
-        return np.concatenate([e.real, e.imag])
-
-    peak = int(np.argmax(size))
-    stiffness = 1.0 / float(np.median(size[: max(3, len(size) // 20)]))
-    omega = 2.0 * np.pi * max(f[peak], 0.3 * f[-1] if peak < 3 else 0.0)
-    J = stiffness / omega**2
-    tried = [
-        least_squares(residual, np.log([J, 2.0 * ratio * np.sqrt(J * stiffness), stiffness]), x_scale="jac")
-        for ratio in (0.03, 0.3)
-    ]
-    found = min(tried, key=lambda each: float(each.cost))
-    scale = max(1.0, 2.0 * float(found.cost) / max(len(found.fun) - 3, 1))
-    values = np.exp(found.x)
-    std = values * np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac)) * scale)
+    values, std = _fitted(f, P, weight, record.period, delay)
     amplitude = float(np.sqrt(2.0) * np.std(record.q)) / encoder_step(record.q, resolution)
     return Level(float(np.std(torque)), amplitude, float(np.mean(record.q)), values, std)
+
+
+def _fitted(f: Array, P: Complex, weight: Array, period: float, delay: float) -> tuple[Array, Array]:
+    """Inertia, damping and stiffness (3,) of a response P (L,) at the frequencies f (L,), and standard deviations (3,).
+
+    ``weight`` (L,) are inverse standard deviations of P. Resonance and damping ratio are tried on a grid, with the best
+    stiffness of each: from a single guess the search can end at a resonance far above the sampling rate.
+    """
+    from scipy.optimize import least_squares
+
+    low, high = np.log([2.0 * np.pi * f[0] / 3.0, 2.0 * np.pi * FASTEST / period])
+
+    def physical(x: Array) -> Array:
+        omega, ratio, stiffness = np.exp(x)
+        return np.array([stiffness / omega**2, 2.0 * ratio * stiffness / omega, stiffness])
+
+    def shape(x: Array) -> Complex:
+        inertia, damping, stiffness = physical(x).tolist()
+        return np.asarray(zero_order_hold(f, period, inertia, damping, stiffness, delay) * weight)
+
+    def residual(x: Array) -> Array:
+        e = shape(x) - P * weight
+        return np.concatenate([e.real, e.imag])
+
+    tried = []
+    for omega, ratio in product(np.linspace(low, high, RESONANCES)[:-1], np.log(RATIOS)):
+        unit = shape(np.array([omega, ratio, 0.0]))
+        gain = float(np.real(np.vdot(unit, P * weight)) / np.real(np.vdot(unit, unit)))
+        if gain > 0.0:
+            start = np.array([omega, ratio, -np.log(gain)])
+            tried.append((float(np.sum(residual(start) ** 2)), start))
+    limits = ([low, np.log(1e-4), -np.inf], [high, np.log(1e3), np.inf])
+    best = sorted(tried, key=lambda each: each[0])[:REFINED]
+    results = [least_squares(residual, start, x_scale="jac", bounds=limits) for _, start in best]
+    found = min(results, key=lambda each: float(each.cost))
+    scale = max(1.0, 2.0 * float(found.cost) / max(len(found.fun) - 3, 1))
+    logs = np.array([[-2.0, 0.0, 1.0], [-1.0, 1.0, 1.0], [0.0, 0.0, 1.0]])  # of the values by those of the search
+    covariance = logs @ np.linalg.pinv(found.jac.T @ found.jac) @ logs.T * scale
+    values = physical(found.x)
+    return values, values * np.sqrt(np.diag(covariance))
 
 
 def zero_order_hold(f: Array, period: float, J: float, damping: float, stiffness: float, delay: float) -> Complex:

@@ -52,6 +52,20 @@ def test_too_few_encoder_steps_leave_the_stiffness_alone(levels):
     assert found.sigma0[0] == pytest.approx(JOINT.sigma0, rel=0.1)
 
 
+def test_stiff_bristles_are_found_whatever_the_phases():
+    """With these phases a search from a single guess ends at a resonance of megahertz and a third of the stiffness."""
+    joint = Joint("lugre", sigma0=1e5, sigma1=30.0, gravity=0.0)
+    torques = [multisine(22, level) for level in (0.15, 0.3)]
+    motion = [(torque, bristles(joint, torque, PERIOD, substeps=10)) for torque in torques]
+    step = math.sqrt(2.0) * float(np.std(motion[0][1])) / 100.0
+    found = estimate([ResponseRecording("rest", PERIOD, u, u, np.round(q / step) * step) for u, q in motion], step)
+    for (value, std), actual in zip(
+        (found.sigma0, found.inertia, found.sigma1), (1e5, joint.inertia, 30.0), strict=True
+    ):
+        assert value == pytest.approx(actual, rel=0.05)
+        assert abs(value - actual) < 3.0 * std
+
+
 def test_break_away_and_noise_are_refused(levels):
     torque = 4.0 * levels[1].u
     with pytest.raises(DerivationError, match="break-away"):
