@@ -162,13 +162,15 @@ def test_instruments_from_the_simulated_loop_tell_bias(drive, tmp_path, resoluti
     assert (mass < 0.98 * MASS) == biased
 
 
-def test_friction_with_a_state_is_simulated_and_found(drive, tmp_path):
-    """Dahl's law: at every reversal the bristles bend before the drive slides."""
+@pytest.mark.parametrize("law", ["dahl", "lugre"])
+def test_friction_with_a_state_is_simulated_and_found(drive, tmp_path, law):
+    """Dahl's law: at every reversal the bristles bend before the drive slides. LuGre contains it, with a ratio of 1."""
     log = LogStream(open_log(record(tmp_path, "log", 3, 4.0, presliding=DAHL["presliding1"])))
-    model, options = rrrgen.compile(drive[1]), Options(friction=LawChoice("dahl"))
+    model, options = rrrgen.compile(drive[1]), Options(friction=LawChoice(law))
     found = identify(model, [log], Processing("differences", decimate=5), options)
     loop = closed_loop_estimate(found, [log], loads_controller(CONTROLLER), options)
     known = dict(zip(loop.names, loop.theta, strict=True))
+    assert known.get("stiction_ratio1", 1.0) == pytest.approx(1.0, abs=0.01)
     assert known["m1R"] == pytest.approx(MASS, rel=2e-3)
     for name, value in DAHL.items():
         assert known[name] == pytest.approx(value, rel=0.02), name

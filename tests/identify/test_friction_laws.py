@@ -73,7 +73,7 @@ def friction(name, p, v):
     return (p[0] * np.exp(-abs(slow) / p[4]) + p[1]) * z / p[5] + p[2] * slow + p[3] * slow * abs(slow)
 
 
-def recording(arm, truth=TRUTH, seed=3, seconds=10.0, noise=0.02):
+def recording(arm, truth=TRUTH, seed=3, seconds=8.0, noise=0.02):
     """A motion with many reversals, with friction after ``truth``, and with noise of the torques."""
     t = PERIOD * np.arange(round(seconds / PERIOD))
     q, dq, ddq = fourier_motion(t, 2, seed, base=1 / 5, size=0.35)
@@ -125,7 +125,7 @@ def test_the_law_of_every_joint_is_found_with_its_shapes(chosen):
 def test_bristles_are_found_and_chosen(arm, monkeypatch):
     """LuGre friction, once with more and once with less friction at rest than in sliding; (14.13)."""
     monkeypatch.setattr(choice, "CANDIDATES", ("coulomb_viscous", "stribeck", "dahl_exponential", "lugre"))
-    log = recording(arm, BRISTLES, noise=0.005)
+    log = recording(arm, BRISTLES, seconds=6.0, noise=0.005)
     found = fitted(arm, log, "auto", split=Split.parse("first:0.7"))
     assert [surface.law for surface in found.friction.surfaces] == ["lugre", "lugre"]
     spec = loads_spec(dumps(identified_spec(arm.spec, found.consistent, surfaces=found.friction.surfaces)))

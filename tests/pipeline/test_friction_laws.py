@@ -167,6 +167,38 @@ def test_the_emitted_c_is_the_law():
         assert mine == pytest.approx(wanted, rel=1e-13)
 
 
+def test_emitted_bristles_are_those_of_an_own_integration_and_end_on_the_stribeck_curve():
+    """One period at constant speed, against (14.13) in small steps; the logistic law beside it has no state."""
+    model = rrrgen.compile(loads_spec(robot([friction_text("lugre"), friction_text("logistic")])), backend="numpy")
+    emitted = Emitted([model.derived.programs["friction_step"]])
+    sigma0, sigma1, excess, coulomb, viscous, speed = EXAMPLES["lugre"][0]
+    span, steepness, shift = EXAMPLES["logistic"][0]
+    rng = np.random.default_rng(3)
+    dq, start, period = rng.uniform(-0.5, 0.5, (20, 2)), 2e-4 * rng.uniform(-1, 1, 20), 5e-4
+    v, at = dq[:, 0], dq[:, 1]
+    level = coulomb + excess * np.exp(-((v / speed) ** 2))
+    logistic = span / (1 + np.exp(-steepness * (at + shift))) - span / (1 + np.exp(-steepness * shift)) + 0.3
+
+    def rate(z):
+        return v - sigma0 * np.abs(v) / level * z
+
+    z, h = start, period / 2000
+    for _ in range(2000):  # Runge-Kutta
+        a = rate(z)
+        b = rate(z + h / 2 * a)
+        c = rate(z + h / 2 * b)
+        z = z + h / 6 * (a + 2 * b + 2 * c + rate(z + h * c))
+    got, tau = emitted.call("friction_step", dq, start[:, None], period)
+    assert got[:, 0] == pytest.approx(z, rel=1e-12, abs=1e-17)
+    bristles = sigma0 * z + sigma1 * (z - start) / period + viscous * v + 0.3
+    assert tau == pytest.approx(np.column_stack([bristles, logistic]), rel=1e-11)
+    resting, _ = emitted.call("friction_step", 0.0 * dq, start[:, None], period)
+    assert np.array_equal(resting[:, 0], start)
+    _, sliding = emitted.call("friction_step", dq, got, 1e3)
+    long = level * np.sign(v) + sigma1 * (level * np.sign(v) / sigma0 - got[:, 0]) / 1e3 + viscous * v + 0.3
+    assert sliding[:, 0] == pytest.approx(long, rel=1e-13)
+
+
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_the_emitted_c_compiles_without_warnings(tmp_path, real):
     model = rrrgen.compile(loads_spec(robot(DAHL, COUPLED)), backend="numpy")
