@@ -214,6 +214,7 @@ def write(folder, recording):
     return str(folder / "response.yaml")
 
 
+@pytest.mark.filterwarnings("error:.*encountered:RuntimeWarning")
 def test_command_writes_model_figure_and_c(swinging, tmp_path, capsys):
     log, out = write(tmp_path, swinging[0]), tmp_path / "run"
     assert run(["response-model", log, "--method", "output_error", "--fit-rows", "1:800", "-o", str(out)]) == 0

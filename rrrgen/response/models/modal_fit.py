@@ -240,7 +240,10 @@ def _refine(lines: _Lines, start: _Candidate, steps: int) -> _Candidate:
 
     highest = np.tile([np.log(0.5 / lines.period), np.log(0.9)], len(start.modes) // 2)
     begin = np.minimum(start.modes, highest - 1e-3)
-    found = least_squares(residual, begin, slopes, bounds=(-np.inf, highest), x_scale=0.01, ftol=1e-6, max_nfev=steps)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a damping on which no line depends
+        found = least_squares(
+            residual, begin, slopes, bounds=(-np.inf, highest), x_scale=0.01, ftol=1e-6, max_nfev=steps
+        )
     return _solve(lines, np.asarray(found.x), start.delay, start.integrators)
 
 
