@@ -83,7 +83,7 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
     bands contain the true response with probability 95 %; their relative radius has a panel of its own, with the limit
     of trust as a dotted line. Lines that are not trusted are drawn in a light colour.
     """
-    from matplotlib.ticker import FuncFormatter
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
 
     figure, (magnitude, phase, radius, coherence) = new_figure(
         4, 1, 8.4, 7.0, sharex=True, gridspec_kw={"height_ratios": [2.2, 1.6, 0.9, 0.7]}
@@ -113,6 +113,7 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
     coherence.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     style_axes(magnitude, "", "magnitude (dB)")
     style_axes(phase, "", "phase (deg)")
+    phase.yaxis.set_major_locator(MaxNLocator(7, steps=[1.0, 1.5, 3.0, 4.5, 9.0, 10.0]))  # 15, 30, 45 or 90 degrees
     style_axes(radius, "", "95 % band (%)")
     style_axes(coherence, "frequency (Hz)", "coherence")
     radius.axhline(100.0 * WIDEST_BAND, color="0.4", linewidth=0.7, linestyle=":")

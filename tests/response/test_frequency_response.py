@@ -206,6 +206,15 @@ def test_friction_at_changes_of_direction_is_refused(kind):
     assert not bad.trusted.any()
 
 
+@pytest.mark.parametrize(("speed", "friction"), [(0.02, 1.0), (0.12, 3.0)])
+def test_friction_is_seen_beside_noise_in_a_band(speed, friction):
+    """Leakage from the ends of this recording hid the friction beside the band; in the second few samples go back."""
+    rng = np.random.default_rng(0)
+    n = 7.0 * excitation_signal("noise", (0.5, 220.0), 30000, 1.0 / PERIOD, rng)[5000:25000]
+    found = estimate_one(record(rng, n, speed=speed, friction=friction))
+    assert [finding.kind for finding in found.findings] == ["friction"]
+
+
 @pytest.mark.parametrize("kind", ["periodic", "noisy"])
 def test_a_joint_that_turns_round_is_refused_where_it_has_friction(kind):
     rng = np.random.default_rng(13)

@@ -23,12 +23,14 @@ from rrrgen.response.estimators.local_polynomial import (
     spectrum,
     whole_periods,
 )
+from rrrgen.response.estimators.noise_lines import LEAST_ROUGHNESS, rough_power
 from rrrgen.response.response_file import ResponseRecording
 
 MATERIAL_BIAS = 0.002  # bias above this share of the response counts; the scatter by friction is larger than its bias
 MATERIAL_FORCE = 0.01  # friction above this share of the input's root mean square counts
 SIGNIFICANT = 5.0  # standard deviations from zero at which the friction coefficient is significant
 SLOW_SHARE = 0.01  # least share of the samples that must move in the other direction for a reversal to count
+NOISE_SHARE = 0.001  # the same where the excitation is noise, since no scatter from harmonic to harmonic shows friction
 FRICTION_WINDOW = 6  # lines at either side in a window
 SMOOTHING = 11  # samples in the window of the polynomial that differentiates the output
 SLOW_PART = 20  # velocities are averaged over the recording's length divided by this, to find slow reversals
@@ -59,7 +61,7 @@ def check_friction(record: ResponseRecording, samples: int | None, lines: LineEs
         return None
     velocity = savgol_filter(record.q, SMOOTHING, 2, deriv=1)
     back = _share_back(velocity)
-    if back < SLOW_SHARE:
+    if back < (NOISE_SHARE if samples is None else SLOW_SHARE):
         return None
     width = samples or len(velocity) // SLOW_PART
     turns = _share_back(np.convolve(velocity, np.ones(width) / width, "valid")) >= SLOW_SHARE
@@ -140,6 +142,10 @@ def _beside_excitation(F: Complex) -> _Force | None:
     if len(k) < 4:
         return None
     around = F[k[:, None] + np.arange(-width, width + 1)]
+    n = around[:, :, 0]  # where it is smooth there is leakage alone, beside the band, and no response can be told
+    around = around[rough_power(n) > LEAST_ROUGHNESS * np.mean(np.abs(n) ** 2, axis=1)]
+    if len(around) < 4:
+        return None
     G, residual, _, dof = regress_window(around[:, :, :1], around[:, :, 1:])
     P = (G[:, 1] / G[:, 0])[:, None]
     force, certain = _coefficient(residual[:, :, 1] - P * residual[:, :, 0], -P * residual[:, :, 2], dof)

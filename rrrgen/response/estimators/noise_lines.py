@@ -43,9 +43,9 @@ def noise_lines(record: ResponseRecording) -> LineEstimates:
     power = np.mean(np.abs(around) ** 2, axis=1)
     if not power.max() > 0.0:
         raise DerivationError(f"{record.name}: the column of the excitation is constant, so there is no response to it")
-    use = _rough_power(around) > EXCITED**2 * power.max()
+    use = rough_power(around) > EXCITED**2 * power.max()
     for side in (around[:, :width], around[:, width + 1 :]):  # both halves, as a window may cross the band's edge
-        use &= _rough_power(side) > LEAST_ROUGHNESS * (1.0 - (ORDER + 1) / width) * np.mean(np.abs(side) ** 2, axis=1)
+        use &= rough_power(side) > LEAST_ROUGHNESS * (1.0 - (ORDER + 1) / width) * np.mean(np.abs(side) ** 2, axis=1)
     k, power = k[use], power[use]
     fits = [_fit(F, k, width)]
     while fits[-1].width >= 2 * LEAST_WINDOW:
@@ -144,7 +144,7 @@ def _widest_without_bias(outer: _Fit, fits: list[_Fit], k: NDArray[np.int64]) ->
     return chosen, np.where(left < LARGEST_BIAS, 0.0, left)
 
 
-def _rough_power(lines: Complex) -> Array:
+def rough_power(lines: Complex) -> Array:
     """Mean power (L,) of the part of windows (L, lines) that is not smooth, after subtracting a polynomial.
 
     Outside the band of the excitation a window contains only leakage, which is smooth.
