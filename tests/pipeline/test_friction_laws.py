@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from rrrgen.errors import InputError
 from rrrgen.friction.laws import LAWS
 from rrrgen.friction.models import FrictionModel
 from rrrgen.friction.stated import MixedFriction, robot_friction
+from rrrgen.friction_estimation.robot_file import with_friction
 from rrrgen.robotfile import dumps, json_schema, loads_spec
 from rrrgen.verify.against_newton_euler import check_friction
 from rrrgen.verify.comparison import DOUBLE, Collector
@@ -208,3 +210,11 @@ def test_the_emitted_c_compiles_without_warnings(tmp_path, real):
         (tmp_path / name).write_text(text)
     for source in tmp_path.glob("*.c"):
         subprocess.run(["cc", *flags, "-c", str(source), "-o", str(tmp_path / "out.o")], check=True)
+
+
+def test_an_estimate_without_friction_at_rest_is_written_so_that_it_can_be_read():
+    values = (5700.0, 0.0, -0.58, 0.37, 0.0, 0.007)
+    candidate = SimpleNamespace(law=LAWS["lugre"], law_values=lambda theta: theta, offset=False)
+    chosen = SimpleNamespace(candidate=candidate, theta=np.array(values), values={}, std={})
+    spec = loads_spec(dumps(with_friction(loads_spec(robot(["{viscous: 0}"])), "j0", chosen)))
+    assert spec.joints[0].friction.law.values == pytest.approx((*values[:2], -0.37, *values[3:]))
