@@ -21,7 +21,7 @@ from rrrgen.friction_estimation.inverse_dynamics import (
 )
 from rrrgen.friction_estimation.joint_data import JointData
 from rrrgen.friction_estimation.kalman_filter import kalman_estimates
-from rrrgen.friction_estimation.notes import notes
+from rrrgen.friction_estimation.notes import notes, stiff_bristles
 from rrrgen.friction_estimation.selection import FOLDS, Score, choose, fold_of, score
 from rrrgen.friction_estimation.shooting.bootstrap import resampled
 from rrrgen.friction_estimation.shooting.output_error import Fit, fit, likely_noise, rigid_limit, start_cost
@@ -168,7 +168,9 @@ def estimate_friction(
         best = rigid
     chosen = estimates[best]
     _check(chosen, data)
-    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), notes(chosen, data))
+    largest = chosen.values["inertia"] * (2.0 * np.pi * FASTEST / data.period) ** 2
+    told = (*notes(chosen, data), *stiff_bristles(chosen, estimates, largest))
+    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), told)
 
 
 class _OutputError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ MISFIT = 1.6  # held-out error above which a note warns that the law is doubtful
 UNCERTAIN = 0.2  # relative standard deviation of another parameter above which a note warns the user
 SMALL = 0.02  # times break-away: torque below which viscous friction does not matter
 CERTAIN = 3.0  # standard deviations from zero from which on a difference counts
+CLOSE = 1.05  # times the held-out error of the chosen law: one up to this is as good
 
 TOLD_BY = {
     **dict.fromkeys(("coulomb", "coulomb_p", "coulomb_n"), "steady motion in both directions tells it"),
@@ -58,6 +60,23 @@ def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
         if value is not None and std > UNCERTAIN * abs(value) and matters:
             found.append(f"{name} is hardly determined ({value:.3g} +- {std:.2g}): {advice}")
     return (*found, *_ambiguities(chosen))
+
+
+def stiff_bristles(chosen: LawEstimate, laws: Sequence[LawEstimate], largest: float) -> tuple[str, ...]:
+    """A sentence with a lower bound of the bristles' stiffness where the Stribeck law, of rigid contact, is chosen.
+
+    The bound is the stiffness of the LuGre law among the estimated ``laws`` less three standard deviations, and at most
+    ``largest``, N m/rad (N/m), which the sampling rate resolves. There is none if that law is clearly worse.
+    """
+    bent = next((law for law in laws if law.name == "lugre"), None)
+    if chosen.name != "stribeck" or bent is None or bent.score.held_out > CLOSE * chosen.score.held_out:
+        return ()
+    value, std = bent.values["sigma0"], bent.std["sigma0"]
+    bound = min(value * float(np.exp(-CERTAIN * std / value)), largest)
+    return (
+        f"LuGre friction with stiff bristles explains the recording as well (held-out error {bent.score.held_out:.3g}, "
+        f"Stribeck {chosen.score.held_out:.3g}): of sigma0 it tells a lower bound alone, about {bound:.2g}",
+    )
 
 
 def _ambiguities(chosen: LawEstimate) -> tuple[str, ...]:
