@@ -35,6 +35,9 @@ def with_friction(spec: RobotSpec, joint: str, chosen: LawEstimate, rest: Presli
     offset = chosen.values.get("offset")
     if offset is not None and abs(offset) < CERTAIN * chosen.std["offset"]:
         offset = None
+    if law.damping:  # bristles carry something at rest, or the robot file would be refused
+        values["coulomb"] = max(values["coulomb"], LEAST)
+        values["stiction_excess"] = max(values["stiction_excess"], LEAST - values["coulomb"])
     if law.name == "coulomb_viscous":
         friction = FrictionSpec(viscous=values["viscous"], coulomb=values["coulomb"], offset=offset)
     else:
