@@ -263,6 +263,11 @@ def joint_data(log: Any, joint: str, resolution: float | None = None) -> JointDa
             f"of joint '{joint}' apart: record {SHORTEST:g} s at least, better 40 s (`rrrgen excite --friction`)"
         )
     q, u, usable = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    if not usable.any() or float(np.ptp(u[usable])) == 0.0:
+        raise DerivationError(
+            f"the torque of joint '{joint}' is constant or unknown in the whole recording: check that its column is "
+            "the measured torque"
+        )
     found = JointData(joint, period, q, u, usable, tuple(stretches), encoder_step(q, resolution))
     _check_motion(found)
     return found

@@ -106,6 +106,13 @@ def test_a_torque_of_the_wrong_sign_is_named(moving, tmp_path, capsys):
     assert "negative inertia" in message
 
 
+@pytest.mark.parametrize("value", [0.0, 0.3])
+def test_a_constant_torque_is_refused(value, moving, tmp_path, capsys):
+    code, message = refused(tmp_path, capsys, moving | {"tau": np.full(len(moving["t"]), value)})
+    assert code == 4
+    assert "torque of joint 'q3' is constant" in message
+
+
 def test_motion_in_one_direction_is_refused(tmp_path, capsys):
     t = np.arange(20_000) * 1e-3
     q = np.round((0.5 * t + 0.1 * np.sin(t)) / 1e-5) * 1e-5
