@@ -19,6 +19,7 @@ MISFIT = 1.6  # held-out error above which a note warns that the law is doubtful
 UNCERTAIN = 0.2  # relative standard deviation of another parameter above which a note warns the user
 SMALL = 0.02  # times break-away: torque below which viscous friction does not matter
 CERTAIN = 3.0  # standard deviations from zero from which on a difference counts
+RESOLVED = 1.0  # encoder steps: bristles that bend by less are seen only through the motion that follows
 CLOSE = 1.05  # times the held-out error of the chosen law: one up to this is as good
 
 TOLD_BY = {
@@ -59,7 +60,26 @@ def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
         matters = "viscous" not in name or std * data.speed > SMALL * chosen.break_away
         if value is not None and std > UNCERTAIN * abs(value) and matters:
             found.append(f"{name} is hardly determined ({value:.3g} +- {std:.2g}): {advice}")
-    return (*found, *_ambiguities(chosen))
+    return (*found, *_bristles(chosen, data.resolution), *_ambiguities(chosen))
+
+
+def _bristles(chosen: LawEstimate, resolution: float) -> tuple[str, ...]:
+    """Sentences on LuGre bristles that bend by less than the encoder's ``resolution``, rad (m), or carry nothing."""
+    if "sigma0" not in chosen.values:
+        return ()
+    level = chosen.values["coulomb"] + chosen.values["stiction_excess"]
+    if level <= 0.0:
+        return (
+            f"friction at rest, coulomb + stiction_excess, is estimated as {level:.2g}, which no bristles can have: "
+            "the law does not hold near rest; the robot file gets the least positive value",
+        )
+    bend = level / chosen.values["sigma0"] / resolution
+    if bend >= RESOLVED:
+        return ()
+    return (
+        f"the bristles bend by {bend:.1g} encoder steps before the joint slides: the deviations of sigma0, sigma1 and "
+        "stiction_excess are lower bounds; a finer encoder tells them, or a recording below break-away",
+    )
 
 
 def stiff_bristles(chosen: LawEstimate, laws: Sequence[LawEstimate], largest: float) -> tuple[str, ...]:
