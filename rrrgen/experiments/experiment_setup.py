@@ -41,6 +41,9 @@ LARGEST_DAMPING = 1.0
 2.
 """
 
+OBSERVER_SPEED = 8.0
+"""Least ratio of the poles of a Kalman observer to the natural frequency of its loop: its lag costs little phase."""
+
 Motion = Callable[[Array], tuple[Array, Array, Array]]
 
 
@@ -87,11 +90,12 @@ def simulate_motion(
         raise InputError("the virtual robot needs masses and inertias: the robot file has no links")
     instruments = instruments_of(experiment, model)
     robot = VirtualRobot(plant_of(experiment, model), instruments, experiment.period)
+    controller, speeds = _controller(experiment, model, reference, duration)
     recording = robot.run(
         reference,
         duration,
-        _controller(experiment, model, reference, duration),
-        _observer(experiment, model, instruments, reference, duration),
+        controller,
+        _observer(experiment, speeds, instruments, reference, duration),
         seed=experiment.seed,
         progress=progress,
     )
@@ -188,7 +192,8 @@ def _drives(model: Any) -> tuple[float, ...] | None:
     return None if any(limit is None for limit in limits) else tuple(float(limit) for limit in limits)
 
 
-def _controller(experiment: Experiment, model: Any, reference: Motion, duration: float) -> Any:
+def _controller(experiment: Experiment, model: Any, reference: Motion, duration: float) -> tuple[Any, Array]:
+    """Make the controller of the control section; also returns the natural frequencies of its loops (n,), rad/s."""
     from rrrgen.simulate.control import PD, ComputedTorque, pd_gains
 
     control, n = experiment.control, model.n
@@ -197,13 +202,13 @@ def _controller(experiment: Experiment, model: Any, reference: Motion, duration:
         kp = control.kp if control.kp is not None else (omega**2,) * n
         kd = control.kd if control.kd is not None else (2.0 * control.damping * omega,) * n
         friction = friction_of(experiment, model)
-        return ComputedTorque(rigid_body_of(experiment, model), kp, kd, friction=friction)
+        return ComputedTorque(rigid_body_of(experiment, model), kp, kd, friction=friction), np.sqrt(kp)
     poses = reference(np.linspace(0.0, duration, POSES))[0]
     whole, felt = _moved(experiment, model, np.asarray(model.mass_matrix(poses)))
+    inertia = np.mean(np.diagonal(whole, axis1=1, axis2=2), axis=0)
     if control.kp is not None and control.kd is not None:
         gains = PD(control.kp, control.kd)
     else:
-        inertia = np.mean(np.diagonal(whole, axis1=1, axis2=2), axis=0)
         gains = pd_gains(inertia, control.bandwidth, control.damping)
     fastest = float(np.max(np.linalg.eigvals(np.linalg.solve(felt, np.diag(gains.kd)[None])).real))
     if fastest * experiment.period > LARGEST_DAMPING:
@@ -212,7 +217,7 @@ def _controller(experiment: Experiment, model: Any, reference: Motion, duration:
             f"the arm is damped {fastest:.3g} times a second, at most {LARGEST_DAMPING / experiment.period:g} will do. "
             "Use computed torque, a lower bandwidth or a higher rate"
         )
-    return gains
+    return gains, np.sqrt(gains.kp / inertia)
 
 
 def _moved(experiment: Experiment, model: Any, M: Array) -> tuple[Array, Array]:
@@ -231,22 +236,27 @@ def _moved(experiment: Experiment, model: Any, M: Array) -> tuple[Array, Array]:
     return M + np.diag(rotors + (0.0 if drives is None else drives)), np.broadcast_to(np.diag(rotors), M.shape)
 
 
-def _observer(experiment: Experiment, model: Any, instruments: Any, reference: Motion, duration: float) -> Any:
-    """Make the observer of the control section.
+def _observer(experiment: Experiment, speeds: Array, instruments: Any, reference: Motion, duration: float) -> Any:
+    """Make the observer of the control section; ``speeds`` (n,) are the natural frequencies of the loops, rad/s.
 
-    A Kalman filter is designed with the variances of the encoder quantisation and of the largest jerk.
+    A Kalman filter is designed with the variances of the encoder quantisation and of the largest jerk. At a joint that
+    is to stand still that jerk is zero, but the motion of the others shakes it: the filter is at least so fast that its
+    lag does not make the loop unstable.
     """
     from rrrgen.simulate.control import BackwardDifference, DeviationFilter
 
     period, control = experiment.period, experiment.control
     if control.observer == "difference":
         return BackwardDifference(period)
-    jerk = control.jerk
+    jerk, resolutions = control.jerk, resolutions_of(instruments, len(speeds))
     if jerk is None:
         t = np.arange(round(duration / period)) * period
         jerk = tuple(np.abs(np.diff(reference(t)[2], axis=0)).max(axis=0) / period)
+        # readings of variance R and a jerk of variance Q give a filter of third order with its poles at (Q/R)^(1/6)
+        least = [quantisation_variance(step) ** 0.5 for step in resolutions] * (OBSERVER_SPEED * speeds) ** 3
+        jerk = tuple(np.maximum(jerk, least).tolist())
     matrices = [
         kalman_matrices(period, quantisation_variance(step), max(float(top), 1e-3) ** 2)
-        for step, top in zip(resolutions_of(instruments, model.n), jerk, strict=True)
+        for step, top in zip(resolutions, jerk, strict=True)
     ]
     return DeviationFilter([m.E for m in matrices], [m.k for m in matrices])
