@@ -24,7 +24,7 @@ from rrrgen.friction_estimation.kalman_filter import kalman_estimates
 from rrrgen.friction_estimation.notes import notes, stiff_bristles
 from rrrgen.friction_estimation.selection import FOLDS, Score, choose, fold_of, score
 from rrrgen.friction_estimation.shooting.bootstrap import resampled
-from rrrgen.friction_estimation.shooting.output_error import Fit, fit, likely_noise, rigid_limit, start_cost
+from rrrgen.friction_estimation.shooting.output_error import Fit, best_start, fit, likely_noise, rigid_limit
 from rrrgen.friction_estimation.shooting.windows import Noise, Windows, make_noise
 
 SCHEMA = "rrrgen-friction/1"
@@ -202,7 +202,7 @@ class _OutputError:
         first: dict[str, Fit] = {}
         for k, law in enumerate(self._static):
             self.tell(k, 2 * len(self.laws), f"output error, {law.name}")
-            better = min(starts[law.name], key=lambda theta: start_cost(law, theta, self.sliding, self.noise))
+            better = best_start(law, starts[law.name], self.sliding, self.noise)
             first[law.name] = fit(law, better, self.sliding, self.noise, iterations=FIRST_ITERATIONS)
         best = min(first.values(), key=lambda each: float(np.sum(each.cost)) * each.sigma**2)
         self.noise = likely_noise(best, self.sliding)
@@ -252,7 +252,7 @@ class _OutputError:
                 damping = 2.0 * ratio * float(np.sqrt(stiffness * own["inertia"]))
                 bristles = {"sigma0": stiffness, "sigma1": damping}
                 tried.append(law.clipped(np.array([(own | bristles)[name] for name in law.names])))
-        better = min(tried, key=lambda theta: start_cost(law, theta, self.whole, self.noise))
+        better = best_start(law, tried, self.whole, self.noise)
         return fit(law, better, self.whole, self.noise, held=tuple(known), iterations=BRISTLES)
 
     @property

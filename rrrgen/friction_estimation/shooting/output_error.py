@@ -9,6 +9,7 @@ correction that is estimated like position and speed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,9 +40,9 @@ class Fit:
     The initial states are q and dq, for a law with bristles also a correction of their force, relative to break-away.
 
     ``sigma`` is the robust standard deviation of the residuals whitened by ``noise``; ``cost`` (S,) are the robust
-    losses of the windows in units of its square. ``free`` (f,) are the indices of the fitted parameters; ``normal``
-    (S, f, f) and ``gradient`` (S, f) are the contributions of the windows to their normal equations, after elimination
-    of the initial states.
+    losses of the windows in units of its square, ``residuals`` (m + s, S) the whitened residuals. ``free`` (f,) are the
+    indices of the fitted parameters; ``normal`` (S, f, f) and ``gradient`` (S, f) are the contributions of the windows
+    to their normal equations, after elimination of the initial states.
     """
 
     candidate: Candidate
@@ -50,6 +51,7 @@ class Fit:
     noise: Noise
     sigma: float
     cost: Array
+    residuals: Array
     free: NDArray[np.int64]
     normal: Array
     gradient: Array
@@ -74,12 +76,14 @@ def fit(
     theta = candidate.clipped(theta)
     start = work.usual if start is None else start
     damping, done = 1e-2, 0
-    found = work.linearise(theta, start, 1.0)
+    found = work.linearise(theta, work.shifted(theta, start), 1.0)
     for done in range(1, iterations + 1):
         trial, trial_start = work.moved(found, theta, start, damping)
-        cost = work.cost(trial, trial_start, found.sigma)
+        r = work.shifted(trial, trial_start)  # most steps are accepted, and their derivatives are then needed
+        cost = _losses(r[:, 0], found.sigma)
         if not len(work.free):  # without free parameters windows are independent: each keeps its better initial state
-            trial_start = np.where(cost < found.cost, trial_start, start)
+            better = cost < found.cost
+            trial_start, r = np.where(better, trial_start, start), np.where(better, r, found.shifted)
             cost = np.minimum(cost, found.cost)
         if np.sum(cost) < np.sum(found.cost):
             gain = 1.0 - float(np.sum(cost) / np.sum(found.cost))
@@ -91,11 +95,12 @@ def fit(
             gain = 1.0
             damping *= 10.0
             continue
-        found = work.linearise(theta, start, QUADRATIC**done)
+        found = work.linearise(theta, r, QUADRATIC**done)
         if gain < SMALL_GAIN and QUADRATIC**done < 0.1:
             break
     return Fit(
-        candidate, theta, start, noise, found.sigma, found.cost, work.free, found.normal, found.gradient
+        candidate, theta, start, noise, found.sigma, found.cost, found.shifted[:, 0], work.free, found.normal,
+        found.gradient,
     )  # fmt: skip
 
 
@@ -113,14 +118,16 @@ def rigid_limit(found: Fit, law: Candidate) -> Fit:
     )  # fmt: skip
 
 
-def start_cost(candidate: Candidate, theta: Array, windows: Windows, noise: Noise) -> float:
-    """Mean magnitude of the whitened residuals at ``theta`` (k,), to choose between initial parameters.
+def best_start(candidate: Candidate, tried: Sequence[Array], windows: Windows, noise: Noise) -> Array:
+    """The initial parameters (k,) among those ``tried`` with the least mean magnitude of the whitened residuals.
 
     A median would ignore the few windows with reversals, which alone tell bristles.
     """
     work = _Problem(candidate, windows, noise, ())
-    r = work.residuals(theta[:, None], work.usual[:, None])
-    return float(np.mean(np.abs(work.errors(r)[:, 0][windows.used]))) if np.all(np.isfinite(r)) else np.inf
+    r = work.residuals(np.stack(tried, axis=1), np.repeat(work.usual[:, None], len(tried), axis=1))
+    sizes = np.mean(np.abs(work.errors(r).swapaxes(1, 2)[windows.used]), axis=0)
+    finite = np.isfinite(r).all(axis=(0, 2))
+    return tried[int(np.argmin(np.where(finite, sizes, np.inf)))]
 
 
 def window_losses(candidate: Candidate, theta: Array, windows: Windows, noise: Noise, sigma: float) -> Array:
@@ -129,7 +136,7 @@ def window_losses(candidate: Candidate, theta: Array, windows: Windows, noise: N
     The initial state of each window is fitted first.
     """
     fitted = fit(candidate, theta, windows, noise, held=candidate.names, iterations=ADAPTING)
-    return _Problem(candidate, windows, noise, candidate.names).cost(theta, fitted.start, sigma)
+    return _losses(fitted.residuals, sigma)
 
 
 def likely_noise(found: Fit, windows: Windows) -> Noise:
@@ -152,6 +159,7 @@ def likely_noise(found: Fit, windows: Windows) -> Noise:
 class _Linear:
     sigma: float
     cost: Array
+    shifted: Array
     normal: Array
     gradient: Array
     own: Array
@@ -218,36 +226,37 @@ class _Problem:
         """The position errors (m, ...) among whitened ``residuals`` (m + s, ...)."""
         return residuals[: -len(self.prior)]
 
-    def cost(self, theta: Array, start: Array, sigma: float) -> Array:
-        """Robust loss of each window, summed over its residuals divided by ``sigma``.
+    def shifted(self, theta: Array, start: Array) -> Array:
+        """Whitened residuals (m + s, 1 + f + s, S) at a point, then with each fitted parameter, each state shifted.
 
-        ``theta`` (k,) are parameters, ``start`` (s, S) initial states.
+        One simulation of all of them takes little longer than one of the point alone.
         """
-        r = self.residuals(theta[:, None], start[:, None])[:, 0]
-        return np.asarray(np.sum(_loss(r / sigma), axis=0))
+        k, own_k = len(self.free), len(self.prior)
+        free = np.repeat(self.candidate.to_free(theta)[:, None], k + 1 + own_k, axis=1)
+        free[self.free, np.arange(1, k + 1)] += self._shifts(theta)
+        states = np.repeat(start[:, None, :], k + 1 + own_k, axis=1)
+        for i, step in enumerate(self.steps):
+            states[i, k + 1 + i] += step
+        return self.residuals(self.candidate.from_free(free), states)
 
-    def linearise(self, theta: Array, start: Array, quadratic: float) -> _Linear:
-        """Normal equations of the fit at a point, with the initial states eliminated.
+    def _shifts(self, theta: Array) -> Array:
+        """Steps (f,) of the forward differences by the fitted parameters, or by their logarithms."""
+        steps = np.where(self.candidate.is_logarithmic, STEP, STEP * np.maximum(np.abs(theta), 0.05))
+        return np.asarray(steps[self.free])
+
+    def linearise(self, theta: Array, r: Array, quadratic: float) -> _Linear:
+        """Normal equations of the fit from the residuals ``r`` of :meth:`shifted`, with the initial states eliminated.
 
         The scale of the robust loss is at least ``quadratic`` times the root mean square of the residuals. A large
         ``quadratic`` at the start of a search makes it ordinary least squares, because far from the optimum a robust
         loss would treat informative windows as outliers.
         """
         k, own_k = len(self.free), len(self.prior)
-        free = self.candidate.to_free(theta)
-        steps = STEP * np.maximum(np.abs(theta), 0.05)
-        steps = np.where(self.candidate.is_logarithmic, STEP, steps)
-        shifted = np.repeat(free[:, None], k + 1 + own_k, axis=1)
-        shifted[self.free, np.arange(1, k + 1)] += steps[self.free]
-        states = np.repeat(start[:, None, :], k + 1 + own_k, axis=1)
-        for i, step in enumerate(self.steps):
-            states[i, k + 1 + i] += step
-        r = self.residuals(self.candidate.from_free(shifted), states)
         base = r[:, 0]
         counted = self.errors(base)[self.windows.used]
         sigma = max(_scale(counted), quadratic * float(np.sqrt(np.mean(counted**2))))
         weight = np.sqrt(_weights(base / sigma))
-        J = (r[:, 1 : k + 1] - base[:, None]) / steps[self.free][None, :, None] * weight[:, None] / sigma
+        J = (r[:, 1 : k + 1] - base[:, None]) / self._shifts(theta)[None, :, None] * weight[:, None] / sigma
         B = (r[:, k + 1 :] - base[:, None]) / self.steps[None, :, None] * weight[:, None] / sigma
         e = base * weight / sigma
         own = np.einsum("mas,mbs->sab", B, B)
@@ -258,8 +267,7 @@ class _Problem:
         settled = np.linalg.solve(own, own_gradient[:, :, None])[:, :, 0]
         normal = np.einsum("mjs,mks->sjk", J, J) - np.einsum("saj,sak->sjk", cross, back)
         gradient = np.einsum("mks,ms->sk", J, e) - np.einsum("sak,sa->sk", cross, settled)
-        cost = np.asarray(np.sum(_loss(base / sigma), axis=0))
-        return _Linear(sigma, cost, normal, gradient, own, back, settled)
+        return _Linear(sigma, _losses(base, sigma), r, normal, gradient, own, back, settled)
 
     def moved(self, at: _Linear, theta: Array, start: Array, damping: float) -> tuple[Array, Array]:
         """Parameters and initial states after one damped Gauss-Newton step from the linearisation ``at``."""
@@ -281,10 +289,10 @@ def _scale(r: Array) -> float:
     return max(float(np.median(np.abs(r))) / 0.6745, 0.29)
 
 
-def _loss(x: Array) -> Array:
-    """Robust loss soft_l1 of the residuals ``x``, in standard deviations: quadratic below ROBUST, linear above."""
-    s = (x / ROBUST) ** 2
-    return np.asarray(2.0 * ROBUST**2 * (np.sqrt(1.0 + s) - 1.0))
+def _losses(r: Array, sigma: float) -> Array:
+    """Robust losses (S,) of the windows: soft_l1, quadratic below ROBUST ``sigma`` and linear above, of residuals r."""
+    s = (r / (ROBUST * sigma)) ** 2
+    return np.asarray(np.sum(2.0 * ROBUST**2 * (np.sqrt(1.0 + s) - 1.0), axis=0))
 
 
 def _weights(x: Array) -> Array:
