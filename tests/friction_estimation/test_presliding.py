@@ -38,9 +38,11 @@ def test_two_levels_tell_stiffness_inertia_and_damping(levels):
     assert found.resonance == pytest.approx(math.sqrt(JOINT.sigma0 / JOINT.inertia) / (2 * math.pi), rel=0.02)
 
 
-def test_micro_slip_adds_damping_with_the_amplitude(levels):
+def test_micro_slip_grows_with_the_amplitude_and_is_told_from_damping(levels):
+    """Without the rate at which bristles forget, damping is 11 % too large at a tenth of break-away."""
     low, high = (estimate([each]) for each in levels)
-    assert JOINT.sigma1 < low.sigma1[0] < high.sigma1[0]
+    assert high.levels[0].slip == pytest.approx(2.0 * low.levels[0].slip, rel=0.2)
+    assert low.sigma1[0] == pytest.approx(JOINT.sigma1, rel=0.03)
     assert "one amplitude" in low.notes[0]
 
 
@@ -62,7 +64,7 @@ def test_stiff_bristles_are_found_whatever_the_phases():
     for (value, std), actual in zip(
         (found.sigma0, found.inertia, found.sigma1), (1e5, joint.inertia, 30.0), strict=True
     ):
-        assert value == pytest.approx(actual, rel=0.05)
+        assert value == pytest.approx(actual, rel=0.02)
         assert abs(value - actual) < 3.0 * std
 
 
