@@ -165,7 +165,10 @@ def estimate_friction(
         limit = [rigid_limit(each, laws[rigid]) for each in (full[laws[best].name], *inside[laws[best].name])]
         rating = score(limit[0], limit[1:], work.whole, sigma)
         estimates[rigid] = _without_bristles(estimates[best], estimates[rigid], limit[0], rating)
-        best = rigid
+        scores[rigid] = rating
+        # rigid bristles are no law of their own: a simpler law than Stribeck's may describe the sliding as well
+        others = [k for k in range(len(laws)) if k != best]
+        best = others[choose([scores[k] for k in others], work.whole.block)]
     chosen = estimates[best]
     _check(chosen, data)
     largest = chosen.values["inertia"] * (2.0 * np.pi * FASTEST / data.period) ** 2

@@ -153,3 +153,11 @@ def test_bristles_are_told_with_honest_deviations(sigma0, sigma1, period):
     for name, value in actual.items():
         assert chosen.values[name] == pytest.approx(value, rel=0.05 if name == "sigma1" else 0.01), name
         assert abs(chosen.values[name] - value) < 3.0 * chosen.std[name], name
+
+
+def test_rigid_bristles_do_not_speak_for_the_stribeck_law():
+    """LuGre with bristles too stiff for the sampling rate describes sticking best here, sliding is Coulomb-viscous."""
+    found = record(Joint("coulomb_viscous", angle=0.7), duration=16.0, period=4e-3, substeps=5, torque_noise=0.01)
+    data = joint_data(Log(("q",), found["t"], found["q"][:, None], found["tau"][:, None]), "q")
+    estimate = estimate_friction(data, 2, ("coulomb_viscous", "lugre"))
+    assert estimate.chosen.name == "coulomb_viscous"
