@@ -60,11 +60,11 @@ def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
         matters = "viscous" not in name or std * data.speed > SMALL * chosen.break_away
         if value is not None and std > UNCERTAIN * abs(value) and matters:
             found.append(f"{name} is hardly determined ({value:.3g} +- {std:.2g}): {advice}")
-    return (*found, *_bristles(chosen, data.resolution), *_ambiguities(chosen))
+    return (*found, *_bristles(chosen, data), *_ambiguities(chosen))
 
 
-def _bristles(chosen: LawEstimate, resolution: float) -> tuple[str, ...]:
-    """Sentences on LuGre bristles that bend by less than the encoder's ``resolution``, rad (m), or carry nothing."""
+def _bristles(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
+    """Sentences on LuGre bristles that bend by less than an encoder step of ``data``, or carry nothing."""
     if "sigma0" not in chosen.values:
         return ()
     level = chosen.values["coulomb"] + chosen.values["stiction_excess"]
@@ -73,7 +73,7 @@ def _bristles(chosen: LawEstimate, resolution: float) -> tuple[str, ...]:
             f"friction at rest, coulomb + stiction_excess, is estimated as {level:.2g}, which no bristles can have: "
             "the law does not hold near rest; the robot file gets the least positive value",
         )
-    bend = level / chosen.values["sigma0"] / resolution
+    bend = level / chosen.values["sigma0"] / data.resolution
     if bend >= RESOLVED:
         return ()
     return (
