@@ -42,7 +42,7 @@ CASES: dict[str, tuple[Joint, dict[str, object]]] = {
     "asymmetric": (Joint("asymmetric", coulomb_n=0.45, viscous_n=0.2), {}),
     "neural": (Joint("tanh"), {}),
     "lugre": (Joint("lugre"), {}),
-    "lugre, stiff": (Joint("lugre", sigma0=1e5, sigma1=60.0), {}),
+    "lugre, stiff": (Joint("lugre", sigma0=1e5, sigma1=60.0), {"finer": 5}),
     "stribeck, 500 Hz": (STRIBECK, {"period": 2e-3}),
     "stribeck, 4 kHz": (STRIBECK, {"period": 2.5e-4, "substeps": 4}),
     "stribeck, gravity at an angle": (Joint("stribeck", angle=1.1), {"torque_noise": 0.01}),
