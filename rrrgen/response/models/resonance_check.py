@@ -117,7 +117,7 @@ def _columns(rows: _Rows, pole: complex) -> Array:
 
 
 def _all_columns(rows: _Rows, poles: Poles) -> list[Array]:
-    """The columns of every pole, and those of the direct response to the input and to the ones before."""
+    """The columns of every pole, and (N, DIRECT): the input itself, late by none to DIRECT - 1 samples."""
     late = [np.concatenate([np.zeros(k), rows.u[: len(rows.u) - k]]) for k in range(DIRECT)]
     return [*(_columns(rows, p) for p in poles), np.stack(late, axis=1)]
 
