@@ -77,7 +77,7 @@ def _bristles(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
     if bend >= RESOLVED:
         return ()
     return (
-        f"the bristles bend by {bend:.1g} encoder steps before the joint slides: the deviations of sigma0, sigma1 and "
+        f"the bristles bend by {bend:.2g} encoder steps before the joint slides: the deviations of sigma0, sigma1 and "
         "stiction_excess are lower bounds; a finer encoder tells them, or a recording below break-away",
     )
 
