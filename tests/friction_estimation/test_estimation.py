@@ -150,8 +150,9 @@ def test_bristles_are_told_with_honest_deviations(sigma0, sigma1, period):
     assert chosen.name == "lugre"
     assert chosen.score.held_out < 1.0
     actual = {"inertia": truth.inertia, "sigma0": truth.sigma0, "sigma1": truth.sigma1, "stiction_excess": truth.excess}
+    limits = {"sigma1": 0.01 if sigma0 < 1e4 else 0.05}  # stiff bristles ring for a few samples only
     for name, value in actual.items():
-        assert chosen.values[name] == pytest.approx(value, rel=0.05 if name == "sigma1" else 0.01), name
+        assert chosen.values[name] == pytest.approx(value, rel=limits.get(name, 0.01)), name
         assert abs(chosen.values[name] - value) < 3.0 * chosen.std[name], name
 
 

@@ -198,7 +198,10 @@ class _Problem:
         return found
 
     def bristle_force(self, theta: Array, correction: Array) -> Array:
-        """Force (C, S) of the bristles at the start of the windows, for a relative ``correction`` (C, S)."""
+        """Force (C, S) of the bristles at the start of the windows, that of the filtered motion plus a ``correction``.
+
+        The correction (C, S) is an unknown of the fit, in multiples of break-away friction.
+        """
         w, law = self.windows, self.candidate
         columns = [row[:, None] for row in theta]
         known = dict(zip(law.names, columns, strict=True))

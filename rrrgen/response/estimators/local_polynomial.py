@@ -108,7 +108,10 @@ def between_harmonics(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex
 
 
 def remove_smooth(F: Complex, k: NDArray[np.int64], M: int) -> tuple[Complex, int]:
-    """Remove the transient from the lines around the harmonics ``k`` (L,): (residuals (L, lines, c), their dof)."""
+    """Subtract the transient, a polynomial, from the lines around the harmonics of numbers ``k`` (L,).
+
+    Returns the residuals (L, lines, c) and their degrees of freedom.
+    """
     around, basis, inverse = _around_harmonics(F, k, M)
     return around - np.einsum("rs,st,ltc->lrc", basis, inverse, around), len(basis) - ORDER - 1
 
