@@ -17,7 +17,8 @@ PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/
 unit python: export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := rrr
-.PHONY: rrr core setup test lint types unit python generated update bench docs pages machines clean help
+.PHONY: rrr core setup test lint types unit python generated update stubs bench docs pages stranger machines clean help
+SEEDS ?= 12
 
 rrr: core  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
 	$(BIN)/rrrgen generate rrr -o runs/rrr
@@ -59,6 +60,10 @@ generated: setup  ## the committed code of the reference robot is what the gener
 update: setup  ## write the committed code of the reference robot anew
 	$(BIN)/rrrgen generate rrr -o generated/rrr --no-casadi-files
 
+stubs: setup  ## write the stub of the methods that are made from the table of model functions
+	$(BIN)/python -m rrrgen.runtime.functions.methods > rrrgen/runtime/functions/table_functions.pyi.new
+	mv rrrgen/runtime/functions/table_functions.pyi.new rrrgen/runtime/functions/table_functions.pyi
+
 bench: setup  ## measure emitted C side by side with other packages; the page and the plots go to docs/
 	$(BIN)/python -m pip install --quiet -e ".[bench]"
 	$(BIN)/python -m bench -o bench/results
@@ -69,6 +74,9 @@ docs: setup  ## the documentation as web pages, in docs/_build/html
 
 pages: setup  ## every command that the pages and the help texts print, as printed; it takes some minutes
 	$(BIN)/python tests/pages/every_command.py
+
+stranger:  ## SEEDS=12 robots that nobody has tried, each from a wheel all the way to an identified model; then the pages
+	$(PYTHON) tests/stranger.py --seeds $(SEEDS) --pages
 
 machines: setup  ## the self-tests of all robots on other processors (QEMU, Node), as far as their tools are installed
 	$(BIN)/python -m bench.machines

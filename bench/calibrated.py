@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from rrrgen.verify.references.chain import Array, chain_of
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array, chain_of
 
 if TYPE_CHECKING:
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 CALIBRATED = ("panda", "iiwa14", "stanford")
 ERRORS = (1e-5, 1e-4, 1e-3, 5e-3)
@@ -66,7 +66,7 @@ class Loss:
 
 def arms(seed: int) -> Iterator[tuple[str, RobotSpec]]:
     """The names and descriptions of all arms, with random errors from ``seed``."""
-    from rrrgen.robotfile import load_spec
+    from rrrgen.robot.file import load_spec
 
     for name in CALIBRATED:
         nominal = load_spec(name)
@@ -95,7 +95,7 @@ def _random(types: str, seed: int) -> list[Row]:
 
 
 def _spec(rows: list[Row], convention: str) -> RobotSpec:
-    from rrrgen.robotfile import loads_spec
+    from rrrgen.robot.file import loads_spec
 
     kinds = {"R": "revolute", "P": "prismatic"}
     joints = [

@@ -45,12 +45,13 @@ class Loop:
 
 def measured(name: str, folder: Path) -> Loop:
     """Emit the control laws of a robot in float, run the loop, and read what it prints."""
-    from rrrgen import pipeline
-    from rrrgen.backends.c.backend import CBackend
-    from rrrgen.output.manifest import identify
+    from rrrgen.derive import derive
+    from rrrgen.emit.c.backend import CBackend
+    from rrrgen.robot.file import read
+    from rrrgen.robot.identity import identify
 
-    spec = pipeline.read(name)
-    model = pipeline.derive(spec, groups=("model", "control", "observer"))
+    spec = read(name)
+    model = derive(spec, groups=("model", "control", "observer"))
     for file, text in CBackend().files(model, identify(spec), "float").items():
         (folder / file).write_text(text, encoding="utf-8")
     friction = next(port for port in model.programs["friction_with"].inputs if port.role is Role.FRICTION)

@@ -19,7 +19,7 @@ from typing import get_args
 
 import click
 
-from rrrgen.backends import Real
+from rrrgen.emit import Real
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 CORTEX = EXAMPLES / "cortex_m"
@@ -112,12 +112,14 @@ def digest(output: str) -> str:
 
 def selftest_files(name: str, real: Real, folder: Path) -> list[str]:
     """Emit a robot into ``folder``, with differential IK and Fourier series; the C files of its self-test."""
-    from rrrgen import pipeline
-    from rrrgen.control.beside import checks_beside, files_beside
+    from rrrgen.derive import derive
+    from rrrgen.emit.controller.template_files import checks_beside, files_beside
+    from rrrgen.emit.package import emit
+    from rrrgen.robot.file import read
 
-    spec, groups = pipeline.read(name), ("control", "trajectory")
+    spec, groups = read(name), ("control", "trajectory")
     further, checks = files_beside(spec, real, groups), checks_beside(spec, groups)
-    files = pipeline.emit(pipeline.derive(spec), real, further=further, checks=checks)
+    files = emit(derive(spec), real, further=further, checks=checks)
     found = {file: text for file, text in files.items() if file.endswith((".c", ".h")) and "/" not in file}
     for file, text in found.items():
         (folder / file).write_text(str(text), encoding="utf-8")
@@ -147,7 +149,7 @@ def machines(robots: tuple[str, ...]) -> int:
 
     Machines whose tools are not installed are named and left out.
     """
-    from rrrgen.robotfile.robots import bundled_names
+    from rrrgen.robot.robots import bundled_names
 
     for machine in MACHINES.values():
         if machine.missing:

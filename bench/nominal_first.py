@@ -18,13 +18,13 @@ import click
 import numpy as np
 
 from bench.calibrated import SAME, STROKE, _calibrated, _spec, _wrapped
-from rrrgen.verify.references.chain import Array, chain_of
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array, chain_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 LISTS = ("ur10e", "ur5")
 TABLES = ("ur10e", "puma560", "stanford", "panda")
@@ -58,7 +58,7 @@ class Comparison:
 
 def arms(seed: int) -> Iterator[tuple[str, RobotSpec, RobotSpec]]:
     """Name, nominal arm and calibrated arm."""
-    from rrrgen.robotfile import load_spec
+    from rrrgen.robot.file import load_spec
 
     for name in LISTS:
         for eps in ERRORS:
@@ -71,9 +71,9 @@ def arms(seed: int) -> Iterator[tuple[str, RobotSpec, RobotSpec]]:
 
 def _listed(name: str, eps: float, seed: int) -> RobotSpec:
     """An arm with parallel axes as its calibration lists it: tilted axes have common perpendiculars far away."""
-    from rrrgen.calibrate.geometry import geometry_of
-    from rrrgen.calibrate.robot_file import calibrated_spec
-    from rrrgen.robotfile import load_spec
+    from rrrgen.lab.calibrate.geometry import geometry_of
+    from rrrgen.lab.calibrate.robot_file import calibrated_spec
+    from rrrgen.robot.file import load_spec
 
     spec = load_spec(name)
     geometry, random = geometry_of(spec), np.random.default_rng([seed, 4])

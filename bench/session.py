@@ -11,13 +11,13 @@ from bench.contenders.cases import ROBOTS, Case, make_case
 from bench.measurements.race import QUICK, Effort, race
 from bench.results import Results
 from bench.toolchain import FLAGS, find_toolchain, machine
-from rrrgen.errors import RrrgenError
-from rrrgen.parallel_map import Tell
+from rrrgen.base.errors import RrrgenError
+from rrrgen.base.parallel import Tell
 
 if TYPE_CHECKING:
     from bench.contenders.contender import Supplier
     from bench.toolchain import Toolchain
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 Say = Callable[[str], None]
 GROWTH_SECONDS = {True: 20.0, False: 120.0}
@@ -59,15 +59,16 @@ def bench(plan: Plan, tell: Tell) -> Results:
 
 def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
     from bench.contenders.emitted import emitted_contenders
-    from rrrgen import pipeline
-    from rrrgen.output.manifest import identify
-    from rrrgen.runtime.derived_cache import recall
+    from rrrgen.derive import derive
+    from rrrgen.derive.derived_cache import recall
+    from rrrgen.robot.file import read
+    from rrrgen.robot.identity import identify
 
-    spec = pipeline.read(robot)
+    spec = read(robot)
     case = make_case(spec)
     if "functions" in plan.parts:
         say(f"{robot}: deriving")
-        derived = recall(spec, identify(spec), pipeline.derive)
+        derived = recall(spec, identify(spec), derive)
         groups = [emitted_contenders(case, derived), *_rivals(case, plan, toolchain, results)]
         say(f"{robot}: compiling and measuring (Pinocchio's headers take minutes, once)")
         results.scores += race(case, groups, toolchain, plan.effort)
@@ -102,9 +103,9 @@ def _rivals(
 def _python(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> None:
     from bench.measurements.batches import batch_time
     from bench.measurements.python_calls import python_calls
-    from rrrgen import pipeline
+    from rrrgen.runtime import load
 
-    model = pipeline.compile(case.spec)
+    model = load.compile(case.spec)
     rounds = max(10, plan.effort.rounds // 2)
     results.calls += python_calls(case, model, toolchain, rounds)
     results.batches[case.name] = batch_time(case, model, toolchain, rounds)
@@ -112,7 +113,7 @@ def _python(case: Case, plan: Plan, toolchain: Toolchain, results: Results) -> N
 
 def _inverse_kinematics(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
     from bench.measurements.inverse_kinematics import GENERAL, ik_scores
-    from rrrgen.robotfile import load_spec, loads_spec
+    from rrrgen.robot.file import load_spec, loads_spec
 
     specs: Sequence[RobotSpec] = [load_spec(robot) for robot in plan.robots]
     for spec in [*(spec for spec in specs if spec.n <= 6), loads_spec(GENERAL, "general6r.yaml")]:
@@ -155,21 +156,22 @@ def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> No
     from bench.measurements.control_loop import GROUPS, SEVEN_JOINTS, loop_tick
     from bench.measurements.control_tick import control_ticks
     from bench.measurements.path_timing import path_timings
-    from rrrgen import pipeline
-    from rrrgen.output.manifest import identify
-    from rrrgen.runtime.derived_cache import recall
+    from rrrgen.derive import derive
+    from rrrgen.derive.derived_cache import recall
+    from rrrgen.robot.file import read
+    from rrrgen.robot.identity import identify
 
     for robot in plan.robots:
         say(f"{robot}: one tick of the controller")
-        spec = pipeline.read(robot)
-        derived = recall(spec, identify(spec), pipeline.derive)
+        spec = read(robot)
+        derived = recall(spec, identify(spec), derive)
         results.ticks += control_ticks(derived, toolchain, max(10, plan.effort.rounds // 4))
         say(f"{robot}: timing of a path")
-        along = recall(spec, identify(spec), partial(pipeline.derive, groups=("timing",)), ("timing",))
+        along = recall(spec, identify(spec), partial(derive, groups=("timing",)), ("timing",))
         results.paths += path_timings(derived, along, toolchain, max(10, plan.effort.rounds // 4))
     for robot in dict.fromkeys((*plan.robots, SEVEN_JOINTS)):
         say(f"{robot}: one tick of a whole loop")
-        derived = pipeline.derive(pipeline.read(robot), groups=GROUPS)
+        derived = derive(read(robot), groups=GROUPS)
         results.ticks.append(loop_tick(derived, toolchain, max(10, plan.effort.rounds // 4)))
 
 

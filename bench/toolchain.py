@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from rrrgen.cache import cache_directory, digest
-from rrrgen.errors import BuildError
-from rrrgen.runtime.compiler import find_compiler
+from rrrgen.base.cache import cache_directory, digest
+from rrrgen.base.errors import BuildError
+from rrrgen.emit.c.compilers import find_compiler
 
 FLAGS = ("-O3", "-march=native")
 """For every contender. Contraction to fused multiply-adds stays as the compiler has it by default: on, for all."""

@@ -1,6 +1,6 @@
 """Sphinx configuration of the documentation: ``make docs`` builds it into docs/_build/html."""
 
-from rrrgen.version import VERSION
+from rrrgen.base.version import VERSION
 
 project = "rrrgen"
 author = "the rrrgen authors"

@@ -11,61 +11,80 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.version import VERSION
+from rrrgen.base.version import VERSION
 
 __version__ = VERSION
 
 if TYPE_CHECKING:
-    from rrrgen.control.path import Path, spline_path
-    from rrrgen.errors import (
+    from rrrgen.base.errors import (
         BackendError,
         BuildError,
         DerivationError,
         InputError,
         InternalError,
+        RobotFileWarning,
         RrrgenError,
     )
-    from rrrgen.pipeline import compile
-    from rrrgen.robotfile import bundled_names, load_spec, loads_spec
-    from rrrgen.robotfile.importers.toolbox import from_toolbox
+    from rrrgen.lab.studies.identify import IdentifyOptions, identify
+    from rrrgen.lab.studies.preprocessing import MotionOptions
+    from rrrgen.lab.studies.reconstruct import reconstruct
+    from rrrgen.lab.studies.validate import ValidateOptions, validate
+    from rrrgen.robot.file import bundled_names, load_spec, loads_spec
+    from rrrgen.robot.importers.robotics_toolbox import from_toolbox
+    from rrrgen.runtime.estimator import online_estimator
+    from rrrgen.runtime.load import compile
     from rrrgen.runtime.model import Model
-    from rrrgen.runtime.online.estimator import online_estimator
+    from rrrgen.runtime.path import Path, spline_path
 
 _HOMES = {
-    "compile": "rrrgen.pipeline",
-    "load_spec": "rrrgen.robotfile",
-    "loads_spec": "rrrgen.robotfile",
-    "bundled_names": "rrrgen.robotfile",
-    "from_toolbox": "rrrgen.robotfile.importers.toolbox",
+    "compile": "rrrgen.runtime.load",
+    "load_spec": "rrrgen.robot.file",
+    "loads_spec": "rrrgen.robot.file",
+    "bundled_names": "rrrgen.robot.file",
+    "from_toolbox": "rrrgen.robot.importers.robotics_toolbox",
     "Model": "rrrgen.runtime.model",
-    "Path": "rrrgen.control.path",
-    "spline_path": "rrrgen.control.path",
-    "online_estimator": "rrrgen.runtime.online.estimator",
-    "RrrgenError": "rrrgen.errors",
-    "InputError": "rrrgen.errors",
-    "DerivationError": "rrrgen.errors",
-    "BackendError": "rrrgen.errors",
-    "BuildError": "rrrgen.errors",
-    "InternalError": "rrrgen.errors",
+    "Path": "rrrgen.runtime.path",
+    "spline_path": "rrrgen.runtime.path",
+    "online_estimator": "rrrgen.runtime.estimator",
+    "identify": "rrrgen.lab.studies.identify",
+    "IdentifyOptions": "rrrgen.lab.studies.identify",
+    "reconstruct": "rrrgen.lab.studies.reconstruct",
+    "MotionOptions": "rrrgen.lab.studies.preprocessing",
+    "validate": "rrrgen.lab.studies.validate",
+    "ValidateOptions": "rrrgen.lab.studies.validate",
+    "RrrgenError": "rrrgen.base.errors",
+    "InputError": "rrrgen.base.errors",
+    "DerivationError": "rrrgen.base.errors",
+    "BackendError": "rrrgen.base.errors",
+    "BuildError": "rrrgen.base.errors",
+    "InternalError": "rrrgen.base.errors",
+    "RobotFileWarning": "rrrgen.base.errors",
 }
 
 __all__ = [
     "BackendError",
     "BuildError",
     "DerivationError",
+    "IdentifyOptions",
     "InputError",
     "InternalError",
     "Model",
+    "MotionOptions",
     "Path",
+    "RobotFileWarning",
     "RrrgenError",
+    "ValidateOptions",
     "__version__",
     "bundled_names",
     "compile",
     "from_toolbox",
+    "identify",
     "load_spec",
     "loads_spec",
     "online_estimator",
+    "reconstruct",
     "spline_path",
+    "validate",
 ]
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from rrrgen.runs import figures
+from rrrgen.lab.data import figure_style as figures
 
 TESTS = Path(__file__).resolve().parent
 if str(TESTS) not in sys.path:  # import modes other than "prepend" do not do this
@@ -56,7 +56,7 @@ def unoptimized() -> Iterator[None]:
 @pytest.fixture
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands draw no figures, which take most of their time: for tests beside one that draws the same figures."""
-    monkeypatch.setattr("rrrgen.runs.run_folder.RunFolder.figure", lambda folder, name, figure: [])
+    monkeypatch.setattr("rrrgen.lab.data.run_folder.RunFolder.figure", lambda folder, name, figure: [])
 
 
 @pytest.fixture

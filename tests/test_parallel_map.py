@@ -13,7 +13,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are f
 OPENING = '''
 import contextlib, os, signal, threading, time
 from pathlib import Path
-from rrrgen.parallel_map import parallel_map
+from rrrgen.base.parallel import parallel_map
 
 first = os.getpid()
 
@@ -169,9 +169,9 @@ FRESH = """
 import sys
 from functools import partial
 sys.path.insert(0, {folder!r})  # new processes find modules where this one does
-import rrrgen.parallel_map
+import rrrgen.base.parallel
 import tasks
-rrrgen.parallel_map.may_fork = lambda: False
+rrrgen.base.parallel.may_fork = lambda: False
 """
 
 
@@ -203,7 +203,7 @@ def test_new_processes_share_the_tasks(fresh):
 
 def test_what_new_processes_cannot_do_is_done_here(fresh):
     done = fresh("""
-        from rrrgen.parallel_map import fresh
+        from rrrgen.base.parallel import fresh
         assert parallel_map(lambda k: os.getpid(), range(6), 3) == [first] * 6
         assert parallel_map(partial(tasks.dies, first), range(6), 3) == list(range(6))
         try:
@@ -237,8 +237,9 @@ def test_a_robot_is_generated_by_new_processes(fresh):
     done = fresh("""
         from collections import Counter
         from rrrgen import load_spec
-        from rrrgen.parallel_map import fresh
-        from rrrgen.pipeline import derive, emit
+        from rrrgen.base.parallel import fresh
+        from rrrgen.derive import derive
+        from rrrgen.emit.package import emit
 
         received = Counter()
         result = fresh._Worker.result

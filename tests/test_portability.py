@@ -31,12 +31,13 @@ POSIX_NAMES = {
 }  # fmt: skip
 
 GUARDED = {
-    "cache.py": {"os.geteuid"},  # hasattr
-    "output/exchange.py": {"os.chown"},  # where owners differ; on Windows all are 0
-    "output/staging.py": {"fcntl"},  # ImportError
-    "parallel_map/__init__.py": {"os.sched_getaffinity"},  # on Linux only
-    "parallel_map/forked.py": {"os.fork", "signal.SIGKILL"},  # imported where may_fork() says so
-    "recordings/readers/reading_process.py": {"resource", "os.sysconf"},  # not on win32; after /proc was read
+    "base/cache.py": {"os.geteuid"},  # hasattr
+    "base/exchange.py": {"os.chown"},  # where owners differ; on Windows all are 0
+    "base/staging.py": {"fcntl"},  # ImportError
+    "base/parallel/__init__.py": {"os.sched_getaffinity"},  # on Linux only
+    "base/parallel/forked.py": {"os.fork", "signal.SIGKILL"},  # imported where may_fork() says so
+    "runtime/build.py": {"os.statvfs"},  # hasattr
+    "lab/data/tables/reading_process.py": {"resource", "os.sysconf"},  # not on win32; after /proc was read
 }
 """Where a name of POSIX is used, behind a test."""
 
@@ -52,8 +53,8 @@ for name in {signals!r}:
     if hasattr(signal, name):
         delattr(signal, name)
 sys.platform = "win32"
-import rrrgen.parallel_map
-rrrgen.parallel_map.may_fork = lambda: False
+import rrrgen.base.parallel
+rrrgen.base.parallel.may_fork = lambda: False
 from rrrgen.cli.main import run
 steps = (
     ["new", "arm"],

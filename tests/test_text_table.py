@@ -7,7 +7,7 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.text_table import folded, text_table
+from rrrgen.base.tables import folded, text_table
 
 ROWS = [
     ("function", "reference", "verdict"),

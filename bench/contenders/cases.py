@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from rrrgen.verify.references.chain import Array, Chain, chain_of, nominal_parameters
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array, Chain, chain_of, nominal_parameters
 
 if TYPE_CHECKING:
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 ROBOTS = ("rrr", "puma560", "ur10e", "panda")
 STATES = 16

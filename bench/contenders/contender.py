@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bench.contenders.cases import Case, Numbers, References
-from rrrgen.errors import RrrgenError
-from rrrgen.verify.references.chain import Array
+from rrrgen.base.errors import RrrgenError
+from rrrgen.verify.references.numeric_robot import Array
 
 OURS, OURS_FILE, OURS_LIBM = "rrrgen", "rrrgen, numbers folded", "rrrgen, libm"
 HAND, HAND_FILE, PINOCCHIO = "hand CasADi", "hand CasADi, file's numbers", "Pinocchio"

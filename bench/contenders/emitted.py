@@ -8,16 +8,16 @@ import numpy as np
 
 from bench.contenders.cases import Case, Numbers
 from bench.contenders.contender import OURS, OURS_FILE, OURS_LIBM, TITLES, Contender, Supplier
-from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.sources import header_and_sources
-from rrrgen.backends.c.trigonometry import sincos_strategy
-from rrrgen.output.manifest import identify
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.sources import header_and_sources
+from rrrgen.emit.c.trigonometry import sincos_strategy
 from rrrgen.program import Program, Role, count_operations, specialization
-from rrrgen.verify.references.chain import Array
+from rrrgen.robot.identity import identify
+from rrrgen.verify.references.numeric_robot import Array
 
 if TYPE_CHECKING:
-    from rrrgen.backends.c.trigonometry import Trig
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.emit.c.trigonometry import Trig
 
 PLACES = {Role.POSITION: 0, Role.VELOCITY: 1, Role.ACCELERATION: 2, Role.TORQUE: 2, Role.COVECTOR: 3}
 """Offset of each input in a state, in multiples of n."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from bench.contenders.joint_frames import JointFrames, JointRow, regrouped
-from rrrgen.verify.references.chain import Array
+from rrrgen.verify.references.numeric_robot import Array
 
 Vector = tuple[Any, Any, Any]
 Tensor = tuple[Any, Any, Any, Any, Any, Any]  # 00, 01, 11, 02, 12, 22

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrrgen.verify.references.chain import Array, Chain, inertia_tensor
+from rrrgen.verify.references.numeric_robot import Array, Chain, inertia_tensor
 
 SNAP = 1e-14
 """Sines and cosines of fixed angles nearer than this to an integer are that integer."""

@@ -11,7 +11,7 @@ import numpy as np
 from bench.contenders.cases import Case, Numbers
 from bench.contenders.contender import HAND, HAND_FILE, PINOCCHIO, Contender, Supplier
 from bench.templates import source
-from rrrgen.verify.references.chain import Array, centre_and_tensor
+from rrrgen.verify.references.numeric_robot import Array, centre_and_tensor
 
 _INPUTS = {
     "inverse_dynamics": (0, 1, 2),

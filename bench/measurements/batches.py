@@ -16,11 +16,11 @@ from bench.contenders.contender import DisagreementError
 from bench.measurements.python_calls import turns
 from bench.measurements.race import TOLERANCE
 from bench.toolchain import Toolchain, run
-from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.sources import header_and_sources
-from rrrgen.backends.c.trigonometry import sincos_strategy
-from rrrgen.output.manifest import identify
-from rrrgen.verify.references.chain import Array
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.sources import header_and_sources
+from rrrgen.emit.c.trigonometry import sincos_strategy
+from rrrgen.robot.identity import identify
+from rrrgen.verify.references.numeric_robot import Array
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model

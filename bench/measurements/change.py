@@ -25,9 +25,9 @@ import numpy as np
 from bench.contenders.contender import Contender
 from bench.measurements.race import Driver, Effort
 from bench.toolchain import Toolchain, find_toolchain
-from rrrgen.robotfile import load_spec
-from rrrgen.verify.references.chain import Array, chain_of
+from rrrgen.robot.file import load_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array, chain_of
 
 STATES = 16
 

@@ -10,16 +10,16 @@ import numpy as np
 from bench.measurements.control_tick import JERK, PERIOD, RESOLUTION, SAMPLES, TickTime
 from bench.templates import render
 from bench.toolchain import Toolchain, run
-from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.functions import function_files
-from rrrgen.backends.c.sources import header_and_sources
-from rrrgen.backends.c.trigonometry import sincos_strategy
-from rrrgen.control.kalman import kalman_program
 from rrrgen.derive.derived_model import DerivedModel
-from rrrgen.output.manifest import identify
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.function_files import function_files
+from rrrgen.emit.c.sources import header_and_sources
+from rrrgen.emit.c.trigonometry import sincos_strategy
+from rrrgen.emit.controller.kalman import kalman_program
+from rrrgen.lab.data.kalman import kalman_matrices
+from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.program import Program, Role
-from rrrgen.signals.fourier import FourierTrajectory
-from rrrgen.signals.kalman import kalman_matrices
+from rrrgen.robot.identity import identify
 
 WORK = "computed torque + friction + observer + Kalman filter"
 GROUPS = ("control", "observer")
@@ -46,7 +46,7 @@ def loop_tick(derived: DerivedModel, toolchain: Toolchain, passes: int) -> TickT
     sincos = sincos_strategy("inline")
     files = header_and_sources(derived, identify(derived.spec), Dialect(name, "double"), sincos)
     files |= function_files(f"{name}_kalman", "filter", [step], "double")
-    ports = {port.name: port for program in (law, observer) for port in (*program.inputs, *program.outputs)}
+    ports = {port.name: port for program in (law, observer) for port in (*program.inputs, *program.data_outputs)}
     values = VALUES | {port.name: 0.1 for port in ports.values() if port.role is Role.BASE_PARAMETERS}
     main = render(
         "loop.c.j2",

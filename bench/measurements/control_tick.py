@@ -10,16 +10,16 @@ import numpy as np
 
 from bench.templates import render
 from bench.toolchain import Toolchain, run
-from rrrgen.backends.c.functions import function_files
-from rrrgen.control.estimation.gain import chosen_gain, gain_bound
-from rrrgen.control.estimation.programs import regression
-from rrrgen.control.estimation.sources import KINDS, EstimatorSettings, estimator_files
-from rrrgen.control.kalman import kalman_program
 from rrrgen.derive.derived_model import DerivedModel
-from rrrgen.friction.laws import LAWS
-from rrrgen.friction.programs import friction_program
-from rrrgen.signals.fourier import FourierTrajectory
-from rrrgen.signals.kalman import kalman_matrices
+from rrrgen.emit.c.function_files import function_files
+from rrrgen.emit.controller.gain import chosen_gain, gain_bound
+from rrrgen.emit.controller.kalman import kalman_program
+from rrrgen.emit.controller.programs import regression
+from rrrgen.emit.controller.sources import KINDS, EstimatorSettings, estimator_files
+from rrrgen.lab.data.kalman import kalman_matrices
+from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.robot.friction.laws import LAWS
+from rrrgen.robot.friction.programs import friction_program
 
 PERIOD = 1e-3
 SAMPLES = 2000

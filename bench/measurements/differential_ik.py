@@ -18,9 +18,9 @@ import numpy as np
 
 import rrrgen
 from bench.toolchain import FLAGS
-from rrrgen.control.differential_ik import declaration, differential_ik_files
-from rrrgen.runtime.compiler import find_compiler
-from rrrgen.runtime.online.differential_ik import compiled_solver
+from rrrgen.emit.c.compilers import find_compiler
+from rrrgen.emit.controller.differential_ik import declaration, differential_ik_files
+from rrrgen.runtime.differential_ik import compiled_solver
 
 ROBOTS = ("puma560", "iiwa14", "panda")
 MOTIONS, TICKS, TAKEN = 6, 1000, 3  # motions of a robot, ticks of a motion, one of so many is timed

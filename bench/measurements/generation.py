@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.toolchain import Toolchain, run
-from rrrgen.errors import BuildError
+from rrrgen.base.errors import BuildError
 
 FLAGS = ("-std=c99", "-O2")
 """As a user compiles a model."""
@@ -24,7 +24,7 @@ ROUNDS = 5
 GENERATE = """
 import atexit, sys
 from rrrgen.cli.main import main
-from rrrgen.parallel_map import usual_jobs
+from rrrgen.base.parallel import usual_jobs
 
 @atexit.register
 def peak():

@@ -13,7 +13,7 @@ from bench.contenders.contender import Supplier
 from bench.contenders.emitted import emitted_contenders
 from bench.measurements.race import Effort, Score, race
 from bench.toolchain import Toolchain
-from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.robot.robot_spec import RobotSpec
 
 Rivals = Callable[[Case], list[Supplier]]
 
@@ -37,7 +37,7 @@ def growth(
     sizes: list[int], toolchain: Toolchain, effort: Effort, seconds: float, rivals: Rivals, say: Callable[[str], None]
 ) -> tuple[list[Score], list[float]]:
     """Scores of :data:`COMPARED` for every size, and seconds of derivation; stops once ``seconds`` are used up."""
-    from rrrgen.robotfile import loads_spec
+    from rrrgen.robot.file import loads_spec
 
     scores: list[Score] = []
     derivations: list[float] = []
@@ -54,11 +54,11 @@ def growth(
 
 def _one(spec: RobotSpec, toolchain: Toolchain, effort: Effort, rivals: Rivals) -> tuple[list[Score], float]:
     from rrrgen.derive import derive_model
-    from rrrgen.optimize import optimize
+    from rrrgen.derive.optimizer import Optimizer
 
     start = time.perf_counter()
     recorded = derive_model(spec)
-    derived = optimize(replace(recorded, alternatives={name: recorded.alternatives[name] for name in COMPARED}))
+    derived = Optimizer()(replace(recorded, alternatives={name: recorded.alternatives[name] for name in COMPARED}))
     duration = time.perf_counter() - start
     case = make_case(spec)
     groups = [emitted_contenders(case, derived, libm=False), *rivals(case)]

@@ -20,8 +20,8 @@ import click
 
 from bench.measurements.ik_targets import Task, mixed
 from bench.templates import render
-from rrrgen.backends.c.solver.passes import PASSES, Pass
-from rrrgen.robotfile import bundled_names, load_spec
+from rrrgen.emit.c.ik.passes import PASSES, Pass
+from rrrgen.robot.file import bundled_names, load_spec
 
 TARGETS = 10_000
 CALLS = 200
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str]) -> None:
 
 def write(robot: str, folder: Path, passes: Sequence[Pass] = PASSES) -> None:
     """Write the inverse kinematics of a bundled robot, planned anew."""
-    from rrrgen.backends.c.solver.files import emit
+    from rrrgen.emit.c.ik.files import emit
     from rrrgen.ik.classify import plan_chain
     from rrrgen.ik.geometry.chain import numeric_chain
 

@@ -22,7 +22,7 @@ from bench.measurements.ik_change import compared, write
 from rrrgen.ik.recording.scalar import Pool, Scalar
 from rrrgen.program import Builder, Op, Port, Value
 from rrrgen.program.builder import Scalar as Recorded
-from rrrgen.robotfile import bundled_names
+from rrrgen.robot.file import bundled_names
 
 
 class BuilderPool(Pool):
@@ -103,7 +103,7 @@ def main(robots: Sequence[str]) -> None:
             write(robot, now)  # imports, so that they are not timed
             with (
                 patch("rrrgen.ik.recording.recorder.Pool", BuilderPool),
-                patch("rrrgen.backends.c.solver.scaffold.Pool", BuilderPool),
+                patch("rrrgen.emit.c.ik.scaffold.Pool", BuilderPool),
             ):
                 before = _seconds(robot, builder)
             after = _seconds(robot, now)

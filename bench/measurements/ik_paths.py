@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.measurements.ik_targets import ELBOW, Task
-from rrrgen.verify.references.chain import Array
+from rrrgen.verify.references.numeric_robot import Array
 
 SAME = 1e-6
 """Rows whose joints differ less (rad, m) are one; twice what the emitted code takes for one row, which is 5e-7."""

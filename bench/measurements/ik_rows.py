@@ -34,8 +34,8 @@ from numpy.typing import NDArray
 from bench.measurements.ik_change import built, write
 from bench.measurements.ik_paths import MEETS, SAME, Paths
 from bench.measurements.ik_targets import Kind, Task, random, singular
-from rrrgen.robotfile import bundled_names, load_spec
-from rrrgen.verify.references.chain import Array
+from rrrgen.robot.file import bundled_names, load_spec
+from rrrgen.verify.references.numeric_robot import Array
 
 KINDS: tuple[tuple[str, Kind, int], ...] = (("random", random, 100_000), ("singular", singular, 10_000))
 

@@ -19,8 +19,8 @@ import numpy as np
 
 from bench.measurements.ik_change import CALLS, built, instructions, write
 from bench.measurements.ik_targets import Task, random, singular
-from rrrgen.robotfile import bundled_names
-from rrrgen.verify.references.chain import Array
+from rrrgen.robot.file import bundled_names
+from rrrgen.verify.references.numeric_robot import Array
 
 TARGETS = 10_000
 

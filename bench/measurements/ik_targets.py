@@ -17,9 +17,9 @@ from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.families import parameter
 from rrrgen.ik.geometry.chain import numeric_chain
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.robotfile import load_spec
-from rrrgen.verify.references.chain import Array, Chain, chain_of
+from rrrgen.robot.file import load_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array, Chain, chain_of
 
 Indices = NDArray[np.intp]
 

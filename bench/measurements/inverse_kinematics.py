@@ -17,11 +17,11 @@ from bench.measurements.python_calls import turns
 from bench.measurements.race import Driver, Effort
 from bench.templates import render
 from bench.toolchain import Toolchain
-from rrrgen.verify.references.chain import Array, Chain, chain_of
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array, Chain, chain_of
 
 if TYPE_CHECKING:
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 POSES = 32
 ROW_ERROR = 1e-6
@@ -82,7 +82,7 @@ def _compiled(
     spec: RobotSpec, poses: Array, oracle: NewtonEuler, toolchain: Toolchain, effort: Effort
 ) -> list[IKScore]:
     """C against C, in turns."""
-    from rrrgen.backends.c.solver.files import emit
+    from rrrgen.emit.c.ik.files import emit
     from rrrgen.ik.classify import plan
 
     emitted = emit(spec, plan(spec))
@@ -117,16 +117,16 @@ def _compiled(
 @cache
 def _reference_sources() -> dict[str, str]:
     """The C of the RRR's model, with which times are compared."""
-    from rrrgen import pipeline
-    from rrrgen.backends.c.dialect import Dialect
-    from rrrgen.backends.c.sources import header_and_sources
-    from rrrgen.backends.c.trigonometry import sincos_strategy
-    from rrrgen.output.manifest import identify
-    from rrrgen.robotfile import load_spec
-    from rrrgen.runtime.derived_cache import recall
+    from rrrgen.derive import derive
+    from rrrgen.derive.derived_cache import recall
+    from rrrgen.emit.c.dialect import Dialect
+    from rrrgen.emit.c.sources import header_and_sources
+    from rrrgen.emit.c.trigonometry import sincos_strategy
+    from rrrgen.robot.file import load_spec
+    from rrrgen.robot.identity import identify
 
     spec = load_spec("rrr")
-    derived = recall(spec, identify(spec), pipeline.derive)
+    derived = recall(spec, identify(spec), derive)
     return header_and_sources(derived, identify(spec), Dialect("rrr", "double"), sincos_strategy("inline"))
 
 

@@ -21,9 +21,9 @@ import click
 GENERATE = """
 import atexit, sys, time
 atexit.register(lambda: print(time.process_time()))
-import rrrgen.parallel_map
+import rrrgen.base.parallel
 if sys.argv[1] == "new":
-    rrrgen.parallel_map.may_fork = lambda: False
+    rrrgen.base.parallel.may_fork = lambda: False
 from rrrgen.cli.main import main
 main(["generate", sys.argv[2], "-o", sys.argv[3], "--no-casadi-files", "--jobs", sys.argv[4]])
 """

@@ -3,7 +3,7 @@
     python -m bench.measurements.pass_options [ROBOT ...]
 
 prints for every change the operations of all functions together, relative to the options as they are, the largest
-change of one function, and the time. The comments beside the options in ``rrrgen/optimize`` quote this table.
+change of one function, and the time. The comments beside the options in ``rrrgen/program/passes`` quote this table.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from dataclasses import replace
 
 import click
 
+from rrrgen.base.parallel import without_collection
 from rrrgen.derive import derive_model
 from rrrgen.derive.derived_model import DerivedModel, RecordedModel
-from rrrgen.optimize.choosing import Weights
-from rrrgen.optimize.expansion import CutSet
-from rrrgen.optimize.optimizer import Optimizer
-from rrrgen.pipeline import without_collection
+from rrrgen.derive.optimizer import Optimizer
 from rrrgen.program import count_operations
-from rrrgen.robotfile import bundled_names, load_spec
+from rrrgen.program.passes.cheapest import Weights
+from rrrgen.program.passes.expansion import CutSet
+from rrrgen.robot.file import bundled_names, load_spec
 
 
 def changes() -> Iterator[tuple[str, Optimizer]]:

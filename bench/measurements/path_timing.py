@@ -10,13 +10,13 @@ import numpy as np
 
 from bench.templates import render
 from bench.toolchain import Toolchain, run
-from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.functions import function_files
-from rrrgen.backends.c.timing.files import further_inputs, timing_files
 from rrrgen.derive.derived_model import DerivedModel
-from rrrgen.derive.functions.friction_functions import friction_parameters
+from rrrgen.derive.functions.friction import friction_parameters
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.function_files import function_files
+from rrrgen.emit.c.path_timing.files import further_inputs, timing_files
+from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.program import evaluate
-from rrrgen.signals.fourier import FourierTrajectory
 
 POINTS = 1000
 

@@ -16,7 +16,7 @@ from bench.contenders.cases import Case
 from bench.contenders.contender import DisagreementError
 from bench.measurements.race import TOLERANCE
 from bench.toolchain import Toolchain, run
-from rrrgen.verify.references.chain import Array, Chain
+from rrrgen.verify.references.numeric_robot import Array, Chain
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -97,7 +97,7 @@ def pinocchio_model(chain: Chain, phi: Array) -> Any:
     """A chain of revolute joints as ``pinocchio.Model``."""
     import pinocchio as pin
 
-    from rrrgen.verify.references.chain import centre_and_tensor
+    from rrrgen.verify.references.numeric_robot import centre_and_tensor
 
     model = pin.Model()
     model.gravity.linear = chain.gravity

@@ -15,8 +15,8 @@ from bench.contenders.cases import Case
 from bench.contenders.contender import TITLES, Contender, DisagreementError, Supplier, deviation
 from bench.templates import source
 from bench.toolchain import Toolchain
-from rrrgen.errors import BuildError
-from rrrgen.verify.references.chain import Array
+from rrrgen.base.errors import BuildError
+from rrrgen.verify.references.numeric_robot import Array
 
 TOLERANCE = 1e-9
 """Largest allowed relative deviation: round-off of thousands of operations, times the condition of random mass

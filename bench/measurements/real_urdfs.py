@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING
 import click
 import numpy as np
 
-from rrrgen.robotfile.importers.importing import Imported, import_robot
-from rrrgen.robotfile.importers.interface import ChainChoice
-from rrrgen.verify.references.chain import chain_of
+from rrrgen.robot.importers.importing import Imported, import_robot
+from rrrgen.robot.importers.interface import ChainChoice
 from rrrgen.verify.references.imported_source import SourceComparison, compare_with_source
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of
 
 if TYPE_CHECKING:
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
     from rrrgen.runtime.engines import EngineName
 
 AGREE = 1e-9
@@ -168,10 +168,10 @@ def solved(spec: RobotSpec, poses: int, seed: int, backend: EngineName = "c") ->
 
 def verified(spec: RobotSpec, samples: int, seed: int) -> str:
     """``pass``, or the names of the functions that differ from independent dynamics at random states."""
-    from rrrgen import pipeline
+    from rrrgen.runtime import load
     from rrrgen.verify import verify
 
-    report = verify(pipeline.compile(spec), samples, seed)
+    report = verify(load.compile(spec), samples, seed)
     return ", ".join(sorted({row.function for row in report.failures})) or "pass"
 
 

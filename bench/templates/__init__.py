@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rrrgen.resources import environment
+from rrrgen.base.templates import environment
 
 
 def source(name: str) -> str:

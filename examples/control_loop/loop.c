@@ -99,13 +99,13 @@ static int control(controller *c, const char *law, const double *q, const double
             tau[i] = c->kp[i] * (q_d[i] - q[i]) + c->kd[i] * (dq_d[i] - dq[i]);
         }
     } else if (strcmp(law, "pd_gravity") == 0) {
-        rrr_pd_gravity(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, c->ki, c->z, c->beta, c->friction, WIDTH, limit, PERIOD, tau, z);
+        rrr_pd_gravity(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, c->ki, c->z, WIDTH, PERIOD, c->beta, c->friction, limit, tau, z);
     } else if (strcmp(law, "feedforward") == 0) {
-        rrr_feedforward(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, c->ki, c->z, c->beta, c->friction, WIDTH, limit, PERIOD, tau, z);
+        rrr_feedforward(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, c->ki, c->z, WIDTH, PERIOD, c->beta, c->friction, limit, tau, z);
     } else if (strcmp(law, "computed_torque") == 0) {
-        rrr_computed_torque(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, c->ki, c->z, c->beta, c->friction, WIDTH, limit, PERIOD, tau, z);
+        rrr_computed_torque(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, c->ki, c->z, WIDTH, PERIOD, c->beta, c->friction, limit, tau, z);
     } else if (strncmp(law, "resting_", 8) == 0) {
-        rrr_computed_torque(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, NONE, NONE, c->beta, zero, WIDTH, limit, PERIOD, tau, z);
+        rrr_computed_torque(q, dq, q_d, dq_d, ddq_d, c->kp, c->kd, NONE, NONE, WIDTH, PERIOD, c->beta, zero, limit, tau, z);
         rrr_friction_with(strcmp(law, "resting_measured") == 0 ? dq : dq_d, c->friction, f);
         for (int i = 0; i < N; i++) {
             tau[i] += f[i];

@@ -18,9 +18,9 @@ import numpy as np
 
 import rrrgen
 from rrrgen.cli.main import run as rrrgen_command
-from rrrgen.experiments.experiment_file import Experiment
-from rrrgen.experiments.experiment_setup import writing_path
-from rrrgen.runs.figures import new_figure, save_figure, style_axes
+from rrrgen.lab.data.figure_style import new_figure, save_figure, style_axes
+from rrrgen.lab.experiment.experiment_file import Experiment
+from rrrgen.lab.experiment.setup import writing_path
 
 HERE = Path(__file__).resolve().parent
 LAWS = {

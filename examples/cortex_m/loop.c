@@ -41,14 +41,14 @@ static __attribute__((noinline)) void tick(state *s, int first)
     real z[JOINTS], r[JOINTS], p[JOINTS], u[JOINTS];
     int i;
     if (!first) { /* the first period has not passed yet */
-        CALL(momentum_observer)(s->q, s->dq, s->tau, beta, friction, width, s->p, s->u, s->r, 50.0f, PERIOD, r, p, u);
+        CALL(momentum_observer)(s->q, s->dq, s->tau, width, s->p, s->u, s->r, 50.0f, PERIOD, beta, friction, r, p, u);
         for (i = 0; i < JOINTS; i++) {
             s->r[i] = r[i];
             s->p[i] = p[i];
             s->u[i] = u[i];
         }
     }
-    CALL(computed_torque)(s->q, s->dq, s->q_d, s->dq_d, s->ddq_d, kp, kd, ki, s->z, beta, friction, width, tau_max, PERIOD,
+    CALL(computed_torque)(s->q, s->dq, s->q_d, s->dq_d, s->ddq_d, kp, kd, ki, s->z, width, PERIOD, beta, friction, tau_max,
                           s->tau, z);
     for (i = 0; i < JOINTS; i++) {
         s->z[i] = z[i];
@@ -94,7 +94,7 @@ int main(void)
         tau_max[i] = 1e6f;
     }
     reference(&s, 0.0f);
-    CALL(momentum_observer_start)(s.q, s.dq, beta, friction, width, s.p, s.u);
+    CALL(momentum_observer_start)(s.q, s.dq, width, beta, friction, s.p, s.u);
     systick[1] = 0xFFFFFFu;
     systick[0] = 5u; /* on, by the clock of the processor */
     for (k = 0; k < TICKS; k++) {

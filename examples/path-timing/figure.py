@@ -1,17 +1,17 @@
-"""The figure of docs/path-timing.md: python examples/path-timing/figure.py docs/path-timing
+"""The figure of docs/path-timing.md: python examples/path-timing/figure.py -o docs
 
 A Panda that carries a payload moves along a spline as fast as torques, speeds and friction allow.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
 
 import rrrgen
-from rrrgen.runs.figures import new_figure, save_figure, style_axes
+from rrrgen.lab.data.figure_style import new_figure, save_figure, style_axes
 
 WAYPOINTS = np.array(
     [
@@ -27,7 +27,11 @@ COULOMB = np.array([1.5, 1.5, 1.2, 1.2, 0.3, 0.3, 0.2])
 TORQUES = np.array([35.0, 75.0, 28.0, 38.0, 2.6, 4.0, 1.6])
 
 
-def main(stem: Path) -> None:
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("-o", "--output", type=Path, default=Path("runs/path-timing"), metavar="DIR")
+    folder = parser.parse_args().output
+    folder.mkdir(parents=True, exist_ok=True)
     m = rrrgen.compile("panda")
     friction = np.stack([VISCOUS, COULOMB, np.zeros(7)], axis=1).ravel()
     beta = m.add_payload(mass=1.0, com=[0, 0, 0.15], inertia=1e-3 * np.eye(3))
@@ -48,9 +52,9 @@ def main(stem: Path) -> None:
         axis.axhline(-1.0, color="black", linewidth=0.6, linestyle=":")
         style_axes(axis, "t [s]" if axis is axes[2] else "", label)
     axes[1].legend(ncol=7, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
-    save_figure(figure, stem)
+    save_figure(figure, folder / "path-timing")
     print(f"{timed.duration:.3f} s, largest torque / limit {np.max(np.abs(tau) / TORQUES):.4f}")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "path-timing"))
+    main()

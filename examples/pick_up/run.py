@@ -21,13 +21,13 @@ import numpy as np
 import sympy as sp
 
 import rrrgen
+from rrrgen.base.files import write_file
 from rrrgen.cli.main import run as command
-from rrrgen.experiments.experiment_file import Experiment
-from rrrgen.experiments.experiment_setup import writing_path
-from rrrgen.output.writer import write_file
-from rrrgen.robotfile.robot_spec import LinkSpec
-from rrrgen.robotfile.writer import dumps
-from rrrgen.runs.figures import new_figure, save_figure, style_axes
+from rrrgen.lab.data.figure_style import new_figure, save_figure, style_axes
+from rrrgen.lab.experiment.experiment_file import Experiment
+from rrrgen.lab.experiment.setup import writing_path
+from rrrgen.robot.file.writer import dumps
+from rrrgen.robot.robot_spec import LinkSpec
 
 PERIOD, BANDWIDTH = 1e-3, 40.0
 MASS, COM, INERTIA = 1.5, np.array([0.02, 0.0, 0.05]), np.diag([2e-3, 2e-3, 1e-3])  # of the payload, in the tip's frame

@@ -55,6 +55,7 @@
 
 #define RRR_N 3 /* joints */
 #define RRR_B 15 /* base parameters */
+#define RRR_ARGUMENT_ORDER 2 /* version of the order of arguments of all functions */
 #define RRR_MODEL_HASH "f76b01304d96f30af79fd043f0dbc7ece967b29dff8ed0ed8b259a5279c90f7f"
 
 /*
@@ -103,7 +104,7 @@ const char *rrr_status_string(rrr_status status);
  *     T = T_base A_1(q_1) ... A_n(q_n) T_tool (14.5)
  *
  *   in   q  3      rad   -           joint positions
- *   out  T  4 x 4  -, m  base frame  homogeneous transform of the tip
+ *   out  T  4 x 4  1, m  base frame  homogeneous transform of the tip
  *
  * Operations: 12 mul, 6 add, 3 sincos, 3 neg.
  * Stack: at most 448 bytes built by gcc, 528 by clang.
@@ -116,7 +117,7 @@ void rrr_forward_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16]);
  *     T_i = T_base A_1(q_1) ... A_i(q_i)
  *
  *   in   q  3          rad   -           joint positions
- *   out  T  3 x 4 x 4  -, m  base frame  homogeneous transforms of the link frames 1..n
+ *   out  T  3 x 4 x 4  1, m  base frame  homogeneous transforms of the link frames 1..n
  *
  * Operations: 20 mul, 8 add, 3 sincos, 5 neg.
  * Stack: at most 624 bytes built by gcc, 704 by clang.
@@ -129,7 +130,7 @@ void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48]);
  *     [v; omega] = J(q) dq
  *
  *   in   q  3      rad   -           joint positions
- *   out  J  6 x 3  m, -  base frame  rows 1-3 linear, rows 4-6 angular velocity of the tip
+ *   out  J  6 x 3  m, 1  base frame  rows 1-3 linear, rows 4-6 angular velocity of the tip
  *
  * Operations: 15 mul, 5 add, 3 sincos, 5 neg.
  * Stack: at most 448 bytes built by gcc, 528 by clang.
@@ -142,7 +143,7 @@ void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18]);
  *     [v_i; omega_i] = J_i(q) dq, torques of a wrench at frame i: J_i' [f; m]
  *
  *   in   q  3          rad   -           joint positions
- *   out  J  3 x 6 x 3  m, -  base frame  of the origins of the link frames 1..n, each rows 1-3 linear, rows 4-6
+ *   out  J  3 x 6 x 3  m, 1  base frame  of the origins of the link frames 1..n, each rows 1-3 linear, rows 4-6
  *                                        angular velocity
  *
  * Operations: 22 mul, 7 add, 3 sincos, 7 neg.
@@ -157,8 +158,8 @@ void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54]);
  *     T = T_base A_1(q_1) ... A_n(q_n) T_tool (14.5), [v; omega] = J(q) dq
  *
  *   in   q  3      rad   -           joint positions
- *   out  T  4 x 4  -, m  base frame  homogeneous transform of the tip
- *   out  J  6 x 3  m, -  base frame  rows 1-3 linear, rows 4-6 angular velocity of the tip
+ *   out  T  4 x 4  1, m  base frame  homogeneous transform of the tip
+ *   out  J  6 x 3  m, 1  base frame  rows 1-3 linear, rows 4-6 angular velocity of the tip
  *
  * Operations: 16 mul, 6 add, 3 sincos, 8 neg.
  * Stack: at most 576 bytes built by gcc, 656 by clang.
@@ -616,7 +617,7 @@ void rrr_regressor(const rrr_real q[3], const rrr_real dq[3], const rrr_real ddq
  *   in   q    3   rad      -  joint positions
  *   in   dq   3   rad/s    -  joint velocities
  *   in   ddq  3   rad/s^2  -  joint accelerations
- *   in   e    3   -        -  vector multiplied from the left
+ *   in   e    3   any      -  the vector, such as a tracking error
  *   out  r    15  SI       -  Y' e
  *
  * Operations: 57 mul, 31 add, 2 sincos, 1 neg.
@@ -729,7 +730,7 @@ void rrr_add_payload(rrr_real mass,
  *   in   mass         1      kg      -                            mass of the payload
  *   in   com          3      m       the payload's frame          centre of mass of the payload
  *   in   inertia      3 x 3  kg m^2  axes of the payload's frame  inertia tensor about the centre of mass
- *   in   frame        4 x 4  -, m    last link frame              pose of the payload's frame, a homogeneous
+ *   in   frame        4 x 4  1, m    last link frame              pose of the payload's frame, a homogeneous
  *                                                                 transform
  *   in   beta         15     SI      -                            base parameters without the payload
  *   out  beta_loaded  15     SI      -                            base parameters with the payload
@@ -766,12 +767,11 @@ void rrr_friction_with(const rrr_real dq[3], const rrr_real friction[9], rrr_rea
  *
  *     sgn(s) replaced by tanh(s / width)
  *
- *   in   dq        3  rad/s        -  joint velocities
- *   in   friction  9  SI           -  friction parameters q1_viscous, q1_coulomb, q1_offset, q2_viscous,
- *                                     q2_coulomb, q2_offset, q3_viscous, q3_coulomb, q3_offset
- *   in   width     3  rad/s | m/s  -  speeds of the same joints and motors over which the sign of each turns
- *                                     round, > 0
- *   out  tau_f     3  N m          -  friction torques, added to the rigid body's
+ *   in   dq        3  rad/s  -  joint velocities
+ *   in   friction  9  SI     -  friction parameters q1_viscous, q1_coulomb, q1_offset, q2_viscous, q2_coulomb,
+ *                               q2_offset, q3_viscous, q3_coulomb, q3_offset
+ *   in   width     3  rad/s  -  speeds below which the sign in friction laws is smoothed; positive
+ *   out  tau_f     3  N m    -  friction torques, added to the rigid body's
  *
  * Operations: 6 mul, 6 add, 3 div, 3 other.
  * Stack: at most 224 bytes built by gcc, 256 by clang.

@@ -88,7 +88,7 @@ typedef struct rrr_ik_solutions {
  * of 2 pi is added that brings them nearest to it. It may be null: zeros, and no multiples added. Every solution
  * satisfies forward kinematics. Where there is none, the status says why, and `distance` how far the target is from
  * the nearest that can be reached.
- * Stack: at most 4448 bytes.
+ * Stack: at most 4064 bytes.
  */
 rrr_ik_status rrr_inverse_kinematics(
     const rrr_real target[RRR_RESTRICT 3], const rrr_real *RRR_RESTRICT q_ref, unsigned options,
@@ -96,7 +96,7 @@ rrr_ik_status rrr_inverse_kinematics(
 
 /* Solves `count` targets: q[count][RRR_IK_ROWS][RRR_IK_JOINTS], flags and branch [count][RRR_IK_ROWS]; one q_ref[RRR_IK_JOINTS] for all.
  * counts, statuses and distances have `count` entries. Any of flags, branch, statuses, distances may be a null pointer.
- * Stack: at most 4912 bytes. */
+ * Stack: at most 4528 bytes. */
 void rrr_inverse_kinematics_batch(
     size_t count, const rrr_real *RRR_RESTRICT targets, const rrr_real *RRR_RESTRICT q_ref, unsigned options,
     rrr_real *RRR_RESTRICT q, int *RRR_RESTRICT counts, unsigned *flags, unsigned *branch, int *statuses, rrr_real *distances);

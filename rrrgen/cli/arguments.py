@@ -13,7 +13,7 @@ from click.shell_completion import CompletionItem
 from rrrgen.cli.colour import fault_text
 
 if TYPE_CHECKING:
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 SHORT = 3
 """Largest number of joints for which closed forms are shown by default."""
@@ -29,7 +29,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Shell completion of the argument ROBOT: names of bundled robots, and files."""
-    from rrrgen.robotfile import bundled_names
+    from rrrgen.robot.file import bundled_names
 
     names = [CompletionItem(name) for name in bundled_names() if name.startswith(incomplete)]
     return [*names, CompletionItem(incomplete, type="file")]
@@ -37,10 +37,10 @@ def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) 
 
 def complete_function(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:
     """Shell completion of ``--function``: the functions of every model, and the inverse kinematics."""
-    from rrrgen.derive.functions.table import FUNCTIONS
+    from rrrgen.derive.functions.table import TABLE
 
-    further = ("forward_dynamics", "friction", "inverse_kinematics")
-    return [name for name in dict.fromkeys((*FUNCTIONS, *further)) if name.startswith(incomplete)]
+    names = [function.name for function in TABLE if function.group == "model"]
+    return [name for name in (*names, "friction", "inverse_kinematics") if name.startswith(incomplete)]
 
 
 def robot_argument(function: F) -> F:
@@ -65,7 +65,7 @@ def real_option(function: F) -> F:
 
 def ik_option(function: F) -> F:
     """Add the option ``--ik``, how the inverse kinematics of an arm near a special geometry is solved."""
-    from rrrgen.robotfile.keys import IK
+    from rrrgen.robot.file.fields import IK
 
     text = (
         "Inverse kinematics of an arm near a special geometry: general equations, or first the solutions of the "
@@ -76,15 +76,20 @@ def ik_option(function: F) -> F:
 
 def read_robot(robot: str, strict: bool = False) -> RobotSpec:
     """Read a robot file, a bundled robot by its name, or for ``-`` the standard input. Raises InputError for faults."""
-    from rrrgen.robotfile import load_spec
+    from rrrgen.robot.file import load_spec
 
     if robot != STDIN:
         return load_spec(robot, strict=strict)
-    from rrrgen.robotfile.reader import read_spec
-    from rrrgen.yamltext.document import MAX_BYTES, decode
+    from rrrgen.base.yamltext.document import MAX_BYTES, decode
+    from rrrgen.robot.file.reader import read_spec
 
     data = sys.stdin.buffer.read(MAX_BYTES + 1)
     return read_spec(decode(data, "<stdin>"), "<stdin>", strict)
+
+
+def robot_source(robot: str) -> str | RobotSpec:
+    """The robot for a study: as given, or read from the standard input for ``-``."""
+    return read_robot(robot) if robot == STDIN else robot
 
 
 def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
@@ -95,18 +100,22 @@ def read_with_warnings(robot: str, strict: bool = False) -> RobotSpec:
     return spec
 
 
-def words(choices: Iterable[str]) -> Callable[[click.Context, click.Parameter, Iterable[str]], tuple[str, ...]]:
+def words(
+    choices: Iterable[str], more: Callable[[], Iterable[str]] = tuple
+) -> Callable[[click.Context, click.Parameter, Iterable[str]], tuple[str, ...]]:
     """Make the callback of an option that takes words out of ``choices``, joined by commas; it may be given repeatedly.
 
-    The callback returns the words as a tuple, each once, and raises BadParameter for another word.
+    The callback returns the words as a tuple, each once, and raises BadParameter for another word. ``more`` gives
+    further choices that take time to find: it is called for a word that is not among the first.
     """
-    allowed = tuple(choices)
+    usual = tuple(choices)
 
     def callback(_ctx: click.Context, _param: click.Parameter, values: Iterable[str]) -> tuple[str, ...]:
         given = dict.fromkeys(word.strip() for value in values for word in value.split(","))
+        allowed = usual if all(word in usual for word in given) else (*usual, *more())
         for word in given:
             if word not in allowed:
-                from rrrgen.yamltext.suggest import did_you_mean
+                from rrrgen.base.yamltext.suggest import did_you_mean
 
                 hint = " ".join(filter(None, (did_you_mean(word, allowed), f"allowed are {', '.join(allowed)}")))
                 raise click.BadParameter(f"{word!r} is not known; {hint}")

@@ -12,7 +12,7 @@ import re
 
 import click
 
-from rrrgen.errors import Fault
+from rrrgen.base.errors import Fault
 
 SEVERITY = {"error": "red", "warning": "yellow"}
 

@@ -13,10 +13,10 @@ from importlib.metadata import PackageNotFoundError, version
 
 import click
 
+from rrrgen.base.version import VERSION
 from rrrgen.cli.arguments import json_option, print_json
 from rrrgen.cli.colour import doubtful, passed
 from rrrgen.cli.terminal import say, terminal_width
-from rrrgen.version import VERSION
 
 TOOLS = {
     "gcc": "compiles the emitted C",
@@ -81,7 +81,7 @@ def _print(findings: Sequence[Finding]) -> None:
 
 
 def _system() -> Iterator[Finding]:
-    from rrrgen.runtime.compiler import processor
+    from rrrgen.emit.c.compilers import processor
 
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
     yield Finding("rrrgen", VERSION, True, "")
@@ -93,9 +93,9 @@ def _system() -> Iterator[Finding]:
 
 def _compiler() -> Finding:
     """Test the C compiler that rrrgen uses at run time: compile, load and call a small function."""
-    from rrrgen.errors import RrrgenError
+    from rrrgen.base.errors import RrrgenError
+    from rrrgen.emit.c.compilers import find_compiler
     from rrrgen.runtime.build import build_extension
-    from rrrgen.runtime.compiler import find_compiler
 
     use = "compiled models in Python, verify, ik"
     try:
@@ -125,7 +125,7 @@ def _version(command: list[str]) -> str:
 
 
 def _extras() -> Iterator[Finding]:
-    from rrrgen.extras import EXTRAS, USES, installed
+    from rrrgen.base.extras import EXTRAS, USES, installed
 
     for extra, use in USES.items():
         modules = [module for module, needed in EXTRAS.items() if needed == extra]
@@ -145,8 +145,8 @@ def _distribution(module: str) -> str:
 
 
 def _cache() -> Finding:
-    from rrrgen.cache import cache_directory
-    from rrrgen.errors import StorageError
+    from rrrgen.base.cache import cache_directory
+    from rrrgen.base.errors import StorageError
 
     use = "what earlier runs built and derived; RRRGEN_CACHE chooses another directory, and it may be deleted"
     try:

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.report.motions import Illustration, Motion
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.emit.html.motions import Illustration, Motion
+    from rrrgen.emit.html.tables import Verification
+    from rrrgen.robot.robot_spec import RobotSpec
     from rrrgen.verify.report import Report
 
 FRAMES_PER_SECOND = 50
@@ -36,11 +37,11 @@ def write_html(
     figures: Sequence[Illustration] = (),
 ) -> None:
     """Write the HTML report of ``model`` to ``file``, with the closed forms of the usual functions."""
+    from rrrgen.base.files import write_file
     from rrrgen.derive import prepare
     from rrrgen.derive.closed_forms.closed_form import closed_form
-    from rrrgen.output.manifest import identify
-    from rrrgen.output.writer import write_file
-    from rrrgen.report import html_report
+    from rrrgen.emit.html import html_report
+    from rrrgen.robot.identity import identify
 
     identity = identify(model.spec)
     derivation = prepare(model.spec)
@@ -51,8 +52,26 @@ def write_html(
             tell(k, len(USUAL) + 1, f"closed form of {name}")
             forms[name] = closed_form(derivation, name).readable()
         tell(len(USUAL), len(USUAL) + 1, "writing the page")
-        write_file(file, html_report(model, forms, report, notice, motions, figures))
+        write_file(
+            file, html_report(model, forms, None if report is None else verification(report), notice, motions, figures)
+        )
     click.echo(f"{file} written", err=True)
+
+
+def verification(report: Report) -> Verification:
+    """What the HTML page of a robot says of the verification ``report``."""
+    from rrrgen.emit.html.tables import Table, Verification
+
+    rows, failed = [], []
+    for k, row in enumerate(report.rows):
+        difference, tolerance = f"{row.difference:.1e}", f"{row.tolerance:.0e}" if row.tolerance else "0"
+        verdict = row.verdict if not row.note else f"{row.verdict}: {row.note}"
+        rows.append((row.function, row.reference, row.parameters, str(row.samples), difference, tolerance, verdict))
+        if not row.ok:
+            failed.append(k)
+    headings = ("function", "reference", "parameters", "states", "max. relative difference", "tolerance", "verdict")
+    table = Table(headings, tuple(rows), frozenset({3, 4, 5}), frozenset(failed))
+    return Verification(table, report.ok, report.samples, report.seed, report.skipped)
 
 
 def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[Motion]:
@@ -66,9 +85,9 @@ def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[Motion]:
 def _trajectory(file: Path) -> Motion:
     import numpy as np
 
-    from rrrgen.cli.identification.workflow import read_trajectory
-    from rrrgen.excitation.friction_motion import read_friction_motion
-    from rrrgen.report.motions import Motion
+    from rrrgen.cli.workflow import read_trajectory
+    from rrrgen.emit.html.motions import Motion
+    from rrrgen.lab.design.friction_motion import read_friction_motion
 
     series = read_friction_motion(file) or read_trajectory(file)
     t = np.linspace(0.0, series.period, max(2, round(FRAMES_PER_SECOND * series.period) + 1))
@@ -76,9 +95,9 @@ def _trajectory(file: Path) -> Motion:
 
 
 def _recording(file: Path, spec: RobotSpec) -> Motion:
-    from rrrgen.recordings.log_stream import LogStream
-    from rrrgen.recordings.logs import check_robot, load_stream, open_log
-    from rrrgen.report.motions import Motion
+    from rrrgen.emit.html.motions import Motion
+    from rrrgen.lab.data.log_stream import LogStream
+    from rrrgen.lab.data.recordings import check_robot, load_stream, open_log
 
     mapping = open_log(file)
     check_robot(mapping, spec)

@@ -14,11 +14,11 @@ from typing import Any, NoReturn
 
 import click
 
+from rrrgen.base.errors import InputError, InternalError, RrrgenError, storage_error
+from rrrgen.base.extras import missing_extra
+from rrrgen.base.version import VERSION
 from rrrgen.cli.colour import Context, failed, fault_text, preference, say_error, usage_text
 from rrrgen.cli.commands import COMMANDS
-from rrrgen.errors import InputError, InternalError, RrrgenError, storage_error
-from rrrgen.extras import missing_extra
-from rrrgen.version import VERSION
 
 INTERRUPTED = 130
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rrrgen.parallel_map import Tell
+from rrrgen.base.parallel import Tell
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import sys
 
 import click
 
-from rrrgen.text_table import folded
+from rrrgen.base.tables import folded
 
 NARROWEST = 40
 """Fewest columns to which text is folded; a narrower terminal breaks the lines itself."""

@@ -6,12 +6,17 @@ Other packages call the functions below, which import the heavy modules only whe
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from typing import TYPE_CHECKING
 
+from rrrgen.base.parallel import Tell, without_collection
+
 if TYPE_CHECKING:
-    from rrrgen.derive.derived_model import Derivation, ParametrizedRobot, RecordedModel
-from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.derive.closed_forms.closed_form import ClosedForm
+    from rrrgen.derive.derived_model import Derivation, DerivedModel, ParametrizedRobot, RecordedModel
+    from rrrgen.robot.robot_spec import RobotSpec
 
 
 def prepare(spec: RobotSpec) -> Derivation:
@@ -23,7 +28,7 @@ def prepare(spec: RobotSpec) -> Derivation:
     from rrrgen.derive.functions.recording import parametrize
     from rrrgen.derive.parameters.base_parameters import base_set
     from rrrgen.derive.parameters.user_basis import change_basis
-    from rrrgen.model import build_model
+    from rrrgen.robot.model import build_model
 
     model = build_model(spec)
     compiler_set = base_set(model)
@@ -41,7 +46,7 @@ def parametrized(derivation: Derivation) -> ParametrizedRobot:
     from rrrgen.derive.derived_model import ParametrizedRobot
     from rrrgen.derive.parameters.base_parameters import BaseParameter, linear_expression, standard_symbols
     from rrrgen.derive.parameters.regrouping import regroupings
-    from rrrgen.derive.recursions.chain import rational
+    from rrrgen.derive.recursions.link_frames import rational
 
     spec, change, parametrization = derivation.spec, derivation.basis_change, derivation.parametrization
     projection = parametrization.projection
@@ -68,29 +73,14 @@ def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> Recorde
     Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
     has no nominal value.
     """
-    from rrrgen.derive.functions.friction_functions import (
-        friction,
-        friction_of,
-        friction_step,
-        friction_with,
-        smooth_friction,
-    )
-    from rrrgen.derive.functions.table import functions_of
+    from rrrgen.derive.functions.table import functions_for, recorders
 
     derivation = prepare(spec)
     alternatives = {
-        name: tuple(record(derivation.recording()) for record in recorders)
-        for group in dict.fromkeys(groups)
-        for name, recorders in functions_of(group, spec.n).items()
+        function.name: tuple(record(derivation.recording()) for record in recorders(function.name))
+        for function in functions_for(spec, groups)
+        if function.record
     }
-    surfaces = friction_of(spec) if "model" in groups else ()
-    if surfaces:
-        alternatives["friction"] = (friction(derivation.recording()),)
-    if any(surface.has_state for surface in surfaces):
-        alternatives["friction_step"] = (friction_step(derivation.recording()),)
-    if "model" in groups:
-        alternatives["friction_with"] = (friction_with(derivation.recording()),)
-        alternatives["smooth_friction"] = (smooth_friction(derivation.recording()),)
     return parametrized(derivation).recorded(derivation, alternatives)
 
 
@@ -98,7 +88,7 @@ def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
     """The standard parameters phi (10 n,), SI units, of the links in the robot file; None if it states no links."""
     if spec.links is None:
         return None
-    from rrrgen.model.standard_parameters import standard_parameters
+    from rrrgen.robot.model.inertial_parameters import standard_parameters
 
     phi: list[Fraction] = []
     for link in spec.links:
@@ -107,11 +97,63 @@ def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
 
 
 def _nominal_drive_inertia(spec: RobotSpec) -> tuple[Fraction, ...] | None:
-    from rrrgen.derive.recursions.chain import rational_float
-    from rrrgen.model.drive_terms import inertia_terms
+    from rrrgen.derive.recursions.link_frames import rational_float
+    from rrrgen.robot.model.drive_terms import inertia_terms
 
     return tuple(rational_float(term.value) for term in inertia_terms(spec)) or None
 
 
 def _dot(row: list[Fraction | int], phi: list[Fraction]) -> Fraction:
     return sum((x * y for x, y in zip(row, phi, strict=True)), Fraction(0))
+
+
+@without_collection()
+def derive(
+    spec: RobotSpec, jobs: int = 1, groups: Sequence[str] = ("model",), tell: Tell | None = None
+) -> DerivedModel:
+    """Derive the functions of a robot: optimized programs, with their ``_nominal`` specializations.
+
+    Args:
+        spec: the robot, as :func:`rrrgen.load_spec` reads it.
+        jobs: the largest number of processes; the result does not depend on it.
+        groups: names of groups of functions: "model", "control", "observer", "points", "trajectory".
+        tell: called as ``tell(done, total, message)`` as the work proceeds.
+
+    Raises:
+        DerivationError: a function does not exist for this robot.
+    """
+    from rrrgen.derive.optimizer import Optimizer
+
+    return Optimizer()(derive_model(spec, groups), jobs, tell)
+
+
+def derive_once(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> DerivedModel:
+    """The result of :func:`derive`, from the user's cache if this robot has been derived before.
+
+    Args:
+        spec: the robot, as :func:`rrrgen.load_spec` reads it.
+        groups: names of groups of functions, as for :func:`derive`.
+
+    Raises:
+        DerivationError: a function does not exist for this robot.
+    """
+    from rrrgen.derive.derived_cache import recall
+    from rrrgen.robot.identity import identify
+
+    one = identify(replace(spec, ik="general"))  # no function depends on the choice of a solver
+    return recall(spec, one, partial(derive, groups=groups), groups)
+
+
+def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
+    """A function of a robot as exact SymPy expressions: index the result for entries, or call ``matrix()``.
+
+    Args:
+        spec: the robot, as :func:`rrrgen.load_spec` reads it.
+        function: name of the function such as "mass_matrix"; of one with several results, "dynamics_terms.c".
+
+    Raises:
+        DerivationError: the function has no closed form.
+    """
+    from rrrgen.derive.closed_forms.closed_form import closed_form as closed_form_of
+
+    return closed_form_of(prepare(spec), function)

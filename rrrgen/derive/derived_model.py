@@ -9,9 +9,10 @@ from typing import Any
 from rrrgen.derive.functions.recording import Parametrization, Recording
 from rrrgen.derive.parameters.base_parameters import BaseParameter, BaseSet, Regrouping
 from rrrgen.derive.parameters.user_basis import BasisChange
-from rrrgen.model import RobotModel
-from rrrgen.program import OperationCount, Program, Role
-from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.program import Program, Role
+from rrrgen.program.passes.interface import PassReport
+from rrrgen.robot.model import RobotModel
+from rrrgen.robot.robot_spec import RobotSpec
 
 
 @dataclass(frozen=True)
@@ -94,16 +95,6 @@ class RecordedModel(ParametrizedRobot):
     def optimized(self, programs: dict[str, Program], passes: tuple[PassReport, ...]) -> DerivedModel:
         """Make the derived model of this robot from the optimized ``programs`` and the reports of the ``passes``."""
         return DerivedModel(**self._known(), programs=programs, passes=passes)
-
-
-@dataclass(frozen=True)
-class PassReport:
-    """The operations of ``function`` before and after the optimization pass ``name``."""
-
-    name: str
-    function: str
-    before: OperationCount
-    after: OperationCount
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from functools import lru_cache
 from itertools import product as cartesian
 from typing import TYPE_CHECKING
 
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
 from rrrgen.ik import families
-from rrrgen.ik.coupling import coupling_of, solved_chain
 from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import Chain, numeric_chain
+from rrrgen.ik.geometry.coupling import coupling_of, solved_chain
 from rrrgen.ik.geometry.fixed_rows import largest_tilt
 from rrrgen.ik.geometry.nearest import changes, deviation, nearest_special, with_near_frames
 from rrrgen.ik.geometry.snap import snapped
@@ -21,7 +21,7 @@ from rrrgen.ik.plan import NominalFirst, SolverPlan
 from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
 
 if TYPE_CHECKING:
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 TRIALS = 3
 """Number of random configurations that a plan must find again from their poses."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
 from rrrgen.ik.geometry.loop import Loop, close, commuted, lock, straightened
-from rrrgen.ik.geometry.rigid import Crossing, Vector, minus, rigid, rotate, transposed
+from rrrgen.ik.geometry.rigid_transforms import Crossing, Vector, minus, rigid, rotate, transposed
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.recording.builder import Builder, Turn
 from rrrgen.ik.recording.recorder import Recorder

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from rrrgen.errors import DerivationError, InternalError
+from rrrgen.base.errors import DerivationError, InternalError
 from rrrgen.ik.derive import ARM_ANGLE, record, solving_loop
 from rrrgen.ik.geometry.chain import Chain, multiply, translation
 from rrrgen.ik.geometry.loop import Loop, commuted, straightened
-from rrrgen.ik.geometry.rigid import Crossing, rigid
+from rrrgen.ik.geometry.rigid_transforms import Crossing, rigid
 from rrrgen.ik.plan import Singularity, SolverPlan
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.singularities import described

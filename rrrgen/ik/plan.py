@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 
 if TYPE_CHECKING:
     import sympy as sp
 
-    from rrrgen.ik.coupling import Coupling
     from rrrgen.ik.geometry.chain import Chain, Matrix
+    from rrrgen.ik.geometry.coupling import Coupling
     from rrrgen.ik.recording.solver import Solver
 
 Task = Literal["position", "pose"]

@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
 from rrrgen.ik.classify import TRIALS, plan
-from rrrgen.ik.coupling import solved_chain
 from rrrgen.ik.families import equipped, works
 from rrrgen.ik.geometry.chain import Matrix
+from rrrgen.ik.geometry.coupling import solved_chain
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.robotfile.robot_spec import FixedTransform
+from rrrgen.robot.robot_spec import FixedTransform
 
 if TYPE_CHECKING:
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 
 def plan_with_tool(spec: RobotSpec) -> SolverPlan:

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from rrrgen.ik.geometry.chain import Chain, multiply
-from rrrgen.ik.geometry.symbols import symbolic_chain
+from rrrgen.ik.geometry.symbolic_chain import symbolic_chain
 from rrrgen.ik.plan import Singularity, SolverPlan
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rrrgen.ik.recording.steps import Stage
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 TERMS = 8
 """Largest number of terms of a factor that is rewritten with sums of angles, as in cos(q2 + q3). That search takes

@@ -225,6 +225,34 @@ ELIMINATION = (
         "solutions nearer (sum of the differences of sines and cosines) are one: their poses agree up to rounding",
     ),
     Tolerance(
+        "rounding", "0.3", "0.3", "rounding errors of the 17 samples that add up in the polynomial, as a share of them"
+    ),
+    Tolerance(
+        "mismatch",
+        "4.0",
+        "4.0",
+        "noise of the polynomial over its largest difference from the determinant at three angles",
+    ),
+    Tolerance(
+        "rank", "3e-5", "3e-3", "pivot of the matrix at a root, over the first one, below which it counts as zero"
+    ),
+    Tolerance(
+        "unreal", "0.02", "0.05", "imaginary part of an eigenvalue above which a solution that shares a root is complex"
+    ),
+    Tolerance(
+        "aberth", "24", "24", "steps of Aberth's iteration for these eigenvalues: each at least doubles the digits"
+    ),
+    Tolerance("mapped", "1e-6", "1e-3", "squared error with which the tangents map a null space; more in a continuum"),
+    Tolerance("circle", "1e-3", "1e-2", "least radius of the circle in which the roots of a cluster are counted"),
+    Tolerance("widest", "0.2", "0.3", "and largest one"),
+    Tolerance("clear", "30", "10", "on that circle the polynomial exceeds its noise by this factor"),
+    Tolerance("whole", "0.05", "0.1", "largest error of that count, which is an integral, from a whole number"),
+    Tolerance("double", "1e-5", "3e-3", "least gain of the Jacobian (lengths scaled) of a solution that counts once"),
+    Tolerance(
+        "twins", "0.03", "0.3", "distance (see `same`) up to which two singular solutions are halves of a double one"
+    ),
+    Tolerance("steady", "3e-3", "3e-2", "least gain at which a solution survives the motion to a pose nearby"),
+    Tolerance(
         "shape", "1e-2", "1e-2", "largest distance of a null vector from a product of powers of two half-angle tangents"
     ),
     Tolerance(

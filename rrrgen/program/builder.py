@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.program.ir import Program
 from rrrgen.program.nodes import Node, Op, reachable
 from rrrgen.program.ports import Port, Status
@@ -313,6 +313,16 @@ class Builder:
     def tanh(self, x: Value) -> Value:
         """tanh(x)."""
         return self._function(Op.TANH, x, lambda v: 0 if v == 0 else None)
+
+    def min(self, x: Value, y: Value) -> Value:
+        """The smaller of x and y."""
+        if isinstance(x, Scalar) or isinstance(y, Scalar):
+            return self._binary(Op.MIN, x, y)
+        return min(x, y)
+
+    def nonfinite(self, x: Value) -> Value:
+        """0 where x is finite, 1 where it is infinite, 2 where it is NaN."""
+        return self._function(Op.NONFINITE, x, lambda v: 0)
 
     def select(self, condition: Value, positive: Value, otherwise: Value) -> Value:
         """Record a selection: ``positive`` where ``condition > 0``, else ``otherwise``."""

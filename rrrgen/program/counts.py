@@ -13,13 +13,17 @@ if TYPE_CHECKING:
     from rrrgen.program.ir import Program
 
 
+_OTHER = (Op.ABS, Op.SIGN, Op.EXP, Op.TANH, Op.MIN, Op.NONFINITE, Op.SELECT)
+
+
 @dataclass(frozen=True)
 class OperationCount:
     """Number of operations of one evaluation, by kind.
 
     ``add`` includes subtractions. ``sincos`` counts angles: the sine and the cosine of one angle count once. ``neg`` is
     listed apart and left out of ``total``, since a change of sign is practically free on current processors. ``other``
-    counts absolute values, signs, exponentials, hyperbolic tangents and selections.
+    counts absolute values, signs, exponentials, hyperbolic tangents, minima, checks for finite numbers and
+    selections.
     """
 
     mul: int = 0
@@ -57,5 +61,5 @@ def count_operations(program: Program) -> OperationCount:
         sqrt=tally[Op.SQRT],
         sincos=len(angles),
         neg=tally[Op.NEG],
-        other=sum(tally[op] for op in (Op.ABS, Op.SIGN, Op.EXP, Op.TANH, Op.SELECT)),
+        other=sum(tally[op] for op in _OTHER),
     )

@@ -63,7 +63,9 @@ def _ports(program: Program) -> list[str]:
     rows = [("in", *_facts(port)) for port in program.inputs]
     for k, port in enumerate(program.outputs):
         direction, facts = ("status", _facts(port)) if program.is_status(k) else ("out", _facts(port))
-        meaning = f"0, or 1 where {program.status.meaning}" if direction == "status" and program.status else facts[-1]
+        meaning = facts[-1]
+        if direction == "status" and program.status:
+            meaning = "0, or " + ", ".join(f"{each.code} where {each.meaning}" for each in program.status.failures)
         rows.append((direction, *facts[:-1], meaning))
     widths = [max(len(row[k]) for row in rows) for k in range(5)] if rows else []
     return [
@@ -96,7 +98,7 @@ def _operation(node: Node, texts: Sequence[str]) -> str:
         return f"-{args[0]}"
     if node.op is Op.SELECT:
         return f"{args[0]} > 0 ? {args[1]} : {args[2]}"
-    return f"{node.op.value}({args[0]})"
+    return f"{node.op.value}({', '.join(args)})"
 
 
 def _broken(head: str, values: Sequence[str]) -> list[str]:

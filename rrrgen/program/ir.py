@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.program.dump import text_of
 from rrrgen.program.nodes import ARITY, Node, Op
 from rrrgen.program.ports import Port, Role, Status

@@ -29,6 +29,8 @@ class Op:
     SIGN: ClassVar[Op]  # -1, 0 or +1
     EXP: ClassVar[Op]
     TANH: ClassVar[Op]
+    MIN: ClassVar[Op]
+    NONFINITE: ClassVar[Op]  # 0 of a finite number, 1 of an infinite one, 2 of NaN, whatever the compiler assumes
     SELECT: ClassVar[Op]  # first operand > 0 ? second : third
 
     def __init__(self, value: str) -> None:
@@ -57,6 +59,8 @@ ARITY = {
     Op("sign"): 1,
     Op("exp"): 1,
     Op("tanh"): 1,
+    Op("min"): 2,
+    Op("nonfinite"): 1,
     Op("select"): 3,
 }
 """Number of operands of each operation."""

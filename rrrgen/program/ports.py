@@ -49,12 +49,25 @@ class Role(Enum):
         )
 
 
+class Domain(Enum):
+    """The values of an input that a function accepts; :mod:`rrrgen.program.guard` refuses all others."""
+
+    FINITE = "finite"
+    POSITIVE = "finite and > 0"
+    PERIOD = "a time, finite and > 0"
+    LIMIT = ">= 0, INFINITY for none"  # of a magnitude
+    LOWER = "a lower bound, -INFINITY for none"
+    UPPER = "an upper bound, INFINITY for none"  # of what the port LOWER before it bounds from below
+
+
 @dataclass(frozen=True)
 class Port:
     """A named input or output of a program with its unit, reference frame and meaning.
 
     ``shape`` is () for a scalar, (n,) for a vector, (m, n) for a row-major matrix, and so on. ``role`` is the physical
-    quantity, by which code recognizes the port.
+    quantity, by which code recognizes the port. ``domain`` says which values of an input are accepted. An output that
+    the caller hands back at the next call has in ``state`` the name of the input that takes it. ``refused`` is the
+    value of an output, other than a state, of a call whose input is refused.
     """
 
     name: str
@@ -63,6 +76,9 @@ class Port:
     frame: str = ""
     meaning: str = ""
     role: Role = Role.OTHER
+    domain: Domain = Domain.FINITE
+    state: str = ""
+    refused: int = 0
 
     @property
     def size(self) -> int:
@@ -71,13 +87,48 @@ class Port:
 
 
 @dataclass(frozen=True)
-class Status:
-    """How a program reports failure: output number ``output``, a scalar, is 0 after success and 1 after failure.
+class Failure:
+    """A failure that a status reports: its ``code``, a short ``name``, ``message`` for the user, ``meaning``.
 
-    ``failure`` is a short name of the failure, ``message`` the text for the user, ``meaning`` the exact condition.
+    The meaning is the exact condition.
+    """
+
+    code: int
+    name: str
+    message: str
+    meaning: str
+
+
+REFUSED = Failure(
+    2, "invalid input", "an input is not finite or out of its range", "an input is not finite or out of its range"
+)
+"""The failure of a guarded function whose input, or a value computed from it, is unusable; the state is unchanged."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """How a program reports failure: output number ``output``, a scalar, is 0 or the code of one of its ``failures``.
+
+    The codes ascend; 2 is that of :data:`REFUSED`, 1 that of a failure of the function itself.
     """
 
     output: int
-    failure: str
-    message: str
-    meaning: str
+    failures: tuple[Failure, ...]
+
+    @staticmethod
+    def of(output: int, name: str, message: str, meaning: str) -> Status:
+        """The status of a function with a single failure, whose code is 1."""
+        return Status(output, (Failure(1, name, message, meaning),))
+
+    @property
+    def message(self) -> str:
+        """The messages of all failures, for the user."""
+        return " or ".join(failure.message for failure in self.failures)
+
+    @property
+    def meaning(self) -> str:
+        """The conditions of all failures."""
+        return "; ".join(
+            failure.meaning if len(self.failures) == 1 else f"{failure.code}: {failure.meaning}"
+            for failure in self.failures
+        )

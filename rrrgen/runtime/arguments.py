@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.program import Port, Program
+from rrrgen.program import REFUSED, Port, Program, Status
 
 Array = NDArray[Any]
 Batch = tuple[int, ...]
@@ -104,16 +104,25 @@ def joined(function: str, dtype: np.dtype[Any], beta: Any, Ia: Any, sizes: tuple
 def checked(program: Program, result: Any, status: Any, with_status: bool) -> Any:
     """Return ``result``, or raise numpy.linalg.LinAlgError if the ``status`` of any state is not 0.
 
-    With ``with_status``, ``(result, status)`` is returned instead and nothing is raised.
+    With ``with_status``, ``(result, status)`` is returned instead and nothing is raised. For a refused input it is a
+    ValueError that is raised.
     """
     status = np.asarray(status).astype(np.intc, copy=False)
     if with_status:
         return result, status
     if program.status is not None and np.any(status):
-        count, first = np.count_nonzero(status), int(np.argmax(status != 0))
-        place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
-        raise np.linalg.LinAlgError(f"{program.name}: {program.status.message}{place}")
+        raise _failure(program.name, program.status, status)
     return result
+
+
+def _failure(function: str, described: Status, status: Array) -> Exception:
+    """The error for the first state of ``status`` that is not 0."""
+    count, first = np.count_nonzero(status), int(np.argmax(status != 0))
+    place = f"; {count} of {status.size} states, the first at flat index {first}" if status.ndim else ""
+    code = int(status.flat[first])
+    failure = next(each for each in described.failures if each.code == code)
+    kind = ValueError if failure.code == REFUSED.code else np.linalg.LinAlgError
+    return kind(f"{function}: {failure.message}{place}")
 
 
 def nominal_values(values: Any) -> Array | None:

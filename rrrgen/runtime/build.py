@@ -13,9 +13,9 @@ from importlib.machinery import EXTENSION_SUFFIXES, ExtensionFileLoader
 from pathlib import Path
 from typing import Any
 
-from rrrgen.cache import cache_directory, digest, keep_library, prune, recall_library
-from rrrgen.errors import BuildError, StorageError, storage_error
-from rrrgen.runtime.compiler import Compiler, find_compiler, include_directory, processor
+from rrrgen.base.cache import cache_directory, digest, keep_library, prune, recall_library
+from rrrgen.base.errors import BuildError, StorageError, storage_error
+from rrrgen.emit.c.compilers import Compiler, find_compiler, include_directory, processor
 
 _loaded: dict[str, tuple[Any, Any]] = {}
 
@@ -112,9 +112,22 @@ def _load(path: Path, module: str) -> tuple[Any, Any]:
         extension = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(extension)
     except ImportError as error:
+        if _forbids_programs(path.parent):
+            raise BuildError(
+                f"the built extension cannot be loaded: {error}. The disk of the cache {path.parent} is mounted "
+                "noexec: no code is run from it. Set RRRGEN_CACHE to a directory on another disk, or work without "
+                "compiling: rrrgen.compile(..., backend='numpy')"
+            ) from error
         path.unlink(missing_ok=True)  # so that the next run builds it again
         raise BuildError(f"the built extension cannot be loaded: {error}; it was removed, please try again") from error
     return extension.ffi, extension.lib
+
+
+def _forbids_programs(directory: Path) -> bool:
+    """Whether the file system of ``directory`` is mounted so that no program or library is run from it."""
+    if not hasattr(os, "statvfs"):  # Windows has no such mounts
+        return False
+    return bool(os.statvfs(directory).f_flag & getattr(os, "ST_NOEXEC", 0))
 
 
 def _cffi_version() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ClassVar, Literal, Protocol
 
@@ -116,8 +116,9 @@ class CompiledEngine:
         self._ffi, self._functions = ffi, dict(functions)
         self._build_more, self._build_loops = build_more, build_loops
         self._loops: dict[str, Any] = {}
+        codes = _codes(programs.values())
         self._calls = {
-            name: CompiledCall(program, ffi.from_buffer, self._function, self._loop, dtype, self._pointer)
+            name: CompiledCall(program, ffi.from_buffer, self._function, self._loop, dtype, self._pointer, codes)
             for name, program in programs.items()
         }
 
@@ -149,6 +150,12 @@ class CompiledEngine:
         return functools.partial(self._function(name), *pointers)
 
 
+def _codes(programs: Iterable[Program]) -> list[int]:
+    """The code of the failure that each enumerator of the status in C stands for; these number all failures."""
+    failures = [each for program in programs if program.status is not None for each in program.status.failures]
+    return [0, *{each.name: each.code for each in failures}.values()]
+
+
 class CompiledCall:
     """A callable for one C function and its loop over states; all that does not depend on arguments is precomputed."""
 
@@ -160,19 +167,21 @@ class CompiledCall:
         loop: Callable[[str], Any],
         dtype: np.dtype[Any],
         pointer: str,
+        codes: Sequence[int] = (0, 1),
     ) -> None:
         self._ports, self._dtype, self._find, self._find_loop = program.inputs, dtype, function, loop
         self._shapes = [port.shape for port in program.inputs]
         self._name, self._function = program.name, program.function
         self._inputs = [(len(port.shape), port.size) for port in program.inputs]
         is_status = [program.is_status(k) for k in range(len(program.outputs))]
-        codes = np.dtype(np.intc)
+        integer = np.dtype(np.intc)
         self._outputs = [
-            (port.shape, codes if s else dtype) for port, s in zip(program.outputs, is_status, strict=True)
+            (port.shape, integer if s else dtype) for port, s in zip(program.outputs, is_status, strict=True)
         ]
         status_first = sorted(range(len(is_status)), key=lambda k: not is_status[k])
         self._written = [(k, "int[]" if is_status[k] else pointer) for k in status_first]
         self._status = program.status.output if program.status else None
+        self._codes = codes
         self._plain = self._status is None and bool(self._shapes) and all(self._shapes)
         self._alike = len(set(self._shapes)) == 1
         self._address, self._pointer = address, pointer
@@ -226,7 +235,7 @@ class CompiledCall:
         arguments += [address(pointer, out) for k, out in enumerate(outputs) if k != self._status]
         status = self._single(*arguments)
         if self._status is not None:
-            outputs[self._status][...] = status
+            outputs[self._status][...] = self._codes[status]
 
     def _dense(self, values: Sequence[Any]) -> int | None:
         """Number of states of a call whose arrays need no conversion, copy or broadcast; 0 for one state without batch.

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.backends import Identity, Real
+from rrrgen.base.errors import RobotFileWarning
+from rrrgen.base.parallel import without_collection
+from rrrgen.derive import closed_form, derive_once
+from rrrgen.emit import Real
+from rrrgen.robot.file import read
+from rrrgen.robot.identity import Identity, identify
 from rrrgen.runtime.engines import CompiledEngine, Engine, EngineName, NumpyEngine
 from rrrgen.runtime.model import Model
 
 if TYPE_CHECKING:
-    from rrrgen.backends.c.dialect import Dialect
     from rrrgen.derive.closed_forms.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.emit.c.dialect import Dialect
     from rrrgen.program import Program
+    from rrrgen.robot.file import Robot
+    from rrrgen.robot.robot_spec import RobotSpec
 
 
 def load_model(
@@ -42,10 +51,10 @@ def load_model(
 
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
-    from rrrgen.backends.c.dialect import Dialect
-    from rrrgen.backends.c.sources import DERIVATIVES, header_and_sources, source_parts
-    from rrrgen.backends.c.trigonometry import InlineSinCos
-    from rrrgen.backends.description import programs_of
+    from rrrgen.emit.c.dialect import Dialect
+    from rrrgen.emit.c.sources import DERIVATIVES, header_and_sources, source_parts
+    from rrrgen.emit.c.trigonometry import InlineSinCos
+    from rrrgen.emit.description import programs_of
 
     dialect = Dialect(derived.spec.name, real)
     programs = {name: program for name, program in programs_of(derived).items() if program.inputs}
@@ -70,10 +79,10 @@ def _functions(
     programs: Mapping[str, Program], sources: Mapping[str, str], dialect: Dialect
 ) -> tuple[Any, dict[str, Any]]:
     """Compile the C ``sources`` of ``programs``; returns cffi's interface and the C functions by program name."""
-    from rrrgen.backends.c.batches.loops import declarations
-    from rrrgen.backends.c.signature import function_name
+    from rrrgen.emit.c.batches.loops import declarations
+    from rrrgen.emit.c.compilers import NATIVE
+    from rrrgen.emit.c.header_comments import function_name
     from rrrgen.runtime.build import build_extension
-    from rrrgen.runtime.compiler import NATIVE
 
     ffi, lib = build_extension(sources, declarations(programs.values(), dialect), dialect.prefix, NATIVE)
     return ffi, {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
@@ -81,9 +90,9 @@ def _functions(
 
 def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
     """Compile the loops over states of ``programs`` as a separate extension; returns them by program name."""
-    from rrrgen.backends.c.batches.loops import loop_declarations, loop_files, loop_name
+    from rrrgen.emit.c.batches.loops import loop_declarations, loop_files, loop_name
+    from rrrgen.emit.c.compilers import CONTRACT, NATIVE, find_compiler
     from rrrgen.runtime.build import build_extension
-    from rrrgen.runtime.compiler import CONTRACT, NATIVE, find_compiler
 
     simd = not find_compiler().microsoft
     sources = {name: text for name, text in code.items() if name.endswith(".h") or not simd}
@@ -91,3 +100,36 @@ def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Di
     declared = loop_declarations(programs.values(), dialect)
     _, lib = build_extension(sources, declared, f"{dialect.prefix}-batches", (*NATIVE, *CONTRACT))
     return {name: getattr(lib, loop_name(program, dialect)) for name, program in programs.items()}
+
+
+def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> Model:
+    """A callable model of a robot: derive, emit, build and load it.
+
+    Derivations and built libraries are cached by content, so that the second call for a robot is fast.
+
+    Args:
+        robot: path of a robot file, name of a bundled robot such as "rrr", or a RobotSpec.
+        backend: "c" compiles the emitted C code; "numpy" evaluates the same functions without a compiler, slowly.
+        real: the floating-point type of the C code, "double" or "float".
+
+    Raises:
+        InputError: the robot file is faulty; the error lists every fault.
+        BuildError: the C compiler is missing or fails.
+
+    Warns:
+        RobotFileWarning: the robot file is doubtful; one warning for a file lists all of them. A RobotSpec has them as
+            ``faults``.
+    """
+    spec = read(robot)
+    if spec is not robot and spec.faults:
+        warnings.warn(RobotFileWarning(spec.faults), stacklevel=2)
+    return _compile(spec, backend, real)
+
+
+@without_collection()
+def _compile(spec: RobotSpec, backend: EngineName, real: Real, groups: Sequence[str] = ("model",)) -> Model:
+    """Make a callable model with the functions of ``groups``; other groups are compiled when first called."""
+    identity = identify(spec)
+    derived = derive_once(spec, groups)
+    again = partial(_compile, backend=backend, real=real)
+    return load_model(derived, identity, backend, real, lambda name: closed_form(spec, name), again)

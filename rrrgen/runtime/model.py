@@ -14,18 +14,15 @@ import numpy as np
 
 from rrrgen.runtime.arguments import read_only
 from rrrgen.runtime.bound import BoundFunction
-from rrrgen.runtime.display.summary import html_summary
 from rrrgen.runtime.engines import Engine
 from rrrgen.runtime.functions.calls import Array
-from rrrgen.runtime.functions.control import ControlFunctions
 from rrrgen.runtime.functions.differential import DifferentialFunctions
 from rrrgen.runtime.functions.drawings import Drawings
-from rrrgen.runtime.functions.elastic import ElasticFunctions
 from rrrgen.runtime.functions.parameters import ParameterFunctions
-from rrrgen.runtime.functions.points import PointFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
-from rrrgen.runtime.paths.functions import PathFunctions
+from rrrgen.runtime.path_functions import PathFunctions
 from rrrgen.runtime.results import JointLimits
+from rrrgen.runtime.summary import html_summary
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -33,19 +30,16 @@ if TYPE_CHECKING:
 
     from rrrgen.derive.closed_forms.closed_form import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.runtime.inverse_kinematics import InverseKinematics
-    from rrrgen.runtime.results import IKBatch, IKResult
+    from rrrgen.ik.interpreter.results import IKBatch, IKResult
+    from rrrgen.ik.inverse_kinematics import InverseKinematics
 
 
 class Model(
     Drawings,
     RegressorFunctions,
     ParameterFunctions,
-    PointFunctions,
-    ControlFunctions,
     DifferentialFunctions,
     PathFunctions,
-    ElasticFunctions,
 ):
     """Kinematics and dynamics of one robot, made by :func:`rrrgen.compile`.
 
@@ -234,13 +228,13 @@ class Model(
             ValueError: there is no function of this name, or eps is not positive.
         """
         if name in ("inverse_kinematics", "tool_inverse_kinematics"):
-            from rrrgen.backends.casadi.branches import branch_function
-            from rrrgen.backends.casadi.function import import_casadi
+            from rrrgen.emit.casadi.function import import_casadi
+            from rrrgen.emit.casadi.inverse_kinematics import branch_function
 
             import_casadi()
             return branch_function(self.spec, tool=name.startswith("tool"))
         program = self._with(name).derived.programs[name]
-        from rrrgen.backends.casadi import function
+        from rrrgen.emit.casadi import function
 
         return function(program, name, smooth_sign)
 

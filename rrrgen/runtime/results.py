@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
 MULTIPLE, FREE, OUTSIDE, INEXACT = 1, 2, 4, 8
 """Bits of :attr:`IKResult.flags`: two branches meet, a joint is free, outside its limits, the target is not met."""
-
-STATUS = ("ok", "unreachable", "outside limits", "not finite", "not a rotation", "incomplete")
-"""What the numbers of :attr:`IKBatch.statuses` mean. Where an arm has no complete solver, ``plan.incomplete`` says why;
-the status is "incomplete" whether solutions were found or not, except for targets beyond a million times the reach."""
 
 
 class JointLimits(NamedTuple):
@@ -202,44 +196,3 @@ class ForwardDynamicsDerivatives(NamedTuple):
     dddq_dq: NDArray[Any]
     dddq_dv: NDArray[Any]
     dddq_dtau: NDArray[Any]
-
-
-@dataclass(frozen=True)
-class IKResult:
-    """All solutions found for one target.
-
-    ``q`` (k, n) are the configurations in rad or m; ``flags`` (k,) sums of MULTIPLE, FREE, OUTSIDE, INEXACT; ``branch``
-    (k,) numbers that stay constant along a path without singularities (:meth:`InverseKinematics.branch_names` decodes
-    them); ``residual`` (k,) the remaining errors of the task: the root of the sum of squares of the orientation error
-    (rad) and of the position error divided by a length, which the header of the emitted C states. Without a solution,
-    ``status`` and ``reason`` say why, and ``distance`` (m) is the distance of the target from the workspace (negative
-    if unknown). With the status "incomplete" there may be further solutions, even if none was found.
-    """
-
-    q: NDArray[np.float64]
-    flags: NDArray[np.uint32]
-    branch: NDArray[np.uint32]
-    residual: NDArray[np.float64]
-    status: str
-    reason: str
-    distance: float
-
-    def __len__(self) -> int:
-        return len(self.q)
-
-
-@dataclass(frozen=True)
-class IKBatch:
-    """Solutions for a batch of targets of shape (...), at most k_max for each.
-
-    Of the configurations ``q`` (..., k_max, n), rad or m, the first ``counts`` (...) of each target are solutions; the
-    rest of ``q`` is NaN. ``flags`` and ``branch``, (..., k_max), are those of :class:`IKResult`; ``statuses`` (...)
-    are indices of :data:`STATUS`; ``distances`` (...), m, are the distances of the targets from the workspace.
-    """
-
-    q: NDArray[np.float64]
-    counts: NDArray[np.int32]
-    flags: NDArray[np.uint32]
-    branch: NDArray[np.uint32]
-    statuses: NDArray[np.int32]
-    distances: NDArray[np.float64]

@@ -12,9 +12,9 @@ from rrrgen.verify.derivatives import check_derivatives
 from rrrgen.verify.identities import check_identities
 from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
 from rrrgen.verify.parameters import check_parameters
-from rrrgen.verify.references.chain import Chain, chain_of
 from rrrgen.verify.references.libraries import LIBRARIES
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Chain, chain_of
 from rrrgen.verify.references.reference import ReferenceUnavailableError
 from rrrgen.verify.report import Report
 from rrrgen.verify.subject import Parameters, SplitCalls, States, draw_states, parameter_sets

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rrrgen.verify.references.chain import Array
+from rrrgen.verify.references.numeric_robot import Array
 from rrrgen.verify.report import Row
 
 

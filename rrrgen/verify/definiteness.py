@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.verify.comparison import Check, Tolerances
-from rrrgen.verify.references.chain import Array
+from rrrgen.verify.references.numeric_robot import Array
 from rrrgen.verify.subject import States
 
 ASKED = 5  # states with an indefinite M at which the model is evaluated, one by one

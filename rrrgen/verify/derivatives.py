@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from rrrgen.verify.comparison import STENCIL, Collector, Tolerances, size
 from rrrgen.verify.definiteness import check_refusal, is_definite
-from rrrgen.verify.references.chain import Array
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array
 from rrrgen.verify.subject import Parameters, States
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rrrgen.verify.comparison import Collector, Tolerances, rate, size
-from rrrgen.verify.references.chain import Array, Chain
+from rrrgen.verify.references.numeric_robot import Array, Chain
 from rrrgen.verify.report import Row
 from rrrgen.verify.subject import Parameters, States
 

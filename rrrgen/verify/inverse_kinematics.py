@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
 from rrrgen.verify.comparison import Collector
-from rrrgen.verify.references.chain import Array, Chain
+from rrrgen.verify.references.numeric_robot import Array, Chain
 from rrrgen.verify.report import Row
 from rrrgen.verify.subject import STROKE
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rrrgen.verify.comparison import Collector, Tolerances
-from rrrgen.verify.references.chain import Array, centre_and_tensor
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array, centre_and_tensor
 from rrrgen.verify.subject import States, random_parameters
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rrrgen.text_table import folded, text_table
+from rrrgen.base.tables import folded, text_table
 
 HEADINGS = ("function", "reference", "beta", "states", "max rel. difference", "tolerance", "verdict")
 

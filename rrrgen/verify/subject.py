@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.verify.references.chain import Array, Chain, is_physical, nominal_parameters
+from rrrgen.verify.references.numeric_robot import Array, Chain, is_physical, nominal_parameters
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model

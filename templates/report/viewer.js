@@ -49,7 +49,7 @@
       if (size(plus(p, from, -1)) > 1e-9 * scene.reach) lines.push([from, p]);
     };
     rows.forEach((joint, i) => {
-      const y = joint.factors ? joint.factors.reduce((sum, f, k) => sum + f * q[k], 0) : q[i];
+      const y = joint.factors ? joint.factors.reduce((sum, f, k) => sum + f * q[k], 0) : (joint.sign || 1) * q[i];
       T = frames[joint.factors ? joint.parent + 1 : i];
       const theta = joint.theta + (joint.revolute ? y : 0), d = joint.d + (joint.revolute ? 0 : y);
       if (scene.convention === "standard") {

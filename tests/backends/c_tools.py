@@ -8,12 +8,22 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.backends import Identity
-from rrrgen.backends.c.backend import CBackend
+from rrrgen.emit.c.backend import CBackend
+from rrrgen.robot.identity import Identity
 
 IDENTITY = Identity("0123456789abcdef" * 4, "0.0.0")
 
-WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wundef", "-Werror"]
+WARNINGS = [
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Wshadow",
+    "-Wundef",
+    "-Wfloat-equal",
+    "-Werror",
+]
 C99 = ["-std=c99", "-Wstrict-prototypes", "-Wmissing-prototypes", *WARNINGS]
 CXX = ["-x", "c++", "-std=c++17", *WARNINGS]
 SANITIZERS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-O0"]

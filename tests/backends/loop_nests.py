@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from rrrgen.backends.c.printer import CTarget
-from rrrgen.backends.c.solver.counting import SolverOperations
-from rrrgen.backends.c.solver.kernels import KernelDialect
-from rrrgen.backends.c.solver.loop_nest import ARC, Arc, Leaf, Loop, LoopNest, Statement
-from rrrgen.backends.c.solver.statements import printed
-from rrrgen.backends.c.trigonometry import LibmSinCos
+from rrrgen.emit.c.ik.counting import SolverOperations
+from rrrgen.emit.c.ik.kernels import KernelDialect
+from rrrgen.emit.c.ik.loop_nest import ARC, Arc, Leaf, Loop, LoopNest, Statement
+from rrrgen.emit.c.ik.statements import printed
+from rrrgen.emit.c.printer import CTarget
+from rrrgen.emit.c.trigonometry import LibmSinCos
 from rrrgen.ik.recording.scalar import Pool, Scalar
 
 TWO, FOUR = Loop("i", "n", 2, 0), Loop("j", "m", 4, 1)

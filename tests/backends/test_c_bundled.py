@@ -9,14 +9,14 @@ import pytest
 
 from backends.c_tools import C99, CXX, compile_all, compiler, emitted, frames, run, write
 from pipeline.optimized import bundled
-from rrrgen import pipeline
-from rrrgen.backends.c.stack import stack_bound
+from rrrgen.emit.c.stack import stack_bound
+from rrrgen.emit.package import emit
 
 
 @cache
 def sources(robot, real):
     """The C files of a bundled robot, made once."""
-    files = pipeline.emit(bundled(robot), real)
+    files = emit(bundled(robot), real)
     return {name: text for name, text in files.items() if name.endswith((".h", ".c")) and "/" not in name}
 
 

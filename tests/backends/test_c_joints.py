@@ -7,8 +7,9 @@ import subprocess
 
 import pytest
 
-from rrrgen import pipeline
-from rrrgen.robotfile import loads_spec
+from rrrgen.derive import derive
+from rrrgen.emit.package import emit
+from rrrgen.robot.file import loads_spec
 
 ROBOT = """\
 schema: rrrgen/1
@@ -34,7 +35,7 @@ NUMBERS = {
 
 @pytest.fixture(scope="module")
 def files():
-    return pipeline.emit(pipeline.derive(loads_spec(ROBOT)))
+    return emit(derive(loads_spec(ROBOT)))
 
 
 @pytest.mark.parametrize("compiler", [["gcc", "-std=c99"], ["clang", "-std=c99"], ["g++", "-std=c++17", "-x", "c++"]])

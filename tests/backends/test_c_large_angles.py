@@ -11,8 +11,8 @@ import pytest
 import rrrgen
 from backends.c_tools import IDENTITY
 from pipeline.optimized import bundled
-from rrrgen.backends.c.backend import CBackend
-from rrrgen.errors import BuildError
+from rrrgen.base.errors import BuildError
+from rrrgen.emit.c.backend import CBackend
 
 EPS = np.finfo(float).eps
 FEW_TURNS = 4 * np.pi

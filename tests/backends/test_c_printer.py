@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from backends.casadi_cases import arguments, random_program
-from rrrgen.backends.c.batches.loops import declarations
-from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.printer import print_body
-from rrrgen.backends.c.signature import explanation, prototype
-from rrrgen.backends.c.trigonometry import LibmSinCos
-from rrrgen.backends.comments import plain
-from rrrgen.backends.printing import decimal
-from rrrgen.errors import BackendError
+from rrrgen.base.errors import BackendError
+from rrrgen.emit.c.batches.loops import declarations
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.header_comments import explanation, prototype
+from rrrgen.emit.c.printer import print_body
+from rrrgen.emit.c.trigonometry import LibmSinCos
+from rrrgen.emit.comments import plain
+from rrrgen.emit.printing import decimal
 from rrrgen.program import Builder, Port, Program, Role, Status, evaluate
 from rrrgen.runtime.build import build_extension
 
@@ -205,7 +205,7 @@ def test_the_status_becomes_the_return_value_and_nan_is_not_ok():
     b = Builder()
     x = b.input(Port("x", (1,)))[0]
     outputs = [(Port("r", (1,)), [x]), (Port("code", ()), [b.select(x, 0, 1)])]
-    program = b.program("f", outputs, status=Status(1, "too cold", "the oil is too cold", "x is not positive"))
+    program = b.program("f", outputs, status=Status.of(1, "too cold", "the oil is too cold", "x is not positive"))
     assert prototype(program, DIALECT) == "t_status f(const t_real x[1], t_real r[T_RESTRICT 1])".replace("f(", "t_f(")
     last = print_body(program, DIALECT)[-1]
     assert last.startswith("return (")

@@ -11,9 +11,9 @@ import pytest
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, random_state, to_yaml
 from rrrgen.derive import derive_model
-from rrrgen.optimize import optimize
-from rrrgen.output.manifest import identify
-from rrrgen.robotfile import loads_spec
+from rrrgen.derive.optimizer import Optimizer
+from rrrgen.robot.file import loads_spec
+from rrrgen.robot.identity import identify
 from rrrgen.runtime.load import load_model
 
 pytestmark = pytest.mark.usefixtures("unoptimized")  # test_c_bundled.py runs code of the optimizer
@@ -50,7 +50,7 @@ def derive_called(spec):
     recorded = derive_model(spec)
     wanted = {"bias", *(name.removesuffix("_nominal") for name in CALLED)}  # bias: forward dynamics are made of it
     alternatives = {name: ways for name, ways in recorded.alternatives.items() if name in wanted}
-    derived = optimize(dataclasses.replace(recorded, alternatives=alternatives))
+    derived = Optimizer()(dataclasses.replace(recorded, alternatives=alternatives))
     return dataclasses.replace(derived, programs={name: derived.programs[name] for name in CALLED})
 
 

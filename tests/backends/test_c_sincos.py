@@ -11,8 +11,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.trigonometry import ERROR_BOUND, HALF_PI, RANGE, InlineSinCos
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.trigonometry import ERROR_BOUND, HALF_PI, RANGE, InlineSinCos
 
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]
 

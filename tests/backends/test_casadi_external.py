@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from backends.casadi_cases import arguments, as_matrices, build, call, every_shape, pendulum, random_program
-from rrrgen.backends.casadi import external_sources, function, jacobian, routine, smooth_sign
+from rrrgen.emit.casadi import external_sources, function, jacobian, routine, smooth_sign
 from rrrgen.program import Program, evaluate
 
 ca = pytest.importorskip("casadi")

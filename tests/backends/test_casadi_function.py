@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from backends.casadi_cases import arguments, as_matrices, call, every_shape, pendulum, random_program
-from rrrgen.backends.casadi import function, rebuild_module, smooth_sign
-from rrrgen.derive.parameter_listing import ParameterListing, PrintedParameter
+from rrrgen.derive.parameters.listing import ParameterListing, PrintedParameter
+from rrrgen.emit.casadi import function, rebuild_module, smooth_sign
 from rrrgen.program import Builder, Port, evaluate
 
 ca = pytest.importorskip("casadi")
@@ -127,7 +127,7 @@ _TEXTS = """
 import hashlib, sys
 import numpy as np
 from backends.casadi_cases import every_shape, pendulum, random_program
-from rrrgen.backends.casadi import external_sources, rebuild_module, smooth_sign
+from rrrgen.emit.casadi import external_sources, rebuild_module, smooth_sign
 rng = np.random.default_rng(1)
 programs = [("shapes", every_shape()), ("fd", pendulum()), ("smooth", smooth_sign(pendulum()))]
 programs += [(f"r{k}", random_program(rng)) for k in range(3)]

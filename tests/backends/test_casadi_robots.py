@@ -18,12 +18,12 @@ import pytest
 
 from backends.casadi_cases import arguments, as_matrices, build, call
 from pipeline.optimized import bundled
-from rrrgen.backends.casadi import function, is_reproducible, serialized, sources
-from rrrgen.backends.casadi.sources import casadi_programs, derivatives_of
-from rrrgen.derive.parameter_listing import listing
-from rrrgen.pipeline import derive
+from rrrgen.derive import derive
+from rrrgen.derive.parameters.listing import listing
+from rrrgen.emit.casadi import function, is_reproducible, serialized, sources
+from rrrgen.emit.casadi.files import casadi_programs, derivatives_of
 from rrrgen.program import Program, Role, evaluate
-from rrrgen.robotfile import load_spec, loads_spec
+from rrrgen.robot.file import load_spec, loads_spec
 
 ca = pytest.importorskip("casadi")
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc to build the emitted C")
@@ -208,9 +208,9 @@ def test_second_derivatives_come_with_the_nominal_twin() -> None:
 
 _HASH = """
 import hashlib
-from rrrgen.backends.casadi import sources
-from rrrgen.pipeline import derive
-from rrrgen.robotfile import load_spec
+from rrrgen.emit.casadi import sources
+from rrrgen.derive import derive
+from rrrgen.robot.file import load_spec
 print(hashlib.sha256("".join(sources(derive(load_spec("rrr"))).values()).encode()).hexdigest())
 """
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -14,10 +15,11 @@ from backends.c_tools import IDENTITY
 from backends.planar import planar_model
 from pages.test_pages import ROOT, blocks
 from pipeline.optimized import bundled
-from rrrgen import pipeline
-from rrrgen.backends.description import programs_of
-from rrrgen.backends.javascript import JavaScriptBackend, _function, _JavaScript
+from rrrgen.emit.description import programs_of
+from rrrgen.emit.package import emit
+from rrrgen.emit.targets.javascript import _RESERVED, JavaScriptBackend, _function, _JavaScript
 from rrrgen.program import Builder, Port
+from rrrgen.runtime import load
 
 NODE = shutil.which("node")
 needs_node = pytest.mark.skipif(NODE is None, reason="node is not installed")
@@ -61,7 +63,7 @@ def flat(result, ports) -> np.ndarray:
 @needs_node
 @pytest.mark.parametrize("name", ["rrr", "gantry"])
 def test_every_function_agrees_with_the_c(name, tmp_path):
-    derived, model = bundled(name), pipeline.compile(name)
+    derived, model = bundled(name), load.compile(name)
     rng, cases = np.random.default_rng(5), []
     for program in programs_of(derived).values():
         values = [rng.uniform(-1, 1, port.shape) for port in program.inputs]
@@ -114,6 +116,27 @@ def test_failures_and_arguments_that_are_no_state(tmp_path):
     assert missing == f"TypeError: beta must have the shape [{model.beta_size}]"
 
 
+@needs_node
+def test_arguments_and_results_may_have_any_name(tmp_path):
+    programs = []
+    for k, name in enumerate(sorted(_RESERVED)):
+        b = Builder()
+        (x,) = b.input(Port(name, ()))
+        programs.append(b.program(f"f{k}", [(Port("y", (2,)), [b.sin(b.abs(x)), x])]))
+        b = Builder()
+        x = b.input(Port("x", (2,)))
+        programs.append(b.program(f"g{k}", [(Port(name, ()), [b.sin(x[0])]), (Port("y", (1,)), [b.abs(x[1])])]))
+    model = planar_model()
+    model = replace(model, programs=model.programs | {program.name: program for program in programs})
+    backend = JavaScriptBackend()
+    texts = backend.assemble(model, IDENTITY, [task() for task in backend.tasks(model, IDENTITY, "double")])
+    (tmp_path / "arm.mjs").write_text(*texts.values(), encoding="utf-8")
+    calls = [f"arm.f{k}(1), arm.g{k}([1, 2])" for k in range(len(programs) // 2)]
+    (tmp_path / "main.mjs").write_text(f'import * as arm from "./arm.mjs";\n{", ".join(calls)};\n', encoding="utf-8")
+    run = subprocess.run([NODE, tmp_path / "main.mjs"], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+
+
 def test_a_function_in_full():
     b = Builder()
     x = b.input(Port("x", (2, 2), "m", "base", "corners"))
@@ -140,6 +163,6 @@ def test_a_function_in_full():
 
 
 def test_generate_prints_the_module_when_asked():
-    files = pipeline.emit(bundled("planar2r"), languages=("javascript",))
+    files = emit(bundled("planar2r"), languages=("javascript",))
     assert "export function mass_matrix(q, beta)" in files["javascript/planar2r.mjs"]
     assert '"javascript/planar2r.mjs"' in files["manifest.json"]

@@ -11,18 +11,18 @@ import pytest
 
 from backends.c_tools import IDENTITY
 from backends.planar import planar_model
-from rrrgen import pipeline
-from rrrgen.errors import BackendError
-from rrrgen.robotfile.keys import EMIT, LANGUAGES
+from rrrgen.base.errors import BackendError
+from rrrgen.emit.package import emit
+from rrrgen.robot.file.fields import EMIT, LANGUAGES
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_language_costs_four_files(language):
-    module = ROOT / "rrrgen" / "backends" / f"{language}.py"
+    module = ROOT / "rrrgen" / "emit" / "targets" / f"{language}.py"
     others = [path for path in (ROOT / "rrrgen").rglob("*.py") if path != module and language in names(path)]
-    assert [path.name for path in others] == ["keys.py"]
+    assert [path.name for path in others] == ["fields.py"]
     templates = [path for path in (ROOT / "templates" / language).rglob("*") if path.is_file()]
     assert len([module, *others, *templates]) <= 4
     assert language in EMIT
@@ -34,7 +34,7 @@ def names(path: Path) -> set[str]:
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
     constants = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
     modules = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
-    imported = {language for language in LANGUAGES if f"rrrgen.backends.{language}" in modules}
+    imported = {language for language in LANGUAGES if f"rrrgen.emit.targets.{language}" in modules}
     if path.parent.name == "targets":  # a package for another tool may contain the language
         return constants.intersection(LANGUAGES) - imported
     return constants.intersection(LANGUAGES) | imported
@@ -43,7 +43,7 @@ def names(path: Path) -> set[str]:
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_language_prints_files_of_its_own(language):
     model = planar_model()
-    backend = import_module(f"rrrgen.backends.{language}").BACKEND
+    backend = import_module(f"rrrgen.emit.targets.{language}").BACKEND
     files = backend.assemble(model, IDENTITY, [task() for task in backend.tasks(model, IDENTITY, "double")])
     assert files
     assert len({path.split("/")[0] for path in files}) == 1
@@ -51,4 +51,4 @@ def test_a_language_prints_files_of_its_own(language):
 
 def test_an_unknown_language():
     with pytest.raises(BackendError, match="unknown language 'fortran': " + ", ".join(LANGUAGES)):
-        pipeline.emit(planar_model(), languages=["fortran"])
+        emit(planar_model(), languages=["fortran"])

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from backends.formula_reading import compute, raise_functions, read_latex, read_mathml, read_plain
-from rrrgen.backends.latex import Walk, break_sum, latex, latex_expression, notation, plain, plain_expression
-from rrrgen.backends.latex.markup import TextMarkup
-from rrrgen.errors import BackendError
-from rrrgen.report.mathml import MathmlMarkup
+from rrrgen.base.errors import BackendError
+from rrrgen.emit.html.mathml import MathmlMarkup
+from rrrgen.emit.latex import Walk, break_sum, latex, latex_expression, notation, plain, plain_expression
+from rrrgen.emit.latex.markup import TextMarkup
 
 TRANSCRIBED = 1e-9  # numbers may be shown to 12 digits; a wrong sign or grouping is of order one
 

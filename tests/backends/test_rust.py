@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -15,13 +16,17 @@ from backends.c_tools import IDENTITY
 from backends.planar import planar_model
 from pages.test_pages import ROOT, blocks
 from pipeline.optimized import bundled
-from rrrgen import pipeline
-from rrrgen.backends.description import programs_of
-from rrrgen.backends.rust import LARGEST, ROUGH, RustBackend, _function, _Rust
-from rrrgen.errors import BackendError
+from rrrgen.base.errors import BackendError
+from rrrgen.base.templates import template_text
+from rrrgen.derive import derive
+from rrrgen.derive.functions.table import GROUPS
+from rrrgen.emit.description import programs_of
+from rrrgen.emit.package import emit
+from rrrgen.emit.targets.rust import _RESERVED, LARGEST, ROUGH, RustBackend, _function, _Rust
 from rrrgen.program import Builder, Port
-from rrrgen.resources import template_text
-from rrrgen.runtime.online.differential_ik import compiled_solver
+from rrrgen.robot.file import load_spec
+from rrrgen.runtime import load
+from rrrgen.runtime.differential_ik import compiled_solver
 
 RUSTC = shutil.which("rustc") or shutil.which("rustc", path=Path.home() / ".cargo" / "bin")
 needs_rustc = pytest.mark.skipif(RUSTC is None, reason="rustc is not installed")
@@ -69,7 +74,7 @@ def numbers(line: str) -> np.ndarray:
 @needs_rustc
 @pytest.mark.parametrize(("name", "real"), [("rrr", "double"), ("scara", "double"), ("planar2r", "float")])
 def test_every_function_agrees_with_the_c(name, real, tmp_path):
-    model, programs = pipeline.compile(name, real=real), programs_of(bundled(name))
+    model, programs = load.compile(name, real=real), programs_of(bundled(name))
     (tmp_path / "lib.rs").write_text(crate(bundled(name), real)["rust/src/lib.rs"], encoding="utf-8")
     compiled(tmp_path, "lib.rs", "--crate-type", "rlib", "--crate-name", "robot", "--cfg", 'feature="std"')
     rng = np.random.default_rng(5)
@@ -153,6 +158,36 @@ def test_a_function_in_full():
     )
 
 
+@needs_rustc
+def test_every_group_of_a_redundant_arm_compiles(tmp_path):
+    """The null-space projector N is no constant N: four joints for a position."""
+    model = derive(load_spec("scara"), groups=tuple(group for group in GROUPS if group != "elastic"))
+    assert "position_nullspace" in model.programs
+    (tmp_path / "lib.rs").write_text(crate(model)["rust/src/lib.rs"], encoding="utf-8")
+    compiled(tmp_path, "lib.rs", "--crate-type", "rlib", "--crate-name", "robot", "--emit", "metadata")
+
+
+NAMES = sorted(name for name in _RESERVED if name.isidentifier() and name not in ("Self", "_"))
+
+
+@needs_rustc
+def test_arguments_and_results_may_have_any_name(tmp_path):
+    """Those of constants, types and functions of the crate and of keywords, as inputs and as outputs."""
+    programs = []
+    for k, name in enumerate(NAMES):
+        b = Builder()
+        (x,) = b.input(Port(name, ()))
+        y = b.select(x, b.sin(b.abs(x)), b.sqrt(x))
+        programs.append(b.program(f"f{k}", [(Port("y", (2,)), [y, x])]))
+        b = Builder()
+        (x,) = b.input(Port("x", ()))
+        programs.append(b.program(f"g{k}", [(Port(name, ()), [b.sin(x)]), (Port("y", (1,)), [b.abs(x)])]))
+    model = planar_model()
+    model = replace(model, programs=model.programs | {program.name: program for program in programs})
+    (tmp_path / "lib.rs").write_text(crate(model)["rust/src/lib.rs"], encoding="utf-8")
+    compiled(tmp_path, "lib.rs", "--crate-type", "rlib", "--crate-name", "robot", "--emit", "metadata")
+
+
 def test_constants_that_no_float_holds_are_refused():
     with pytest.raises(BackendError, match="does not fit a float"):
         _Rust("float").literal(Fraction(10) ** 39)
@@ -160,16 +195,16 @@ def test_constants_that_no_float_holds_are_refused():
 
 def test_generate_prints_rust_when_asked():
     model = bundled("planar2r")
-    files = pipeline.emit(model, languages=("rust",))
+    files = emit(model, languages=("rust",))
     assert {"rust/Cargo.toml", "rust/src/lib.rs"} <= files.keys()
     assert files["rust/src/lib.rs"] == crate_of(model, files)
     assert 'name = "planar2r_model"' in files["rust/Cargo.toml"]
-    assert not any(name.startswith("rust/") for name in pipeline.emit(model))
+    assert not any(name.startswith("rust/") for name in emit(model))
 
 
 def crate_of(model, files) -> str:
     """The same source with the identity that ``generate`` writes."""
-    from rrrgen.output.manifest import identify
+    from rrrgen.robot.identity import identify
 
     backend = RustBackend()
     (text,) = [task() for task in backend.tasks(model, identify(model.spec), "double")]

@@ -3,8 +3,8 @@
 import pytest
 
 from backends.loop_nests import arc, counted, leaf, opened, text
-from rrrgen.backends.c.solver.loop_nest import ARC, Arc, Flip, Loop, LoopNest, Statement
-from rrrgen.backends.c.solver.passes.arcs import TakeArcsTogether
+from rrrgen.emit.c.ik.loop_nest import ARC, Arc, Flip, Loop, LoopNest, Statement
+from rrrgen.emit.c.ik.passes.arcs import TakeArcsTogether
 from rrrgen.ik.recording.scalar import Pool
 
 LOOPS = (Loop("i1", "n1", 2, 0), Loop("i2", "n2", 4, 1))

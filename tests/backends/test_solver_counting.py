@@ -3,8 +3,8 @@
 import pytest
 
 from backends.loop_nests import FOUR, TWO, counted
-from rrrgen.backends.c.solver.counting import CALLS, SolverOperations, block_operations, sum_of
-from rrrgen.backends.c.solver.loop_nest import LoopNest, Statement, Value
+from rrrgen.emit.c.ik.counting import CALLS, SolverOperations, block_operations, sum_of
+from rrrgen.emit.c.ik.loop_nest import LoopNest, Statement, Value
 from rrrgen.ik.recording.scalar import Pool
 from rrrgen.program import Builder, Port
 

@@ -3,8 +3,8 @@
 import pytest
 
 from backends.loop_nests import counted, leaf, opened, text
-from rrrgen.backends.c.solver.loop_nest import Loop, LoopNest, Statement
-from rrrgen.backends.c.solver.passes.hoisting import Hoist
+from rrrgen.emit.c.ik.loop_nest import Loop, LoopNest, Statement
+from rrrgen.emit.c.ik.passes.hoisting import Hoist
 from rrrgen.ik.recording.scalar import Pool
 
 

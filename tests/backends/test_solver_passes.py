@@ -6,12 +6,12 @@ import subprocess
 import numpy as np
 import pytest
 
-from rrrgen.backends.c.solver.files import emit
-from rrrgen.backends.c.solver.passes import PASSES
-from rrrgen.backends.c.solver.passes.arcs import TakeArcsTogether
-from rrrgen.backends.c.solver.passes.hoisting import Hoist
+from rrrgen.emit.c.ik.files import emit
+from rrrgen.emit.c.ik.passes import PASSES
+from rrrgen.emit.c.ik.passes.arcs import TakeArcsTogether
+from rrrgen.emit.c.ik.passes.hoisting import Hoist
 from rrrgen.ik.classify import plan
-from rrrgen.robotfile import load_spec
+from rrrgen.robot.file import load_spec
 
 POSES = 20
 SUBSETS = ((), *((one,) for one in PASSES), PASSES)

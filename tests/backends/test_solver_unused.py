@@ -1,8 +1,8 @@
 """Unused definitions are left out, and what only they needed with them."""
 
 from backends.loop_nests import leaf, text
-from rrrgen.backends.c.solver.loop_nest import LoopNest, Statement
-from rrrgen.backends.c.solver.passes.unused import DropUnused
+from rrrgen.emit.c.ik.loop_nest import LoopNest, Statement
+from rrrgen.emit.c.ik.passes.unused import DropUnused
 from rrrgen.ik.recording.scalar import Pool
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from backends.c_tools import compiler
-from rrrgen.backends.c.batches.simd import SimdSinCos
-from rrrgen.backends.c.batches.transposition import SIZES, transfers
-from rrrgen.backends.c.dialect import Dialect
+from rrrgen.emit.c.batches.simd import SimdSinCos
+from rrrgen.emit.c.batches.transposition import SIZES, transfers
+from rrrgen.emit.c.dialect import Dialect
 
 WIDTHS = {"sse2": "-msse2", "avx": "-mavx", "avx512f": "-mavx512f"}
 

@@ -39,8 +39,8 @@ from bench.page import page
 from bench.results import Results
 from bench.targets import verdicts
 from bench.toolchain import find_toolchain
-from rrrgen.robotfile import load_spec, loads_spec
-from rrrgen.verify.references.chain import chain_of, is_physical
+from rrrgen.robot.file import load_spec, loads_spec
+from rrrgen.verify.references.numeric_robot import chain_of, is_physical
 
 ROUND_OFF = 1e-10
 """Thousands of operations in double, and mass matrices of random chains with conditions up to 1e4."""
@@ -223,10 +223,11 @@ def test_random_chains_are_valid_robot_files(n: int) -> None:
 
 @needs_gcc
 def test_the_timing_of_a_path_is_timed():
-    from rrrgen import pipeline
+    from rrrgen.derive import derive
+    from rrrgen.robot.file import read
 
-    spec = pipeline.read("planar2r")
-    model, along = (pipeline.derive(spec, groups=(group,)) for group in ("model", "timing"))
+    spec = read("planar2r")
+    model, along = (derive(spec, groups=(group,)) for group in ("model", "timing"))
     found = path_timings(model, along, find_toolchain(("-O1",)), 1)
     assert [each.friction for each in found] == ["none", "viscous and Coulomb"]
     assert all(each.microseconds > 0.0 and each.duration > 0.0 for each in found)
@@ -237,10 +238,10 @@ def test_the_timing_of_a_path_is_timed():
 @needs_gcc
 def test_a_tick_of_the_controller_is_timed_part_by_part():
     """The parts in their order on the page and in the verdict; how long they take is not asserted."""
-    from rrrgen import pipeline
+    from rrrgen.runtime import load
 
     toolchain = find_toolchain(("-O1",))
-    found = control_ticks(pipeline.compile("rrr").derived, toolchain, 1)
+    found = control_ticks(load.compile("rrr").derived, toolchain, 1)
     works = ["Kalman filter", "friction", "RLS", "gradient"]
     assert [each.work.split(" + ") for each in found] == [works[:1], works[:2], works[:3], [*works[:2], works[3]]]
     assert all(each.nanoseconds > 0.0 and each.parameters == 15 for each in found)
@@ -254,9 +255,10 @@ def test_a_tick_of_the_controller_is_timed_part_by_part():
 @needs_gcc
 def test_a_tick_of_a_whole_loop_is_timed():
     from bench.measurements.control_loop import GROUPS, WORK, loop_tick
-    from rrrgen import pipeline
+    from rrrgen.derive import derive
+    from rrrgen.robot.file import read
 
-    tick = loop_tick(pipeline.derive(pipeline.read("pendulum"), groups=GROUPS), find_toolchain(("-O0",)), 1)
+    tick = loop_tick(derive(read("pendulum"), groups=GROUPS), find_toolchain(("-O0",)), 1)
     assert tick.work == WORK
     assert tick.nanoseconds > 0
     slow = [replace(tick, robot="panda", nanoseconds=time) for time in (699.0, 701.0)]

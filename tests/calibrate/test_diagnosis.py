@@ -7,11 +7,11 @@ import pytest
 
 from calibrate.mistakes_study import outcome
 from calibrate.virtual import NOISE, measure, off_the_table, positions
-from rrrgen.calibrate.diagnosis import estimate_checked
-from rrrgen.calibrate.geometry import rigid
-from rrrgen.calibrate.measurement_file import read_table
-from rrrgen.errors import InputError
-from rrrgen.robotfile import load_spec
+from rrrgen.base.errors import InputError
+from rrrgen.lab.calibrate.diagnosis import estimate_checked
+from rrrgen.lab.calibrate.geometry import rigid
+from rrrgen.lab.calibrate.measurement_file import read_table
+from rrrgen.robot.file import load_spec
 
 
 def written(file, q, T, **changes):

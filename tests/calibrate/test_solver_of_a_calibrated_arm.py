@@ -12,10 +12,10 @@ from click.testing import CliRunner
 
 from calibrate.mistakes_study import poses_as_columns, write
 from calibrate.virtual import measure, positions
-from rrrgen.calibrate.geometry import geometry_of
-from rrrgen.calibrate.minimal_set import minimal_set
 from rrrgen.cli.main import cli
-from rrrgen.robotfile import dumps, load_spec
+from rrrgen.lab.calibrate.geometry import geometry_of
+from rrrgen.lab.calibrate.minimal_set import minimal_set
+from rrrgen.robot.file import dumps, load_spec
 
 COUNT = 40
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rrrgen.calibrate.geometry import Geometry, geometry_of, rigid, rotation
-from rrrgen.calibrate.measurements import Measurements
+from rrrgen.lab.calibrate.geometry import Geometry, geometry_of, rigid, rotation
+from rrrgen.lab.calibrate.measurements import Measurements
 
 NOISE, ANGLE_NOISE = 5e-5, 1e-4  # m, rad
 ROWS, FRAMES = 5e-4, 5e-3  # m and rad, errors of rows, and of base and tool

@@ -13,7 +13,7 @@ import pytest
 
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.cli.main import LazyGroup, cli, run
-from rrrgen.robotfile import bundled_names, load_spec
+from rrrgen.robot.file import bundled_names, load_spec
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = Path(__file__).parent / "golden"
@@ -304,7 +304,7 @@ def test_verify_returns_1_when_the_model_is_wrong(rrrgen, monkeypatch):
 def test_without_a_compiler_verify_returns_5_and_says_what_to_install(rrrgen, monkeypatch):
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr("rrrgen.runtime.compiler.installed", lambda module: False)  # of PyPI, zig
+    monkeypatch.setattr("rrrgen.emit.c.compilers.installed", lambda module: False)  # of PyPI, zig
     code, _, err = rrrgen("verify", "pendulum")
     assert code == 5
     assert "apt install gcc" in err
@@ -349,10 +349,10 @@ def test_interrupts_and_faults_of_our_own_are_told_apart(rrrgen, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("rrrgen.pipeline.derive_once", interrupted)
+    monkeypatch.setattr("rrrgen.derive.derive_once", interrupted)
     code, out, err = rrrgen("show", "pendulum")
     assert (code, out, err.strip()) == (130, "", "interrupted")
-    monkeypatch.setattr("rrrgen.pipeline.derive_once", broken)
+    monkeypatch.setattr("rrrgen.derive.derive_once", broken)
     code, _, err = rrrgen("show", "pendulum")
     assert code == 70
     assert "internal fault of rrrgen, please report it: ZeroDivisionError: division by zero (in broken" in err

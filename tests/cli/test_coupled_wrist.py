@@ -10,12 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 import rrrgen
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
-from rrrgen.errors import InputError
-from rrrgen.experiments.experiment_file import loads_experiment
-from rrrgen.experiments.experiment_setup import simulate_motion
-from rrrgen.robotfile import load_spec
-from rrrgen.signals.fourier import FourierTrajectory
+from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.lab.experiment.experiment_file import loads_experiment
+from rrrgen.lab.experiment.setup import simulate_motion
+from rrrgen.robot.file import load_spec
 from rrrgen.verify import verify
 
 pytestmark = pytest.mark.usefixtures("unoptimized")
@@ -121,7 +121,7 @@ def test_a_validation_of_the_written_file_passes(folder, recorded, identified):
 
 def test_a_motor_saturates_at_its_own_limit(folder):
     text = WRIST.replace("torque_limit: 1}", "torque_limit: 0.06}")
-    model = rrrgen.compile(rrrgen.robotfile.loads_spec(text), backend="numpy")
+    model = rrrgen.compile(rrrgen.robot.file.loads_spec(text), backend="numpy")
     motion = FourierTrajectory.from_json(json.loads((folder / "motion.json").read_text()))
     experiment = loads_experiment("schema: rrrgen-experiment/1\nperiod: 5 ms\n", 2)
     recording, _ = simulate_motion(experiment, model, motion.evaluate, 0.5)

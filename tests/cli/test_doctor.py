@@ -7,10 +7,10 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from rrrgen import extras
+from rrrgen.base import extras
 from rrrgen.cli.doctor import doctor
 from rrrgen.cli.main import main
-from rrrgen.runtime import compiler
+from rrrgen.emit.c import compilers as compiler
 
 
 def findings(capsys) -> tuple[int, dict[str, dict]]:

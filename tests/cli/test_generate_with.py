@@ -9,9 +9,9 @@ import subprocess
 import pytest
 
 from rrrgen.cli.main import run
-from rrrgen.output.manifest import identify
-from rrrgen.robotfile import dumps, load_spec, loads_spec
-from rrrgen.robotfile.keys import EMIT
+from rrrgen.robot.file import dumps, load_spec, loads_spec
+from rrrgen.robot.file.fields import EMIT
+from rrrgen.robot.identity import identify
 
 PENDULUM = """\
 schema: rrrgen/1

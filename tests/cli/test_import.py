@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from rrrgen.cli.main import run
-from rrrgen.robotfile import load_spec
-from rrrgen.robotfile.importers.importing import importers
+from rrrgen.robot.file import load_spec
+from rrrgen.robot.importers.importing import importers
 from tests.robotfile.par_files import SLIDING, inertia, text
 
 
@@ -73,3 +73,19 @@ def test_a_chain_of_a_urdf_is_compared_with_its_source(folder, capsys):
     assert run(["import", "arm.urdf", "--tip", "l3", "--force"]) == 3
     assert "there is no link 'l3'" in capsys.readouterr().err
     assert run(["import", "slider.par", "--tip", "l3"]) == 3
+
+
+SHAPED = """<robot name="shaped"><link name="b"><visual/><visual /><collision/></link>
+<link name="c"><visual/><collision/></link>
+<joint name="j" type="continuous"><parent link="b"/><child link="c"/><axis xyz="0 0 1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("verbose", [False, True])
+def test_the_result_comes_first_and_shapes_in_one_line(folder, capsys, verbose):
+    (folder / "shaped.urdf").write_text(SHAPED, encoding="utf-8")
+    assert run(["import", "shaped.urdf", *["--verbose"] * verbose]) == 0
+    said = capsys.readouterr()
+    assert said.out.splitlines()[0].startswith("shaped.yaml written from urdf")
+    assert ("<visual> is left out, 3 times" in said.err) == verbose
+    assert ("5 visual and collision elements left out (--verbose lists them)" in said.err) != verbose
+    assert "a URDF has no gravity" in said.err

@@ -7,15 +7,15 @@ import sys
 import numpy as np
 import pytest
 
+from rrrgen.base.errors import MissingExtraError
+from rrrgen.base.extras import EXTRAS
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.cli.main import run
-from rrrgen.errors import MissingExtraError
-from rrrgen.extras import EXTRAS
-from rrrgen.recordings.logs import Log
-from rrrgen.recordings.mapping import FileSource
-from rrrgen.recordings.readers.table_formats import open_here
-from rrrgen.robotfile.robots import bundled_path
-from rrrgen.signals.fourier import FourierTrajectory
+from rrrgen.lab.data.mapping import FileSource
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.data.tables.table_formats import open_here
+from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.robot.robots import bundled_path
 from samples.recordings import write_log
 from tests.robotfile.test_import_ur_calibration import FAR_AWAY
 

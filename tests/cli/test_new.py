@@ -10,12 +10,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from rrrgen.base.yamltext.document import FaultList, Mapping, Place, Sequence, parse_document
 from rrrgen.cli.main import run
-from rrrgen.friction.laws import LAWS
 from rrrgen.ik.classify import plan
-from rrrgen.robotfile import RobotSpec, load_spec, loads_spec
-from rrrgen.robotfile.keys import EMIT, SECTIONS
-from rrrgen.yamltext.document import FaultList, Mapping, Place, Sequence, parse_document
+from rrrgen.robot.file import RobotSpec, load_spec, loads_spec
+from rrrgen.robot.file.fields import EMIT, SECTIONS
+from rrrgen.robot.friction.laws import LAWS
 
 KINDS = ["".join(letters) for n in range(1, 4) for letters in itertools.product("RP", repeat=n)]
 LONG = [

@@ -13,11 +13,10 @@ import pytest
 from click.testing import CliRunner
 
 from bench import session
-from rrrgen.cli.identification import reconstruct
+from rrrgen.cli import reconstruct, show
 from rrrgen.cli.main import cli
-from rrrgen.cli.model import show
 from rrrgen.cli.progress import working
-from rrrgen.recordings.logs import Log
+from rrrgen.lab.data.recordings import Log
 from samples.recordings import fourier_motion, write_log
 
 

@@ -8,8 +8,8 @@ import math
 import pytest
 
 from rrrgen.cli.main import run
-from rrrgen.report.facts import measured, unit_of
-from rrrgen.robotfile import bundled_names, load_spec
+from rrrgen.emit.html.robot_facts import measured, unit_of
+from rrrgen.robot.file import bundled_names, load_spec
 
 FULL = """\
 schema: rrrgen/1
@@ -133,7 +133,7 @@ def test_joints_have_both_units_in_json(robot, show):
 @pytest.mark.parametrize("name", bundled_names())
 def test_no_stated_fact_of_a_bundled_robot_is_left_out(name):
     """Every number of limits and links that its file states stands in the JSON."""
-    from rrrgen.report.facts import data
+    from rrrgen.emit.html.robot_facts import data
 
     spec, found = load_spec(name), data(load_spec(name))
     for joint in spec.joints:

@@ -15,7 +15,7 @@ from click.shell_completion import ShellComplete
 
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.cli.main import cli, run
-from rrrgen.robotfile import bundled_path
+from rrrgen.robot.file import bundled_path
 from rrrgen.verify.report import Report, Row
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -91,7 +91,7 @@ def test_output_that_cannot_be_written_is_no_bad_input(arguments, rrrgen):
 
 def test_exit_codes_are_documented_alike():
     """Every exit code of an error, the check that fails, usage and the interrupt stand in the help and in README."""
-    from rrrgen import errors
+    from rrrgen.base import errors
     from rrrgen.cli.main import EPILOG, INTERRUPTED
 
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.RrrgenError)]

@@ -12,7 +12,7 @@ from scipy.io import savemat
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.signals.fourier import FourierTrajectory
+from rrrgen.lab.design.fourier_series import FourierTrajectory
 
 pytestmark = pytest.mark.usefixtures("unoptimized")
 

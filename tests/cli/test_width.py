@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 import rrrgen
+from rrrgen.cli.description import stated
 from rrrgen.cli.main import run
-from rrrgen.cli.model.description import stated
 from rrrgen.cli.terminal import say
-from rrrgen.robotfile import bundled_names, load_spec
+from rrrgen.robot.file import bundled_names, load_spec
 
 PACKAGE = Path(rrrgen.__file__).parent
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]\d+)?")

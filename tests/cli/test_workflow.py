@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.signals.fourier import FourierTrajectory
+from rrrgen.lab.design.fourier_series import FourierTrajectory
 
 
 def run(*arguments):
@@ -48,6 +48,10 @@ def test_validate_passes_the_true_robot_and_fails_a_wrong_one(experiment, tmp_pa
     good = run("validate", "planar2r", "--log", log, "-o", tmp_path / "good")
     assert good.return_value == 0, good.output
     assert "scored on data of unknown origin; passed" in good.output  # nothing says what the bundled robot comes from
+    record = json.loads((tmp_path / "good" / "results" / "validation.json").read_text())
+    # the figure that the limit holds for is printed with the rows that it is of
+    assert f"relative error {100 * record['relative_error']:.3g} %, of {record['measured_on']}" in good.output
+    assert f"{100 * record['share']:.0f} % of the rows" in record["measured_on"]
     strict = run("validate", "planar2r", "--log", log, "--relative-error", 1e-6, "-o", tmp_path / "strict")
     assert strict.return_value == 1
     assert "FAILED" in strict.output

@@ -17,10 +17,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from rrrgen.closed_loop.estimation import closed_loop_estimate
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
 from samples.disturbed_arm import FRICTION, DisturbedArm
 
 BOUNDS = (0.85, 0.99)

@@ -26,14 +26,14 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
-from rrrgen.closed_loop.controller_file import loads_controller
-from rrrgen.closed_loop.estimation import closed_loop_estimate
-from rrrgen.identify.friction_laws.choice import LawChoice
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import open_log
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.closed_loop.controller_file import loads_controller
+from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import open_log
+from rrrgen.lab.identify.choice import LawChoice
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
 from samples.linear_drive import (
     CONTROLLER,
     GAIN,

@@ -22,14 +22,14 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.closed_loop.controller_file import load_controller
-from rrrgen.closed_loop.estimation import closed_loop_estimate
-from rrrgen.closed_loop.validation import stated_equations, validate_loop
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import open_log
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.closed_loop.controller_file import load_controller
+from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
+from rrrgen.lab.closed_loop.validation import stated_equations, validate_loop
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import open_log
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
 
 ADDED = "    friction: {{viscous: {}, coulomb: {}}}\n    drive: {{inertia: {}, encoder_resolution: 1e-4}}\n"
 DRIVES = ((4, 5, 1.1), (5, 6, 4.7), (3, 4, 0.8), (0.4, 0.6, 0.2), (0.3, 0.5, 0.18), (0.2, 0.4, 0.19))
@@ -38,7 +38,7 @@ EXPERIMENT = "schema: rrrgen-experiment/1\nvirtual_robot: {torque_noise: 0.05, d
 
 def robot_file(folder: Path) -> Path:
     """The bundled Puma 560 with friction and drives at all joints."""
-    head, *rows = (files("rrrgen.robotfile") / "robots/puma560.yaml").read_text().split("  - name: ")
+    head, *rows = (files("rrrgen.robot") / "robots/puma560.yaml").read_text().split("  - name: ")
     joints = [row for row in rows if "type: revolute" in row]
     text = head
     for row, drive in zip(joints, DRIVES, strict=True):

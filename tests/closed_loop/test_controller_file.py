@@ -10,13 +10,13 @@ import pytest
 from scipy.io import savemat
 
 import rrrgen
-from rrrgen.closed_loop.controller import Operation, filtered
-from rrrgen.closed_loop.controller_file import load_controller, loads_controller
-from rrrgen.closed_loop.validation import validate_loop
-from rrrgen.errors import InputError
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import open_log
-from rrrgen.signals.processing import Processing
+from rrrgen.base.errors import InputError
+from rrrgen.lab.closed_loop.controller import Operation, filtered
+from rrrgen.lab.closed_loop.controller_file import load_controller, loads_controller
+from rrrgen.lab.closed_loop.validation import validate_loop
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import open_log
 from samples.linear_drive import CONTROLLER
 
 FAULTY = """\

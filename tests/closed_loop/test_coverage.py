@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from closed_loop.coverage import covered, deviations
-from rrrgen.closed_loop.output_error import OutputError
+from rrrgen.lab.closed_loop.output_error import OutputError
 from samples.disturbed_arm import DisturbedArm
 
 

@@ -10,15 +10,15 @@ import pytest
 from click.testing import CliRunner
 
 from rrrgen.cli.main import cli
-from rrrgen.closed_loop.controller_file import loads_controller
-from rrrgen.closed_loop.joint_friction import refine
-from rrrgen.friction.laws import LAWS
-from rrrgen.friction_estimation.candidates import Candidate
-from rrrgen.friction_estimation.estimation import FrictionEstimate, LawEstimate, reported
-from rrrgen.friction_estimation.joint_data import joint_data
-from rrrgen.friction_estimation.selection import Score
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import load_spec
+from rrrgen.lab.closed_loop.controller_file import loads_controller
+from rrrgen.lab.closed_loop.joint_friction import refine
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.friction.candidate_laws import Candidate
+from rrrgen.lab.friction.choice import Score
+from rrrgen.lab.friction.estimation import FrictionEstimate, LawEstimate, reported
+from rrrgen.lab.friction.joint_recording import joint_data
+from rrrgen.robot.file import load_spec
+from rrrgen.robot.friction.laws import LAWS
 from samples.stick_slip_joint import Joint, record
 
 TRUTH = Joint("stribeck")

@@ -9,18 +9,18 @@ import pytest
 from click.testing import CliRunner
 
 import rrrgen
+from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import cli
-from rrrgen.closed_loop.controller_file import load_controller, loads_controller
-from rrrgen.closed_loop.estimation import closed_loop_estimate
-from rrrgen.closed_loop.validation import validate_loop
-from rrrgen.errors import DerivationError, InputError
-from rrrgen.identify.friction_laws.choice import LawChoice
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import open_log
-from rrrgen.robotfile import load_spec
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.closed_loop.controller_file import load_controller, loads_controller
+from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
+from rrrgen.lab.closed_loop.validation import validate_loop
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import open_log
+from rrrgen.lab.identify.choice import LawChoice
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
+from rrrgen.robot.file import load_spec
 from samples.linear_drive import CONTROLLER, DAHL, MASS, TRUTH, record, write_drive
 
 LAWS = (
@@ -183,7 +183,7 @@ def test_the_virtual_arm_writes_its_controller(tmp_path):
     The written controller is the simulated one. The virtual arm computes the load from accelerations, the simulated
     loop from the torques less friction.
     """
-    first, *others = (files("rrrgen.robotfile") / "robots/rrr.yaml").read_text().split("    drive:")
+    first, *others = (files("rrrgen.robot") / "robots/rrr.yaml").read_text().split("    drive:")
     rows = [f"    friction: {law}\n    drive:{text}" for law, text in zip(LAWS, others, strict=True)]
     robot = tmp_path / "robot.yaml"
     robot.write_text(first + "".join(rows))

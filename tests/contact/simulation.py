@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrrgen.contact.residuals import changes
-from rrrgen.signals.kalman import kalman_matrices, kalman_step
+from rrrgen.lab.contact.residuals import changes
+from rrrgen.lab.data.kalman import kalman_matrices, kalman_step
 
 Ts = 1e-3
 RESOLUTION = 1e-5

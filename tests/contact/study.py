@@ -18,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
 from contact.simulation import FRICTION, Arms, Ts, forces, ratios, visibility
-from rrrgen.contact.residuals import step_responses
-from rrrgen.contact.thresholds import contact_thresholds, expected_detection
+from rrrgen.lab.contact.residuals import step_responses
+from rrrgen.lab.contact.thresholds import contact_thresholds, expected_detection
 
 ROBOTS = {
     "rrr": (FRICTION, [0, 0.5, 0.8]),

@@ -11,13 +11,13 @@ from scipy.signal import lfilter
 
 import rrrgen
 from contact.simulation import FRICTION, RESOLUTION, WIDTH, Arms, Ts, forces, ratios, visibility
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.contact.covariance import residual_covariance
-from rrrgen.contact.extremes import block_maxima, fit_gumbel
-from rrrgen.contact.residuals import observer_residuals, step_responses
-from rrrgen.contact.thresholds import contact_thresholds, expected_detection
-from rrrgen.errors import InputError
-from rrrgen.signals.smoother import KalmanSmoother
+from rrrgen.lab.contact.covariance import residual_covariance
+from rrrgen.lab.contact.extremes import block_maxima, fit_gumbel
+from rrrgen.lab.contact.residuals import observer_residuals, step_responses
+from rrrgen.lab.contact.thresholds import contact_thresholds, expected_detection
+from rrrgen.lab.data.smoother import KalmanSmoother
 
 
 def test_the_distribution_of_maxima_is_found():

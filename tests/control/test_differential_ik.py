@@ -9,12 +9,12 @@ import pytest
 from scipy.optimize import lsq_linear
 
 import rrrgen
-from rrrgen.control.differential_ik import differential_ik_files
 from rrrgen.derive import prepare
-from rrrgen.derive.functions.kinematic_functions import jacobian
+from rrrgen.derive.functions.kinematics import jacobian
+from rrrgen.emit.controller.differential_ik import differential_ik_files
 from rrrgen.program import evaluate
-from rrrgen.robotfile import load_spec
-from rrrgen.runtime.online.differential_ik import INVALID, LIMITS, OK, compiled_solver, numpy_solver
+from rrrgen.robot.file import load_spec
+from rrrgen.runtime.differential_ik import INVALID, LIMITS, OK, compiled_solver, numpy_solver
 
 STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror"]
 Ts = 1e-3
@@ -132,6 +132,28 @@ def test_impossible_limits_and_inputs_slow_the_arm_down():
             dq, status = solved(each, arguments(J, V, **limits | fault))
             assert status == INVALID
             np.testing.assert_allclose(dq, [1.49, -1.49, 0, 0, 0, 0, 0.49])
+        for name, odd in (
+            *((name, np.nan) for name in ("q", "dq_last", "q_min", "q_max", "dq_max", "ddq_max")),
+            *((name, np.inf) for name in ("q", "dq_last", "dq_ref")),
+            *((name, -1.0) for name in ("dq_max", "ddq_max")),
+            *(("q_max", -np.inf), ("q_min", np.inf), ("q_min", 1e3)),
+        ):
+            values = {
+                "q": np.zeros(n),
+                "q_min": np.full(n, -9.0),
+                "q_max": np.full(n, 9.0),
+                "dq_ref": np.zeros(n),
+            } | limits
+            values[name] = np.array(values[name])
+            values[name][3] = odd
+            given = arguments(J, V, **values)
+            dq, status = solved(each, given)
+            assert status == INVALID, (name, odd)
+            np.testing.assert_allclose(dq, [1.49, -1.49, 0, 0, 0, 0, 0.49], err_msg=f"{name} {odd}")
+        for period in (np.nan, np.inf, 0.0, -1e-3):
+            dq, status = solved(each, arguments(J, V, **limits, Ts=period))
+            assert status == INVALID
+            assert np.all(dq == 0.0)
         # a joint near its limit comes no nearer than it can stop
         near = limits | {"q_max": np.full(n, 0.02), "dq_last": np.full(n, 0.62)}
         dq, status = solved(each, arguments(J, V, **near, weight=np.zeros(6), dq_ref=np.full(n, 5.0)))

@@ -9,18 +9,18 @@ import pytest
 
 import rrrgen
 from friction.test_models import EXAMPLES, SPEEDS
-from rrrgen.control.trajectory import fixed_fourier_program, fourier_program
-from rrrgen.errors import InputError
-from rrrgen.friction.laws import LAWS
-from rrrgen.friction.models import FrictionModel
-from rrrgen.friction.programs import (
+from rrrgen.base.errors import InputError
+from rrrgen.emit.controller.trajectory import fixed_fourier_program, fourier_program
+from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.program import Program, count_operations, evaluate
+from rrrgen.robot.friction.laws import LAWS
+from rrrgen.robot.friction.models import FrictionModel
+from rrrgen.robot.friction.programs import (
     friction_columns_program,
     friction_program,
     friction_rate_program,
     friction_step_program,
 )
-from rrrgen.program import Program, count_operations, evaluate
-from rrrgen.signals.fourier import FourierTrajectory
 
 # Another order of the same operations, other libm: some units in the last place of the largest term.
 ROUND_OFF = 1e-13
@@ -35,10 +35,10 @@ class Emitted:
     """The programs of this half as one C file, called state by state."""
 
     def __init__(self, programs: list[Program]) -> None:
-        from rrrgen.backends.c.dialect import Dialect
-        from rrrgen.backends.c.signature import function_name
-        from rrrgen.backends.c.sources import header_and_sources
-        from rrrgen.output.manifest import identify
+        from rrrgen.emit.c.dialect import Dialect
+        from rrrgen.emit.c.header_comments import function_name
+        from rrrgen.emit.c.sources import header_and_sources
+        from rrrgen.robot.identity import identify
         from rrrgen.runtime.build import build_extension
 
         model = rrrgen.compile("planar2r")
@@ -54,7 +54,8 @@ class Emitted:
     def _declaration(self, name: str) -> str:
         program = self.programs[name]
         inputs = [f"double {p.name}" if p.shape == () else f"const double *{p.name}" for p in program.inputs]
-        return f"void {self.symbols[name]}({', '.join([*inputs, *(f'double *{p.name}' for p in program.outputs)])});"
+        outputs = [f"double *{p.name}" for p in program.data_outputs]
+        return f"{'int' if program.status else 'void'} {self.symbols[name]}({', '.join([*inputs, *outputs])});"
 
     def call(self, name: str, *values) -> list[np.ndarray]:
         """``values`` are states (N, ...) or constants; returns one (N, *shape) per output."""
@@ -62,7 +63,7 @@ class Emitted:
         arrays = [np.asarray(value, dtype=float) for value in values]
         varying = [a.ndim > len(p.shape) for a, p in zip(arrays, program.inputs, strict=True)]
         N = next(a.shape[0] for a, varies in zip(arrays, varying, strict=True) if varies)
-        results = [np.empty((N, *port.shape)) for port in program.outputs]
+        results = [np.empty((N, *port.shape)) for port in program.data_outputs]
         function = getattr(self.lib, self.symbols[name])
         for k in range(N):
             state = [np.ascontiguousarray(a[k] if varies else a) for a, varies in zip(arrays, varying, strict=True)]

@@ -7,10 +7,10 @@ import subprocess
 import numpy as np
 import pytest
 
-from rrrgen.backends.c.trigonometry import sincos_strategy
-from rrrgen.control.fourier_series import fourier_series_files
+from rrrgen.emit.c.trigonometry import sincos_strategy
+from rrrgen.emit.controller.fourier_series import fourier_series_files
+from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.runtime.build import build_extension
-from rrrgen.signals.fourier import FourierTrajectory
 
 STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror"]
 DECLARED = """
@@ -41,6 +41,9 @@ def test_it_is_the_series_whatever_its_coefficients(real, close):
             assert lib.arm_fourier(series, 1.0, *place) == 0
             np.testing.assert_array_equal(results, [kept[0], np.zeros(3), np.zeros(3)])
             setattr(series, field, before)
+        for t in (np.nan, np.inf):
+            assert lib.arm_fourier(series, t, *place) == 0
+            np.testing.assert_array_equal(results, [kept[0], np.zeros(3), np.zeros(3)])
 
 
 @pytest.mark.parametrize(("real", "trig"), [("double", "libm"), ("float", "inline")])

@@ -11,13 +11,13 @@ import pytest
 
 import rrrgen
 from oracles.recursive_least_squares import InformationFilter, batch_estimate, gradient_step
-from rrrgen.control.estimation.gain import chosen_gain, gain_bound
-from rrrgen.control.estimation.programs import regression
-from rrrgen.control.estimation.sources import EstimatorSettings, estimator_files
-from rrrgen.errors import InputError
+from rrrgen.base.errors import InputError
+from rrrgen.emit.controller.gain import chosen_gain, gain_bound
+from rrrgen.emit.controller.programs import regression
+from rrrgen.emit.controller.sources import EstimatorSettings, estimator_files
+from rrrgen.lab.data.kalman import kalman_matrices, kalman_step
 from rrrgen.program import count_operations, evaluate
-from rrrgen.runtime.online.estimator import online_estimator
-from rrrgen.signals.kalman import kalman_matrices, kalman_step
+from rrrgen.runtime.estimator import online_estimator
 
 FIXED = {"p4": 0.0, "p15": 0.0}  # as in the chapter: links 2 and 3 are symmetric
 SIGMA = np.array([0.2, 0.1, 0.05])

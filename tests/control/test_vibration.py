@@ -8,11 +8,11 @@ import pytest
 from scipy.signal import cont2discrete
 
 from backends.c_tools import C99, CXX, SANITIZERS, compile_all, compiler
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.control.vibration.modes import Vibration
-from rrrgen.control.vibration.notches import design_notches, phase_lag
-from rrrgen.control.vibration.shapers import KINDS, design_shaper, impulses
-from rrrgen.errors import InputError
+from rrrgen.lab.vibration.modes import Vibration
+from rrrgen.lab.vibration.notches import design_notches, phase_lag
+from rrrgen.lab.vibration.shapers import KINDS, design_shaper, impulses
 
 PERIOD = 1e-3
 BASE, JOINT = Vibration((28.0,), (0.1,)), Vibration((96.3,), (0.02,))
@@ -153,7 +153,7 @@ def test_c_equals_python(written, tmp_path, name, flags, real):
 
 
 def test_models_of_postures_lead_to_filters(tmp_path, capsys):
-    from rrrgen.response.models.response_model import Resonance, ResponseModel
+    from rrrgen.lab.response.response_model import Resonance, ResponseModel
 
     a = [1.7, -0.9]
     zeros = -np.poly(np.exp(2j * np.pi * 70.0 * PERIOD * np.array([1, -1])) * 0.99).real

@@ -114,7 +114,7 @@ WHOLE_FILE = (
 
 def outcome(reader: Reader, folder: Path) -> tuple[int, str]:
     """The exit code of the command line for what reading raises, and the message."""
-    from rrrgen.errors import RrrgenError
+    from rrrgen.base.errors import RrrgenError
 
     try:
         with warnings.catch_warnings():
@@ -140,8 +140,8 @@ def recording(name: str, file: str, make: Callable[[Path], None], columns=NAMES,
 
 def reconstruct(mapping: Path) -> None:
     """Read a recording into memory and differentiate it, as every command that takes recordings does first."""
-    from rrrgen.recordings.logs import read_log
-    from rrrgen.signals.reconstruction import Butterworth
+    from rrrgen.lab.data.reconstruction import Butterworth
+    from rrrgen.lab.data.recordings import read_log
 
     log = read_log(mapping, chunk=100)
     method = Butterworth(0.1 / log.period)
@@ -217,9 +217,9 @@ def write_bag(path: Path) -> None:
 
 def read_robot(folder: Path) -> None:
     """A robot file, its normal form and its text printed back, as ``check`` and ``show`` need them."""
-    from rrrgen.model.robot_model import build_model
-    from rrrgen.robotfile import load_spec
-    from rrrgen.robotfile.writer import dumps
+    from rrrgen.robot.file import load_spec
+    from rrrgen.robot.file.writer import dumps
+    from rrrgen.robot.model.robot_model import build_model
 
     spec = load_spec(folder / "robot.yaml")
     build_model(spec)
@@ -227,7 +227,7 @@ def read_robot(folder: Path) -> None:
 
 
 def make_robot(folder: Path) -> None:
-    (folder / "robot.yaml").write_bytes((ROOT / "rrrgen/robotfile/robots/rrr.yaml").read_bytes())
+    (folder / "robot.yaml").write_bytes((ROOT / "rrrgen/robot/robots/rrr.yaml").read_bytes())
 
 
 def make_par(folder: Path) -> None:
@@ -238,7 +238,7 @@ def make_par(folder: Path) -> None:
 
 def read_par(folder: Path) -> None:
     """An OpenSYMORO file, with the one value that it leaves open, to the text of a robot file."""
-    from rrrgen.robotfile.importers.importing import import_robot
+    from rrrgen.robot.importers.importing import import_robot
 
     import_robot(folder / "arm.par", "symoro", values={"L2": "350 mm"})
 
@@ -250,7 +250,7 @@ def make_calibration(folder: Path) -> None:
 
 
 def read_calibration(folder: Path) -> None:
-    from rrrgen.robotfile.importers.importing import import_robot
+    from rrrgen.robot.importers.importing import import_robot
 
     import_robot(folder / "ur.yaml", "ur-calibration")
 
@@ -273,7 +273,7 @@ def make_mjcf(folder: Path) -> None:
 
 def read_tree(folder: Path, form: str, file: str) -> None:
     """A URDF or an MJCF, to the text of a robot file."""
-    from rrrgen.robotfile.importers.importing import import_robot
+    from rrrgen.robot.importers.importing import import_robot
 
     import_robot(folder / file, form)
 
@@ -286,7 +286,7 @@ def make_measurements(folder: Path) -> None:
 
 def read_poses(folder: Path) -> None:
     """Measurements for a calibration."""
-    from rrrgen.calibrate.measurement_file import read_table
+    from rrrgen.lab.calibrate.measurement_file import read_table
 
     read_table(folder / "poses.csv", ("q1", "q2", "q3")).measurements(1e-4, 1e-4)
 
@@ -298,8 +298,8 @@ def make_mapping(folder: Path) -> None:
 
 def read_mapping(folder: Path) -> None:
     """A mapping file and the recording that it describes, made ready with the mapping's own processing."""
-    from rrrgen.recordings.logs import open_log, read_log
-    from rrrgen.signals.processing import Processing
+    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.data.recordings import open_log, read_log
 
     mapping = open_log(folder / "log.yaml")
     log = read_log(folder / "log.yaml")
@@ -317,10 +317,10 @@ def read_experiment(folder: Path) -> None:
     """An experiment file, and the writing task and the instruments that it describes."""
     from dataclasses import fields
 
-    from rrrgen.excitation.problem import ExcitationProblem
-    from rrrgen.experiments.experiment_file import load_experiment
-    from rrrgen.experiments.writing import writing_task
-    from rrrgen.simulate.experiment import Instruments
+    from rrrgen.lab.design.problem import ExcitationProblem
+    from rrrgen.lab.experiment.experiment_file import load_experiment
+    from rrrgen.lab.experiment.writing import writing_task
+    from rrrgen.lab.plant.experiment import Instruments
 
     experiment = load_experiment(folder / "experiment.yaml", 3)
     json.dumps({name: str(value) for name, value in vars(experiment).items()})

@@ -23,13 +23,13 @@ from oracles.newton_euler import Robot
 from oracles.numeric_rank import base_parameter_count, matrix_rank
 from oracles.random_robots import random_link, random_robot, random_state, robots, to_yaml
 from rrrgen.derive.functions.recording import Recording, parametrize
-from rrrgen.derive.functions.table import FUNCTIONS
+from rrrgen.derive.functions.table import recorders
 from rrrgen.derive.parameters.base_parameters import base_set, standard_symbols
-from rrrgen.model import build_model
-from rrrgen.model.drive_columns import drive_columns
-from rrrgen.model.drive_terms import drive_terms
 from rrrgen.program import evaluate
-from rrrgen.robotfile import bundled_names, load_spec, loads_spec
+from rrrgen.robot.file import bundled_names, load_spec, loads_spec
+from rrrgen.robot.model import build_model
+from rrrgen.robot.model.drive_terms import drive_terms
+from rrrgen.runtime.regressor_columns import drive_columns
 
 CLEAR_GAP = 1e5  # measured gaps of singular values are above 1e8; nothing between the two sides of the rank
 ROUND_OFF = 1e-11  # relative to the largest torque; some hundred roundings of 1e-16
@@ -46,7 +46,7 @@ def regressor_values(text: str, states: int = STATES, seed: int = 3):
     """The compiler's base regressor at random states, and those states."""
     spec = loads_spec(text)
     model = build_model(spec)
-    program = FUNCTIONS["regressor"][0](Recording(model, parametrize(base_set(model), None)))
+    program = recorders("regressor")[0](Recording(model, parametrize(base_set(model), None)))
     rng = np.random.default_rng(seed)
     q = rng.uniform(-np.pi, np.pi, (states, spec.n))
     dq, ddq = rng.uniform(-2, 2, (2, states, spec.n))
@@ -106,7 +106,7 @@ def test_symbolic_lengths(robot):
 def check_torques(robot: Robot, spec, own) -> None:
     """tau = Y beta with beta from the expressions in link symbols, at the numbers of the robot."""
     model = build_model(spec)
-    program = FUNCTIONS["regressor"][0](Recording(model, parametrize(own, None)))
+    program = recorders("regressor")[0](Recording(model, parametrize(own, None)))
     beta = np.array(sp.lambdify(standard_symbols(spec.n), [spec.nominal(e) for e in own.expressions()])(*robot.phi))
     rng = np.random.default_rng(11)
     states = [random_state(robot, rng) for _ in range(3)]
@@ -140,7 +140,7 @@ def test_lift_is_a_right_inverse_of_the_projection():
 
 
 def _expression(value) -> sp.Expr:
-    from rrrgen.derive.algebra.polynomials import to_expression
+    from rrrgen.program.polynomials import to_expression
 
     return to_expression(value)
 
@@ -174,9 +174,9 @@ def test_another_seed_of_the_random_states_changes_nothing():
 
 
 REPORT = """
-from rrrgen.robotfile import load_spec
+from rrrgen.robot.file import load_spec
 from rrrgen.derive.parameters.base_parameters import base_set
-from rrrgen.model import build_model
+from rrrgen.robot.model import build_model
 from dataclasses import replace
 for name in ("rrr", "stanford", "scara"):
     own = base_set(build_model(replace(load_spec(name), basis=None)))

@@ -9,12 +9,12 @@ import pytest
 import sympy as sp
 
 from pipeline.optimized import bundled
+from rrrgen.base.errors import DerivationError
 from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import CLOSED, closed_form
 from rrrgen.derive.closed_forms.shared_form import SharedForm, shared_form
-from rrrgen.errors import DerivationError
 from rrrgen.program import Builder, Port, evaluate
-from rrrgen.robotfile import load_spec
+from rrrgen.robot.file import load_spec
 
 DIGITS = 1e-12  # relative to the largest entry; the program computes in double, the closed form with 30 digits
 SEED = 3
@@ -166,3 +166,23 @@ def test_what_has_no_closed_form_and_wrong_entries_are_refused():
     for wrong in ((0,), (0, 1), (1, 0), 0):
         with pytest.raises(IndexError, match="shape"):
             form[wrong]
+
+
+def test_printed_forms_have_the_decimals_of_the_robot_file():
+    form = closed_form(prepared("rrr"), "gravity")
+    assert form[1].atoms(sp.Float) == set()  # entries stay exact
+    lines = str(form).splitlines()
+    assert [line.partition(" = ")[0] for line in lines] == ["gravity[0]", "gravity[1]", "gravity[2]"]
+    assert "9.81*p14*cos(q2)" in lines[1]
+    assert "981/100" not in str(form)
+    assert r"9.81 p_{14} \cos" in form._repr_latex_()
+    scara = closed_form(prepared("scara"), "mass_matrix")
+    for line, entry in zip(str(scara).splitlines(), scara, strict=True):
+        printed = sp.sympify(line.partition(" = ")[2], locals={s.name: s for s in entry.free_symbols}, rational=True)
+        assert sp.expand(printed - entry) == 0
+    assert "0.325*hx2R" in str(scara)
+
+
+def test_long_forms_and_results_of_several_are_named_when_printed():
+    assert str(closed_form(prepared("puma560"), "mass_matrix")).startswith("<closed form of mass_matrix")
+    assert str(closed_form(prepared("rrr"), "energy.potential")).startswith("energy.potential = 9.81*p14")

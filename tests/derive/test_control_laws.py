@@ -12,7 +12,7 @@ from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, to_yaml, transform
 from rrrgen.derive import derive_model
 from rrrgen.program import evaluate
-from rrrgen.robotfile import load_spec, loads_spec
+from rrrgen.robot.file import load_spec, loads_spec
 
 EXACT = 1e-9
 Ts = 1e-3

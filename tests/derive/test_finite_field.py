@@ -9,7 +9,7 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.derive.algebra.finite_field import PRIME, Residue, row_echelon, square_root
+from rrrgen.program.finite_field import PRIME, Residue, row_echelon, square_root
 
 fractions = st.fractions(min_value=-1000, max_value=1000, max_denominator=1000)
 

@@ -9,11 +9,11 @@ import pytest
 import sympy as sp
 
 from rrrgen.derive import prepare
-from rrrgen.derive.functions.table import GROUPS
-from rrrgen.program.evaluate import evaluate
-from rrrgen.robotfile import load_spec
-from rrrgen.verify.references.chain import chain_of
+from rrrgen.derive.functions.table import recorders
+from rrrgen.program.evaluation import evaluate
+from rrrgen.robot.file import load_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of
 
 
 @pytest.mark.parametrize("name", ["planar2r", "puma560"])
@@ -26,5 +26,5 @@ def test_a_robot_without_gravity_has_the_base_parameters_of_its_motion(name):
     names = recorded.compiler_basis.names
     assert len(names) == np.sum(sizes > 1e-9 * sizes[0])
     assert len(names) < len(prepare(replace(load_spec(name), basis=None)).compiler_basis.names)
-    gravity = GROUPS["model"]["gravity"][0](recorded.recording())
+    gravity = recorders("gravity")[0](recorded.recording())
     assert not np.any(evaluate(gravity, states[0, 0], np.ones(len(names)))[0])

@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 import rrrgen
+from rrrgen.base.errors import InputError
 from rrrgen.derive import prepare
-from rrrgen.derive.functions.table import GROUPS
-from rrrgen.program.evaluate import evaluate
-from rrrgen.robotfile import load_spec, loads_spec
+from rrrgen.derive.functions.table import recorders
+from rrrgen.derive.recursions.positive_definite import factorize
+from rrrgen.program import Builder, Port
+from rrrgen.program.evaluation import evaluate
+from rrrgen.robot.file import load_spec, loads_spec
+from rrrgen.robot.model.inertial_parameters import standard_parameters
 from rrrgen.verify import verify
-from rrrgen.verify.references.chain import chain_of
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of
 
 PALLETISER = Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "robot.yaml"
 
@@ -114,7 +118,7 @@ def test_the_palletiser_agrees_with_mujocos_equality_constraints():
     loop = mujoco.MjModel.from_xml_string(closed_loop(spec))
     data = mujoco.MjData(loop)
     recorded = prepare(spec)
-    programs = {name: GROUPS["model"][name][0](recorded.recording()) for name in ("inverse_dynamics", "mass_matrix")}
+    programs = {name: recorders(name)[0](recorded.recording()) for name in ("inverse_dynamics", "mass_matrix")}
     beta, inertia = _parameters(recorded, spec)
     order = [int(loop.joint(name).dofadr[0]) for name in NAMES]  # MuJoCo numbers branch by branch
     S = np.zeros((loop.nv, spec.n))
@@ -157,3 +161,90 @@ def _standard(link):
     m, (x, y, z) = link.mass, link.com
     xx, yy, zz, xy, xz, yz = link.inertia_about_origin()
     return m, m * x, m * y, m * z, xx, xy, yy, xz, yz, zz
+
+
+HAND = """\
+schema: rrrgen/1
+name: hand
+convention: modified
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: roll, type: revolute, alpha: 0, a: 0, d: 0.1}
+  - {name: pitch, type: revolute, alpha: 90, a: 0, d: 0, drive: {inertia: 0.01}}
+  - {name: left, type: revolute, alpha: 0, a: 0, d: 0.03, theta: 70, follows: {}}
+  - {name: l1, type: revolute, alpha: 90, a: 0.1, d: 0}
+  - {name: l2, type: revolute, alpha: 0, a: 0.05, d: 0}
+  - {name: right, type: revolute, alpha: 0, a: 0, d: -0.03, theta: 110, follows: {}, parent: pitch}
+  - {name: r1, type: revolute, alpha: 90, a: 0.1, d: 0}
+  - {name: r2, type: revolute, alpha: 0, a: 0.05, d: 0}
+tip: r2
+links:
+"""
+LINK = "  - {{mass: {0}, com: [0.0{0}, 0.01, 0.02], inertia: {{about: com, xx: 0.0{0}, yy: 0.0{0}2, zz: 0.0{0}1}}}}\n"
+NOTHING = "  - {mass: 0, com: [0, 0, 0], inertia: {about: com, xx: 0, yy: 0, zz: 0}}\n"
+MOVING = [LINK.format(k) for k in range(1, 7)]
+
+
+def test_fixed_rows_need_no_link():
+    """The libraries then take part: a fixed row without mass is no body of theirs."""
+    pytest.importorskip("mujoco")
+    short = loads_spec(HAND + "".join(MOVING))
+    whole = loads_spec(HAND + "".join([*MOVING[:2], NOTHING, *MOVING[2:4], NOTHING, *MOVING[4:]]))
+    assert short == whole
+    report = verify(rrrgen.compile(short, backend="numpy"), samples=4)
+    assert [row for row in report.rows if not row.ok] == []
+    assert any("MuJoCo" in row.reference for row in report.rows)
+    with pytest.raises(InputError, match="5 links for 8 joints") as raised:
+        loads_spec(HAND + "".join(MOVING[1:]))
+    assert "describe all 8 links, or 6 without those of fixed rows" in str(raised.value)
+
+
+def test_regrouping_names_the_link_that_carries_the_joint():
+    """Joint 7 stands on the fixed row 6, which stands on link 2; row 6 comes after link 5 of the other finger."""
+    model = rrrgen.compile(loads_spec(HAND + "".join(MOVING)), backend="numpy").derived
+    reasons = {entry.parameter: entry.reason for entry in model.regrouping}
+    assert "of joint 5 is regrouped to link 4: J4 += X5" in reasons["Iyy5"]
+    assert "of joint 6 is regrouped to link 2: J2 += X6" in reasons["m6"]
+    assert "of joint 7 is regrouped to link 6: J6 += X7" in reasons["m7"]
+
+
+def test_parameters_of_all_links_link_by_link():
+    spec = loads_spec(HAND + "".join(MOVING))
+    model = rrrgen.compile(spec, backend="numpy")
+    phi = np.array([[float(value) for value in standard_parameters(link)] for link in spec.links])
+    np.testing.assert_allclose(model.base_parameters_of(phi), model.beta, rtol=1e-12)
+    np.testing.assert_allclose(model.base_parameters_of(phi.ravel()), model.beta, rtol=1e-12)
+    for wrong in (phi[:6], phi.ravel()[:60]):
+        with pytest.raises(ValueError, match=r"phi has shape .* expected \(8, 10\) or \(\.\.\., 80\)"):
+            model.base_parameters_of(wrong)
+
+
+def test_a_humanoid_has_enough_rows():
+    legs = "".join(
+        f"  - {{name: {leg}{k}, type: revolute, alpha: 90, a: 0.1, d: 0{', parent: base' * (k == 0)}}}\n"
+        for leg in ("a", "b", "c", "d", "f")
+        for k in range(8)
+    )
+    spec = loads_spec(HAND.partition("joints:")[0] + "joints:\n" + legs + "tip: a7\n")
+    assert spec.n == 40
+
+
+def test_a_tree_is_factorized_from_the_tips_without_fill_in():
+    """Two branches of two joints on one: L has no entry between them, and solutions are those of NumPy."""
+    pattern = np.array([[1, 1, 1, 1, 1], [1, 1, 1, 0, 0], [1, 1, 1, 0, 0], [1, 0, 0, 1, 1], [1, 0, 0, 1, 1]])
+    b = Builder()
+    values, right = b.input(Port("M", (5, 5))), b.input(Port("b", (5,)))
+    M = [[values[5 * i + j] if pattern[i, j] else 0 for j in range(5)] for i in range(5)]
+    factors = factorize(b, M, tips_first=True)
+    filled = {(factors.order[i], factors.order[j]) for i in range(5) for j in range(i) if factors.L[i][j] != 0}
+    assert filled == {(0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (3, 4)}
+    inverse = [value for row in factors.negative_inverse() for value in row]
+    outputs = [(Port("x", (5,)), factors.solve(list(right))), (Port("N", (5, 5)), inverse)]
+    program = b.program("solution", [*outputs, (Port("status", ()), [factors.status])])
+    rng = np.random.default_rng(2)
+    matrix, rhs = pattern * (0.1 + 0.1 * rng.random()) + np.diag(1 + rng.random(5)), rng.random(5)
+    x, negative, status = evaluate(program, matrix, rhs)
+    np.testing.assert_allclose(matrix @ x, rhs, rtol=1e-13)
+    np.testing.assert_allclose(matrix @ negative, -np.eye(5), atol=1e-13)
+    assert status == 0

@@ -9,7 +9,7 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.derive.algebra.polynomials import PolynomialRing, root_factors, to_expression
+from rrrgen.program.polynomials import PolynomialRing, root_factors, to_expression
 
 x, a = sp.symbols("x a", real=True)
 q = sp.Symbol("q", real=True)

@@ -12,15 +12,15 @@ from hypothesis import Phase, given, settings
 from derive.comparison import Reference, failures
 from oracles.numeric_rank import base_parameter_count
 from oracles.random_robots import arbitrary_link, robots, to_yaml
+from rrrgen.base.parallel import without_collection
 from rrrgen.derive.functions.dynamic_functions import forward_dynamics
 from rrrgen.derive.functions.recording import Recording, parametrize
-from rrrgen.derive.functions.table import FUNCTIONS
+from rrrgen.derive.functions.table import functions_of, recorders
 from rrrgen.derive.parameters.base_parameters import base_set
-from rrrgen.derive.recursions.chain import rational
-from rrrgen.model import build_model
-from rrrgen.pipeline import without_collection
+from rrrgen.derive.recursions.link_frames import rational
 from rrrgen.program import Program, evaluate
-from rrrgen.robotfile import loads_spec
+from rrrgen.robot.file import loads_spec
+from rrrgen.robot.model import build_model
 
 FINDING = (Phase.explicit, Phase.generate)  # a robot prints as it is; shrinking one would take minutes
 
@@ -37,8 +37,9 @@ def derived(robot) -> tuple[np.ndarray, dict[str, tuple[Program, ...]]]:
     own = base_set(model)
     parametrization = parametrize(own, None)
     programs = {
-        name: tuple(record(Recording(model, parametrization)) for record in recorders)
-        for name, recorders in FUNCTIONS.items()
+        name: tuple(record(Recording(model, parametrization)) for record in recorders(name))
+        for name in functions_of("model", robot.n)
+        if name != "forward_dynamics"
     }
     recording = Recording(model, parametrization)
     programs["forward_dynamics"] = (forward_dynamics(recording, programs["mass_matrix"][0], programs["bias"][0]),)
@@ -71,7 +72,7 @@ def test_every_function_equals_the_independent_dynamics(joints):
 def test_link_jacobians_are_the_differences_of_the_link_frames(robot):
     model = build_model(loads_spec(to_yaml(robot)))
     parametrization = parametrize(base_set(model), None)
-    frames, jacobians = (FUNCTIONS[name][0](Recording(model, parametrization)) for name in NAMES_OF_FRAMES)
+    frames, jacobians = (recorders(name)[0](Recording(model, parametrization)) for name in NAMES_OF_FRAMES)
     rng, h = np.random.default_rng(robot.n), 1e-5
     q, dq = rng.uniform(-2, 2, (2, 5, robot.n))
     (T,), (ahead,), (behind,), (J,) = (

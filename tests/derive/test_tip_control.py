@@ -7,11 +7,12 @@ import pytest
 
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, to_yaml, transform
-from rrrgen.derive import prepare
-from rrrgen.derive.functions.control import contact, operational
+from rrrgen.derive import derive_model, prepare
+from rrrgen.derive.functions import contact, operational
+from rrrgen.derive.functions.table import functions_for, recorders
 from rrrgen.program import evaluate
-from rrrgen.robotfile import load_spec, loads_spec
-from rrrgen.verify.references.chain import nominal_parameters
+from rrrgen.robot.file import load_spec, loads_spec
+from rrrgen.verify.references.numeric_robot import nominal_parameters
 
 Ts = 1e-3
 
@@ -33,7 +34,7 @@ class Case:
         rng = np.random.default_rng(seed)
         derivation = prepare(loads_spec(to_yaml(robot)))
         task = operational.POSE if rows == 6 else operational.POSITION
-        self.program = operational.operational_space(task)(derivation.recording())
+        self.program = recorders(f"{task.prefix}operational_space")[0](derivation.recording())
         K = np.array(derivation.recording().parametrization.projection, dtype=float)
         q, dq = rng.uniform(-1, 1, (2, joints))
         T = oracle.forward_kinematics(robot, q)
@@ -83,7 +84,7 @@ def test_the_tip_is_damped_where_it_cannot_move_and_the_torques_stay_continuous(
     """A Puma passes q5 = 0 while its tip is asked to turn about the axis that is lost there."""
     spec = load_spec("puma560")
     derivation = prepare(spec)
-    program = operational.operational_space(operational.POSE)(derivation.recording())
+    program = recorders("operational_space")[0](derivation.recording())
     beta = np.array(derivation.recording().parametrization.projection, dtype=float) @ nominal_parameters(spec).ravel()
     values = {name: np.zeros(6) for name in ("dq", "V_d", "ki", "kp", "kd", "z", "tau_0", "tau_add")}
     values |= {"beta": beta, "tau_max": np.full(6, 1e9), "Ts": Ts, "T_d": np.eye(4)}
@@ -108,7 +109,7 @@ def test_the_tip_is_damped_where_it_cannot_move_and_the_torques_stay_continuous(
 
 def test_contact_compares_with_thresholds():
     derivation = prepare(load_spec("rrr"))
-    program = contact.contact(derivation.recording())
+    program = recorders("contact")[0](derivation.recording())
     given = {"r_last": [1.0, -3.0, 0.5], "change_last": np.zeros(3), "gain": 50.0, "Ts": 1e-3}
     given |= {"threshold": [2.0, 2.0, np.inf], "change_threshold": [0.1, 0.1, np.inf]}
     found = called(program, given | {"r": [1.0, -3.0, 0.5]})
@@ -120,7 +121,7 @@ def test_contact_compares_with_thresholds():
 
 def test_the_change_is_what_an_observer_twice_as_fast_sees_before():
     """Estimates of the same torques by observers with poles K and 2K: the recursion gives their difference."""
-    program = contact.contact(prepare(load_spec("pendulum")).recording())
+    program = recorders("contact")[0](prepare(load_spec("pendulum")).recording())
     gain, y = 60.0, np.random.default_rng(5).normal(size=40)
     slow = fast = r_last = change = 0.0
     for value in y:
@@ -135,7 +136,7 @@ def test_the_change_is_what_an_observer_twice_as_fast_sees_before():
     ("load", "name"), [(contact.WRENCH, "puma560"), (contact.WRENCH, "iiwa14"), (contact.FORCE, "rrr")]
 )
 def test_external_loads_by_weighted_least_squares(load, name):
-    program = contact.external_load(load)(prepare(load_spec(name)).recording())
+    program = recorders(load.name)[0](prepare(load_spec(name)).recording())
     joints = program.inputs[1].size
     rng = np.random.default_rng(joints)
     J = rng.normal(size=(6, joints))
@@ -153,3 +154,56 @@ def test_external_loads_by_weighted_least_squares(load, name):
         lost = called(program, lacking | {"r": r})
         assert lost["status"] == 1
         assert not np.any(lost["F"])
+
+
+THROUGH_ONE_POINT = """\
+schema: rrrgen/1
+name: wrist
+convention: standard
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+base: {translation: [0.1, 0.2, 0.7], rpy: [20, 30, 40]}
+joints:
+  - {name: roll, type: revolute, alpha: 90, a: 0, d: 0, theta: 20}
+  - {name: pitch, type: revolute, alpha: -70, a: 0, d: 0, theta: 10}
+  - {name: yaw, type: revolute, alpha: 0, a: 0, d: 0}
+"""
+
+BESIDE_THE_TIP = """\
+schema: rrrgen/1
+name: torso
+convention: modified
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: yaw, type: revolute, alpha: 0, a: 0, d: 0.5}
+  - {name: j1, type: revolute, alpha: 90, a: 0.1, d: 0}
+  - {name: j2, type: revolute, alpha: 0, a: 0.3, d: 0}
+  - {name: j3, type: revolute, alpha: 90, a: 0, d: 0.2}
+  - {name: k1, type: revolute, alpha: -90, a: 0.1, d: 0, parent: yaw}
+  - {name: k2, type: revolute, alpha: 0, a: 0.3, d: 0}
+tip: yaw
+tool: {translation: [0, 0, 0.4]}
+"""
+
+
+@pytest.mark.parametrize("text", [THROUGH_ONE_POINT, BESIDE_THE_TIP])
+def test_a_tip_whose_position_no_joint_moves_has_no_control_of_it(text):
+    spec = loads_spec(text)
+    assert operational.tip_moves(spec) == (False, True)
+    names = {function.name for function in functions_for(spec, ("control",))}
+    assert "computed_torque" in names
+    assert not names & {"operational_space", "position_operational_space"}
+    derive_model(spec, ("control", "points", "observer"))
+    moved = loads_spec(text.partition("tool:")[0] + "tool: {translation: [0, 0.1, 0.4]}\n")
+    assert operational.tip_moves(moved) == (True, True)
+    assert "position_operational_space" in {function.name for function in functions_for(moved, ("control",))}
+    derive_model(moved, ("control",))
+
+
+def test_gantries_do_not_turn_the_tip():
+    rows = "".join(f"  - {{type: prismatic, alpha: {alpha}, a: 0, theta: 0}}\n" for alpha in (90, 90, 0, 90, 90, 0))
+    spec = loads_spec(THROUGH_ONE_POINT.partition("  - {name")[0] + rows)
+    assert operational.tip_moves(spec) == (True, False)
+    assert {f.name for f in functions_for(spec, ("control",))} & {"operational_space"} == set()
+    derive_model(spec, ("control",))

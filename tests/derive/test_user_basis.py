@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from rrrgen.base.errors import InputError
 from rrrgen.derive import derive_model
 from rrrgen.derive.parameters.base_parameters import base_set
 from rrrgen.derive.parameters.user_basis import change_basis
-from rrrgen.errors import InputError
-from rrrgen.model import build_model
 from rrrgen.program import evaluate
-from rrrgen.robotfile import bundled_path, load_spec, loads_spec
-from rrrgen.robotfile.robot_spec import BasisSpec
+from rrrgen.robot.file import bundled_path, load_spec, loads_spec
+from rrrgen.robot.model import build_model
+from rrrgen.robot.robot_spec import BasisSpec
 
 TEXT = bundled_path("rrr").read_text(encoding="utf-8")
 FILE = "arm.yaml"
@@ -184,6 +184,6 @@ def test_a_basis_over_symbolic_lengths_is_inverted_exactly():
 
 
 def _expression(value) -> sp.Expr:
-    from rrrgen.derive.algebra.polynomials import to_expression
+    from rrrgen.program.polynomials import to_expression
 
     return to_expression(value)

@@ -21,8 +21,8 @@ import pytest
 casadi = pytest.importorskip("casadi", reason="the search for exciting trajectories needs CasADi")
 
 from oracles.chapter14 import regressor_1447  # noqa: E402
-from rrrgen.errors import DerivationError, InputError  # noqa: E402
-from rrrgen.excitation.design import (  # noqa: E402
+from rrrgen.base.errors import DerivationError, InputError  # noqa: E402
+from rrrgen.lab.design.design import (  # noqa: E402
     ExcitationLimits,
     ExcitationProblem,
     check_trajectory,
@@ -32,8 +32,8 @@ from rrrgen.excitation.design import (  # noqa: E402
     solve_start,
     write_trajectory_csv,
 )
-from rrrgen.excitation.nlp import ExcitationProgram  # noqa: E402
-from rrrgen.excitation.search import random_start  # noqa: E402
+from rrrgen.lab.design.nonlinear_program import ExcitationProgram  # noqa: E402
+from rrrgen.lab.design.search import random_start  # noqa: E402
 from samples.casadi_arms import (  # noqa: E402
     double_pendulum_regressor,
     double_pendulum_tip,
@@ -279,7 +279,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that runs te
 sys.path[:0] = {paths!r}
 from pathlib import Path
 from excitation.test_design import pendulum_problem
-from rrrgen.excitation.design import run_starts
+from rrrgen.lab.design.design import run_starts
 if __name__ == "__main__":
     def say(done, total, message):
         print(done, flush=True)
@@ -354,7 +354,7 @@ def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, und
 
 def test_a_cluster_that_does_not_answer_is_an_input_error(monkeypatch) -> None:
     pytest.importorskip("distributed", reason="clusters need the extra 'cluster'")
-    import rrrgen.excitation.starts as starts
+    import rrrgen.lab.design.starts as starts
 
     monkeypatch.setattr(starts, "CLUSTER_TIMEOUT", "1s")
     began = time.monotonic()
@@ -427,7 +427,7 @@ def test_an_interrupted_and_resumed_excite_gives_the_same_bytes(tmp_path, monkey
     from click.testing import CliRunner
 
     from rrrgen.cli.main import cli
-    from rrrgen.excitation import starts
+    from rrrgen.lab.design import starts
 
     (tmp_path / "experiment.yaml").write_text(SMALL)
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import InputError
-from rrrgen.excitation.check import check_trajectory
-from rrrgen.excitation.friction_motion import design_friction_motion
-from rrrgen.excitation.response.design import design_response
-from rrrgen.excitation.response.plan import ResponsePlan
-from rrrgen.excitation.robot import robot_problem
-from rrrgen.excitation.search import solve_start
-from rrrgen.model.mechanism import follower_limits, limits_at
-from rrrgen.robotfile import loads_spec
+from rrrgen.base.errors import InputError
+from rrrgen.lab.design.check import check_trajectory
+from rrrgen.lab.design.friction_motion import design_friction_motion
+from rrrgen.lab.design.plan import ResponsePlan
+from rrrgen.lab.design.response_design import design_response
+from rrrgen.lab.design.robot import robot_problem
+from rrrgen.lab.design.search import solve_start
+from rrrgen.robot.file import loads_spec
+from rrrgen.robot.model.mechanism import follower_limits, limits_at
 
 # a planar parallelogram: the range of the forearm against the arm is that of the crank less the arm
 TEXT = """\

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from rrrgen.cli.main import run
-from rrrgen.excitation.friction_motion import design_friction_motion, read_friction_motion
-from rrrgen.robotfile import load_spec
+from rrrgen.lab.design.friction_motion import design_friction_motion, read_friction_motion
+from rrrgen.robot.file import load_spec
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,9 @@ pytest.importorskip("casadi", reason="the search for exciting trajectories needs
 pytest.importorskip("matplotlib", reason="figures need matplotlib")
 
 from excitation.test_design import BETA, pendulum_problem
-from rrrgen.excitation.design import ExcitationLimits, design_excitation
-from rrrgen.excitation.plots import (
+from rrrgen.lab.data.figure_style import save_figure
+from rrrgen.lab.design.design import ExcitationLimits, design_excitation
+from rrrgen.lab.design.plots import (
     design_figures,
     plot_convergence,
     plot_information,
@@ -20,7 +21,6 @@ from rrrgen.excitation.plots import (
     plot_singular_values,
     plot_torque,
 )
-from rrrgen.runs.figures import save_figure
 from samples.casadi_arms import double_pendulum_torque
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import InputError
-from rrrgen.excitation.response.design import design_response
-from rrrgen.excitation.response.plan import ResponseDesign, ResponsePlan
-from rrrgen.excitation.response.signals import SIGNALS, excitation_signal
+from rrrgen.base.errors import InputError
+from rrrgen.lab.design.plan import ResponseDesign, ResponsePlan
+from rrrgen.lab.design.response_design import design_response
+from rrrgen.lab.design.signals import SIGNALS, excitation_signal
 
 RATE, SAMPLES, BAND = 1000.0, 2000, (0.5, 200.0)
 

@@ -20,8 +20,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from experiments.test_response_experiment import ARM, NOISY, record, simulated, truth
-from rrrgen.experiments.experiment_file import loads_experiment
-from rrrgen.response.estimators.estimate import estimate_one
+from rrrgen.lab.experiment.experiment_file import loads_experiment
+from rrrgen.lab.response.estimate import estimate_one
 
 CASES = {
     "noise": "signal: noise, period: 2 s, periods: 10, settle: 3, band: [0.5 Hz, 220 Hz], rms: 7",

@@ -13,7 +13,7 @@ pytest.importorskip("cvxpy", reason="the physically consistent estimate needs CV
 
 from pages.test_readme import commands
 from rrrgen.cli.main import INTERRUPTED, run
-from rrrgen.experiments.case_study import case_study
+from rrrgen.lab.experiment.case_study import case_study
 
 FIGURES = (
     "02_kalman",
@@ -132,7 +132,7 @@ def test_the_model_predicts_the_writing_task_to_one_percent_beyond_the_noise(stu
 
 def test_a_wrong_model_fails(study) -> None:
     """The verdict can tell: five percent more inertia at joint 2 is refused."""
-    from rrrgen.identify.validation import score_torques
+    from rrrgen.lab.identify.validation import score_torques
 
     _, result = study
     v = result.validation

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import InputError
-from rrrgen.experiments.experiment_file import loads_experiment
-from rrrgen.experiments.experiment_setup import plant_of, problem_of, simulate_motion, writing_path
-from rrrgen.robotfile import dumps, loads_spec
-from rrrgen.signals.fourier import FourierTrajectory
-from rrrgen.simulate.plant import FlexibleJoints
+from rrrgen.base.errors import InputError
+from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.lab.experiment.experiment_file import loads_experiment
+from rrrgen.lab.experiment.loop_design import design_loop
+from rrrgen.lab.experiment.setup import arm_of, plant_of, problem_of, simulate_motion, writing_path
+from rrrgen.lab.plant.plant import FlexibleJoints
+from rrrgen.robot.file import dumps, loads_spec
 
 FULL = """
 schema: rrrgen-experiment/1
@@ -197,11 +198,14 @@ def test_writing_path_follows_the_file(model) -> None:
     assert np.all(q[:, 2] > 0.0)  # elbow down, as the start asks
 
 
-def test_gains_too_fast_for_the_sampling_are_refused(model) -> None:
+def test_gains_too_fast_for_the_sampling_are_warned_of_in_place(model) -> None:
     still = FourierTrajectory(np.array([0.1, 0.2, 0.3]), np.zeros((3, 1)), np.zeros((3, 1)), 1.0)
-    text = "schema: rrrgen-experiment/1\nperiod: 5 ms\ncontrol: {bandwidth: 40 Hz}\n"
-    with pytest.raises(InputError, match="PD control at 200 Hz is not stable along this motion"):
-        simulate_motion(loads_experiment(text, 3), model, still.evaluate, 0.1)
+    text = "schema: rrrgen-experiment/1\nperiod: 5 ms\ncontrol: {damping: 1, bandwidth: 40 Hz}\n"
+    experiment = loads_experiment(text, 3, "fast.yaml")
+    design = design_loop(arm_of(experiment, model, still.evaluate, 0.1), experiment.control)
+    assert design.margin.unstable
+    (warning,) = design.warnings
+    assert str(warning).startswith("fast.yaml:3:11: warning: `damping`, `bandwidth` make a loop that is not robust")
 
 
 def test_rotors_take_the_place_of_the_drive_inertia(tmp_path) -> None:

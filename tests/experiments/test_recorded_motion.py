@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from rrrgen import pipeline
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.errors import InputError
-from rrrgen.experiments.recorded_motion import RecordedMotion
-from rrrgen.recordings.logs import Log
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.experiment.recorded_motion import RecordedMotion
+from rrrgen.runtime import load
 from samples.recordings import fourier_motion, write_log
 
 
@@ -45,7 +45,7 @@ def test_an_interrupted_reference_is_refused():
 
 
 def test_simulate_follows_a_recording(tmp_path, monkeypatch):
-    monkeypatch.setattr(pipeline, "compile", partial(pipeline.compile, backend="numpy"))
+    monkeypatch.setattr(load, "compile", partial(load.compile, backend="numpy"))
     recording, (q, _, _) = log(1.0)
     write_log(tmp_path / "log.csv", recording)
     words = ["simulate", "planar2r", "--reference", str(tmp_path / "log.csv"), "--control", "computed-torque"]

@@ -12,19 +12,19 @@ from click.testing import CliRunner
 
 import rrrgen
 from oracles.linear_loop import joint_response
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
 from rrrgen.cli.main import run as run_command
-from rrrgen.errors import InputError
-from rrrgen.excitation.response.plan import ResponseDesign
-from rrrgen.experiments.experiment_file import loads_experiment
-from rrrgen.experiments.experiment_setup import plant_of, rigid_body_of
-from rrrgen.experiments.linearised_log import linearised_log
-from rrrgen.experiments.response_experiment import recorded_run, response_design, response_plan, simulate_response
-from rrrgen.recordings.logs import read_log
-from rrrgen.response.estimators.estimate import estimate_one, estimate_responses
-from rrrgen.response.response_file import ResponseRecording, load_response
-from rrrgen.simulate.recording import write_recording
-from rrrgen.simulate.response_recording import write_responses
+from rrrgen.lab.data.recordings import read_log
+from rrrgen.lab.design.plan import ResponseDesign
+from rrrgen.lab.experiment.experiment_file import loads_experiment
+from rrrgen.lab.experiment.linearised_log import linearised_log
+from rrrgen.lab.experiment.response_experiment import recorded_run, response_design, response_plan, simulate_response
+from rrrgen.lab.experiment.setup import plant_of, rigid_body_of
+from rrrgen.lab.plant.recording import write_recording
+from rrrgen.lab.plant.response_recording import write_responses
+from rrrgen.lab.response.estimate import estimate_one, estimate_responses
+from rrrgen.lab.response.response_file import ResponseRecording, load_response
 
 ARM = """
 schema: rrrgen-experiment/1

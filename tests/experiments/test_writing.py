@@ -12,9 +12,15 @@ from hypothesis import strategies as st
 
 from oracles import newton_euler
 from oracles.chapter14 import fk_1444, ik_1445_complete, rrr
-from rrrgen.errors import DerivationError, InputError
-from rrrgen.experiments.strokes import LETTERS, W, text_path
-from rrrgen.experiments.writing import JointPath, WritingPlane, follow_branch, newton_inverse_kinematics, writing_task
+from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.lab.experiment.strokes import LETTERS, W, text_path
+from rrrgen.lab.experiment.writing import (
+    JointPath,
+    WritingPlane,
+    follow_branch,
+    newton_inverse_kinematics,
+    writing_task,
+)
 
 START = np.array([-1.0, -1.5, 2.0])  # elbow down, near Fig. 14.6
 

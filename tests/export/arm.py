@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from rrrgen.robotfile import loads_spec
-from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.robot.file import loads_spec
+from rrrgen.robot.robot_spec import RobotSpec
 
 TEXT = """\
 schema: rrrgen/1

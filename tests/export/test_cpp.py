@@ -12,8 +12,8 @@ import pytest
 from export.rrr_library import GENERATED, SOURCES, STRICT, library, run
 from pages.test_pages import ROOT, blocks
 from pipeline.optimized import bundled
-from rrrgen.backends.cpp import CppBackend, namespace
-from rrrgen.output.manifest import identify
+from rrrgen.emit.targets.cpp import CppBackend, namespace
+from rrrgen.robot.identity import identify
 
 pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
 
@@ -121,7 +121,9 @@ def test_every_function_of_the_header_is_there(folder):
 
 
 def test_names_that_c_has_already_are_no_namespaces():
-    assert namespace("std") == "std_model"
+    for taken in ("std", "size_t", "unix", "FP_NAN", "INT_MAX"):
+        assert namespace(taken) == f"{taken}_model"
+    assert namespace("UF_ROBOT") == "UF_ROBOT"
     assert namespace("rrr") == "rrr"
 
 

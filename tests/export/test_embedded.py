@@ -11,8 +11,8 @@ import pytest
 
 from export.arm import WITH_CONTROL, arm
 from export.rrr_library import STRICT, run
-from rrrgen.export.exporting import export_robot
-from rrrgen.export.interface import ExportOptions
+from rrrgen.emit.exporting import export_robot
+from rrrgen.emit.targets.interface import ExportOptions
 
 ARDUINO = """\
 static struct {

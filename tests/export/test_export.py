@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import zipfile
 from dataclasses import replace
 from functools import cache
 
@@ -13,16 +14,16 @@ from click.testing import CliRunner
 
 from cli.test_coupled_wrist import WRIST
 from oracles.random_robots import random_robot, to_yaml
+from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import cli
 from rrrgen.derive import derive_model
-from rrrgen.errors import DerivationError, InputError
-from rrrgen.export.exporting import export_robot, exporters
-from rrrgen.robotfile import load_spec, loads_spec
-from rrrgen.robotfile.importers.importing import import_robot
-from rrrgen.robotfile.importers.interface import ChainChoice
-from rrrgen.robotfile.robot_spec import LinkSpec
-from rrrgen.verify.references.chain import chain_of, nominal_parameters
+from rrrgen.emit.exporting import export_robot, exporters
+from rrrgen.robot.file import load_spec, loads_spec
+from rrrgen.robot.importers.importing import import_robot
+from rrrgen.robot.importers.interface import ChainChoice
+from rrrgen.robot.robot_spec import LinkSpec
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 
 AGREE = 1e-12  # relative; both sides compute with doubles
 
@@ -30,7 +31,9 @@ AGREE = 1e-12  # relative; both sides compute with doubles
 @cache
 def specs():
     bundled = [load_spec(name) for name in ("rrr", "scara", "stanford", "panda")]
-    return [*bundled, *(loads_spec(to_yaml(random_robot(seed, right_angles=0.5))) for seed in range(6))]
+    robots = [random_robot(seed, right_angles=0.5) for seed in range(6)]
+    robots += [replace(robot, signs=tuple((-1, -1, 1)[i % 3] for i in range(robot.n))) for robot in robots]
+    return [*bundled, *(loads_spec(to_yaml(robot)) for robot in robots)]
 
 
 def states(spec, seed=0, count=5):
@@ -127,7 +130,7 @@ def test_round_trips(tmp_path):
     for spec in specs():
         q, dq, ddq = states(spec)
         poses, torques = ours(spec, q, dq, ddq)
-        for target in ("urdf", "par"):
+        for target in ("urdf", "par", "mjcf"):
             exported = export_robot(spec, target)
             (tmp_path / f"r.{target}").write_text(only(exported))
             values = dict(re.findall(r"--set (\w+)=(\S+)", " ".join(exported.notes)))
@@ -189,3 +192,19 @@ def test_command(tmp_path):
     (tmp_path / "beta.json").write_text(json.dumps({"a": "b"}))
     bad = CliRunner().invoke(cli, ["export", "rrr", "--to", "urdf", "--beta", str(tmp_path / "beta.json")])
     assert "no object of names and numbers" in str(bad.exception)
+
+
+def test_packages_named_by_their_suffix_are_files(tmp_path, monkeypatch):
+    """`-o x.fmu` used to make a folder; the name of a wheel says its platform, so that another name is refused."""
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(cli, ["export", "pendulum", "--to", "fmu", "-o", "x.fmu"])
+    assert done.exit_code == 0, done.output
+    assert "modelDescription.xml" in zipfile.ZipFile("x.fmu").namelist()
+    again = CliRunner().invoke(cli, ["export", "pendulum", "--to", "fmu", "-o", "x.fmu"])
+    assert "the file exists already" in str(again.exception)
+    CliRunner().invoke(cli, ["export", "pendulum", "--to", "fmu", "-o", "folder"])
+    assert {path.name for path in (tmp_path / "folder").iterdir()} == {"pendulum.fmu", "README.md"}
+    wheel = CliRunner().invoke(cli, ["export", "pendulum", "--to", "wheel", "-o", "x.whl"])
+    assert isinstance(wheel.exception, InputError)
+    assert "pendulum_model-" in str(wheel.exception)
+    assert not (tmp_path / "x.whl").exists()

@@ -11,11 +11,11 @@ import pytest
 from export.arm import arm
 from export.rrr_library import STRICT, run
 from pages.test_pages import blocks
-from rrrgen.errors import DerivationError
-from rrrgen.export.exporting import export_robot
-from rrrgen.export.interface import ExportOptions
-from rrrgen.verify.references.chain import chain_of, nominal_parameters
+from rrrgen.base.errors import DerivationError
+from rrrgen.emit.exporting import export_robot
+from rrrgen.emit.targets.interface import ExportOptions
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 
 fmpy = pytest.importorskip("fmpy", reason="needs FMPy to load an FMU")
 

@@ -14,8 +14,8 @@ from export.rrr_library import STRICT, run
 from export.test_export import ours
 from pages.test_pages import ROOT
 from pages.test_pages import blocks as blocks_of
-from rrrgen.export.exporting import export_robot
-from rrrgen.export.interface import ExportOptions
+from rrrgen.emit.exporting import export_robot
+from rrrgen.emit.targets.interface import ExportOptions
 
 Q, DQ, DDQ = np.array([0.3, -0.8]), np.array([0.5, 0.25]), np.array([-1.0, 2.0])
 
@@ -37,8 +37,9 @@ assert(x(:, 1), q, 1e-9);
 [x, flags, branch, status, text] = arm.inverse_kinematics([9; 9; 0]);
 assert(isempty(x) && status == 1 && ! isempty(strfind(text, 'out of reach')));
 gains = {400*[1;1], 40*[1;1], [0;0], [0;0]};
-[tracked, z] = arm.computed_torque(q, dq, q + 0.01, dq, ddq, gains{:}, [0.01;0.01], [Inf;Inf], 1e-3);
-assert(tracked, arm.inverse_dynamics(q, dq, ddq + 4) + arm.smooth_friction(dq, [0.01;0.01]), 1e-9);
+friction = arm.nominal_friction(); given = {beta, friction, [Inf;Inf]};
+[tracked, z] = arm.computed_torque(q, dq, q + 0.01, dq, ddq, gains{:}, [0.01;0.01], 1e-3, given{:});
+assert(tracked, arm.inverse_dynamics(q, dq, ddq + 4) + arm.smooth_friction(dq, friction, [0.01;0.01]), 1e-9);
 Jq = arm.jacobian(q); any_speed = [Inf; Inf];
 limits = {[1;1;1;0;0;0], [0;0], 1e-6, -any_speed, any_speed};
 assert(arm.differential_ik(q, [0;0], Jq, Jq*dq, limits{:}, any_speed, any_speed, 1e-3), dq, 1e-6);

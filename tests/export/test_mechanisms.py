@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rrrgen.errors import DerivationError
-from rrrgen.export.exporting import export_robot
-from rrrgen.robotfile import load_spec, loads_spec
-from rrrgen.robotfile.importers.importing import import_robot
-from rrrgen.robotfile.importers.interface import ChainChoice
-from rrrgen.verify.references.chain import chain_of, nominal_parameters
+from rrrgen.base.errors import DerivationError
+from rrrgen.emit.exporting import export_robot
+from rrrgen.robot.file import load_spec, loads_spec
+from rrrgen.robot.importers.importing import import_robot
+from rrrgen.robot.importers.interface import ChainChoice
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 
 PALLETISER = Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "robot.yaml"
 

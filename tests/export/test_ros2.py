@@ -12,8 +12,8 @@ import pytest
 
 from export.rrr_library import run
 from export.test_export import ours
-from rrrgen.export.exporting import export_robot
-from rrrgen.robotfile import load_spec
+from rrrgen.emit.exporting import export_robot
+from rrrgen.robot.file import load_spec
 
 STAND_INS = Path(__file__).with_name("ros2_stand_ins")
 

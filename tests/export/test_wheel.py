@@ -16,12 +16,12 @@ import pytest
 
 from export.arm import FURTHER, TEXT, WITH_CONTROL, arm
 from export.test_export import ours
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.errors import InputError
-from rrrgen.export import platforms
-from rrrgen.export.exporting import export_robot
-from rrrgen.export.interface import ExportOptions
-from rrrgen.robotfile import loads_spec
+from rrrgen.emit.exporting import export_robot
+from rrrgen.emit.targets import platforms
+from rrrgen.emit.targets.interface import ExportOptions
+from rrrgen.robot.file import loads_spec
 
 USE = """
 import json, sys
@@ -45,8 +45,8 @@ assert found.status == 0 and np.allclose(found.q[0], q[0])
 assert "out of reach" in robot.inverse_kinematics([9, 9, 0]).text
 e, inf = np.ones(2), np.full(2, np.inf)
 gains = (400 * e, 40 * e, 0 * e, 0 * e)
-tracked, z = robot.computed_torque(q, dq, q + 0.01, dq, ddq, *gains, 0.01 * e, inf, 1e-3)
-exact = robot.inverse_dynamics(q, dq, ddq + 4) + robot.smooth_friction(dq, 0.01 * e)
+tracked, z = robot.computed_torque(q, dq, q + 0.01, dq, ddq, *gains, 0.01 * e, 1e-3, tau_max=inf)
+exact = robot.inverse_dynamics(q, dq, ddq + 4) + robot.smooth_friction(dq, robot.nominal_friction(), 0.01 * e)
 assert np.allclose(tracked, exact, rtol=1e-10) and np.allclose(z, 1e-5)
 start = robot.momentum_observer_start(q, dq, width=0.01 * e)
 assert np.allclose(start.p, np.einsum("kij,kj->ki", terms.M, dq))

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.errors import InputError
-from rrrgen.friction.laws import LAWS, neural_law
-from rrrgen.friction.models import NUMPY, FrictionModel, coulomb_viscous
-from rrrgen.friction.programs import (
+from rrrgen.base.errors import InputError
+from rrrgen.program import evaluate
+from rrrgen.robot.friction.laws import LAWS, neural_law
+from rrrgen.robot.friction.models import NUMPY, FrictionModel, coulomb_viscous
+from rrrgen.robot.friction.programs import (
     friction_columns_program,
     friction_program,
     friction_rate_program,
     friction_step_program,
 )
-from rrrgen.program import evaluate
 
 # The same operations in another order: a few units in the last place.
 ROUND_OFF = 1e-14
@@ -100,7 +100,7 @@ def test_program_numpy_and_casadi_agree(name: str) -> None:
     scale = np.abs(friction.torque(speeds, load=loads)).max()
     assert np.abs(tau - friction.torque(speeds, load=loads)).max() <= ROUND_OFF * scale
     pytest.importorskip("casadi", reason="CasADi is an optional extra")
-    from rrrgen.backends.casadi import function
+    from rrrgen.emit.casadi import function
 
     exact = function(program)
     smooth = function(program, name="smooth", smooth_sign=0.05)
@@ -291,7 +291,7 @@ def test_lugre_programs_equal_the_numpy_reference() -> None:
     rate, tau = evaluate(friction_rate_program(lugre.law, 2), dq, z, p)
     assert np.allclose(rate, lugre.rate(z, dq), rtol=1e-12, atol=1e-13)
     assert np.allclose(tau, lugre.state_torque(z, dq), rtol=1e-12, atol=1e-12)
-    following, tau = evaluate(friction_step_program(lugre.law, 2), dq, z, p, np.full(50, 1e-3))
+    following, tau, _ = evaluate(friction_step_program(lugre.law, 2), dq, z, p, np.full(50, 1e-3))
     expected, expected_tau = lugre.step(z, dq, 1e-3)
     assert np.allclose(following, expected, rtol=1e-12, atol=1e-18)
     assert np.allclose(tau, expected_tau, rtol=1e-12, atol=1e-12)
@@ -352,7 +352,7 @@ def test_friction_at_joints_and_coupled_motors(name: str) -> None:
     np.testing.assert_allclose(tau, expected, atol=1e-12 * np.abs(expected).max())
     if friction.law.step is not None:
         z, period = np.full((len(dq), 2), 1e-5), np.full(len(dq), 1e-3)
-        following, tau = evaluate(friction_step_program(friction.law, 2, surfaces), dq, z, given, *loads, period)
+        following, tau, _ = evaluate(friction_step_program(friction.law, 2, surfaces), dq, z, given, *loads, period)
         after, torque = friction.step(z, dq @ W.T, 1e-3, load)
         np.testing.assert_allclose(following, after, rtol=1e-12)
         np.testing.assert_allclose(tau, torque @ W, atol=1e-12 * np.abs(tau).max())

@@ -18,9 +18,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from rrrgen.friction_estimation.estimation import estimate_friction
-from rrrgen.friction_estimation.joint_data import joint_data
-from rrrgen.recordings.logs import Log
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.friction.estimation import estimate_friction
+from rrrgen.lab.friction.joint_recording import joint_data
 from samples.stick_slip_joint import COARSE, Joint, record
 
 LIMITS = {"inertia": 0.01, "coulomb": 0.02, "viscous": 0.05, "stiction_excess": 0.1, "stribeck_speed": 0.1}

@@ -7,11 +7,11 @@ import pytest
 
 from friction_estimation.independent import LIMITS
 from rrrgen.cli.main import run
-from rrrgen.friction.laws import LAWS
-from rrrgen.friction_estimation.estimation import estimate_friction
-from rrrgen.friction_estimation.joint_data import joint_data
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import load_spec
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.friction.estimation import estimate_friction
+from rrrgen.lab.friction.joint_recording import joint_data
+from rrrgen.robot.file import load_spec
+from rrrgen.robot.friction.laws import LAWS
 from samples.stick_slip_joint import Joint, bristles, multisine, record
 
 BRISTLES = Joint("lugre", sigma0=1e4, sigma1=10.0, gravity=0.0)

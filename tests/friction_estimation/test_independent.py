@@ -8,10 +8,10 @@ import pytest
 from friction_estimation.independent import errors, run_case
 from friction_estimation.independent_cases import CASES, reference
 from oracles.sliding_joint import SampledLoop, SlidingJoint, simulate
-from rrrgen.friction_estimation.estimation import estimate_friction
-from rrrgen.friction_estimation.joint_data import joint_data
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import load_spec
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.friction.estimation import estimate_friction
+from rrrgen.lab.friction.joint_recording import joint_data
+from rrrgen.robot.file import load_spec
 
 pytestmark = pytest.mark.usefixtures("no_figures")
 QUICK = {"seconds": 15.1, "loop": SampledLoop(period=2e-3, delay=1, noise=0.005)}

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from rrrgen.errors import DerivationError
-from rrrgen.friction_estimation.presliding import presliding
-from rrrgen.response.response_file import ResponseRecording
+from rrrgen.base.errors import DerivationError
+from rrrgen.lab.friction.presliding import presliding
+from rrrgen.lab.response.response_file import ResponseRecording
 from samples.stick_slip_joint import Joint, bristles, multisine
 
 JOINT = Joint("lugre", sigma0=1e4, sigma1=10.0, gravity=0.0)

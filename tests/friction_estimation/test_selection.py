@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rrrgen.friction_estimation.candidates import candidates
-from rrrgen.friction_estimation.estimation import LawEstimate, reported
-from rrrgen.friction_estimation.notes import notes
-from rrrgen.friction_estimation.selection import Score, choose
+from rrrgen.lab.friction.candidate_laws import candidates
+from rrrgen.lab.friction.choice import Score, choose
+from rrrgen.lab.friction.estimation import LawEstimate, reported
+from rrrgen.lab.friction.notes import notes
 
 BLOCKS = np.repeat(np.arange(10), 5)
 
@@ -49,6 +49,7 @@ def test_of_equally_many_parameters_the_criterion_decides():
         (1, 1, [0.1, 1.0, 0.2, 0.3, 0.7, 0.5, 0.0], 1.0, ["gravity is the force for which the two are equal"]),
         (0, 0, [0.1, 0.1, 0.2, 0.6, 0.0], 1.0, ["Coulomb friction of 0.7 forward and 0.5 backward (law asymmetric)"]),
         (0, 0, [0.1, 0.001, 0.2, 0.6, 0.0], 1.35, []),
+        (0, 0, [0.1, 0.001, 0.2, 0.6, 0.0], 1.5, ["1.5 times the noise: something is left that coulomb_viscous does"]),
     ],
 )
 def test_models_that_are_the_same_and_a_poor_fit_are_named(gravity, law, theta, held_out, told):
@@ -56,4 +57,4 @@ def test_models_that_are_the_same_and_a_poor_fit_are_named(gravity, law, theta, 
     values, rating = reported(law, theta, 1e-3), Score(law.name, len(theta), held_out, 0.0, np.ones(1))
     chosen = LawEstimate(law, law.settled(theta), values, dict.fromkeys(values, 1e-3), rating, values, 0.01)
     found = notes(chosen, SimpleNamespace(speed=1.0))
-    assert [part in note for part, note in zip(told, found, strict=True)] == [True] * len(told)
+    assert [part in note for part, note in zip(told, found, strict=True)] == [True] * len(told), found

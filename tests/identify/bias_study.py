@@ -19,12 +19,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
-from rrrgen.identify.bias_check import check_bias
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import loads_spec
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.bias import check_bias
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
+from rrrgen.robot.file import loads_spec
 
 LENGTHS, MASSES, CENTRES, INERTIAS = (0.4, 0.3), (5.0, 3.0), (0.18, 0.14), (0.08, 0.03)
 DRIVES, VISCOUS, COULOMB, G = np.array([0.4, 0.15]), np.array([1.5, 0.8]), np.array([2.0, 1.0]), 9.81

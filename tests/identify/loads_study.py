@@ -22,14 +22,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
 from oracles.newton_euler import Link
-from rrrgen.errors import DerivationError
-from rrrgen.identify.loads.drive_gains import identify_gains
-from rrrgen.identify.loads.payload import NAMES, identify_payload
-from rrrgen.identify.loads.rows import standard_of
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import open_log
-from rrrgen.robotfile import loads_spec
-from rrrgen.signals.processing import Processing
+from rrrgen.base.errors import DerivationError
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import open_log
+from rrrgen.lab.identify.drive_gains import identify_gains
+from rrrgen.lab.identify.payload import NAMES, identify_payload
+from rrrgen.lab.identify.rows import standard_of
+from rrrgen.robot.file import loads_spec
 from samples.recorded_arm import SCARA, SIX, Arm, link, reference, simulate, write
 
 NOISE, SECONDS = 0.02, 30.0

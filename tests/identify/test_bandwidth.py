@@ -8,21 +8,21 @@ import pytest
 from click.testing import CliRunner
 
 import rrrgen
-from rrrgen.cli.identification.workflow import chosen_processing
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
-from rrrgen.errors import InputError
-from rrrgen.identify.estimation.factoring import factor_recordings
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation.observations import Observations, RowMaker
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.identify.scoring.bandwidth import bandwidth_of, fitted_stretches, motion_bandwidth, reach, tune
-from rrrgen.identify.scoring.scores import score_table
-from rrrgen.identify.scoring.split import Split
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.logs import Log
-from rrrgen.recordings.mapping_reader import loads_mapping
-from rrrgen.signals.processing import Processing
+from rrrgen.cli.workflow import chosen_processing
+from rrrgen.lab.data.mapping_reader import loads_mapping
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.bandwidth import bandwidth_of, fitted_stretches, motion_bandwidth, reach, tune
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.factoring import factor_recordings
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.observations import Observations, RowMaker
+from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.scores import score_table
 from samples.recordings import fourier_motion, planar_arm, write_log
 
 TERMS = DriveTerms.everywhere(2, "viscous", "coulomb", "offset")

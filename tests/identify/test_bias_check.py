@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import InputError
-from rrrgen.identify.bias_check import check_bias
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.logs import Log
-from rrrgen.signals.processing import Processing
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.bias import check_bias
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
 from samples.recordings import fourier_motion
 
 TERMS = DriveTerms.everywhere(2, "viscous", "coulomb")

@@ -5,14 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.errors import InputError
-from rrrgen.identify.estimation.consistency import Prior, consistent_estimate, parameters_of, pseudo_inertia
-from rrrgen.identify.estimation.definiteness import indefinite_share, mass_matrix
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation.regression import least_squares
-from rrrgen.identify.estimation.tsqr import Rows, factor_rows
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.model.standard_parameters import standard_names
+from rrrgen.base.errors import InputError
+from rrrgen.derive.parameters.physical_links import Prior, pseudo_inertia
+from rrrgen.lab.estimate.regression import least_squares
+from rrrgen.lab.estimate.tsqr import Rows, factor_rows
+from rrrgen.lab.identify.consistency import consistent_estimate, parameters_of
+from rrrgen.lab.identify.definiteness import indefinite_share, mass_matrix
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.robot.model.inertial_parameters import standard_names
 from samples.recordings import fourier_motion, point_masses
 from samples.stand_in import RRR_ROWS, NumericModel
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.identify.scoring.split import Split
-from rrrgen.recordings.logs import read_log
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import read_log
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
 from samples.recordings import SHARED
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "delan"

@@ -8,23 +8,23 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation.identifiability import collinear
-from rrrgen.identify.estimation.regression import (
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.estimate.identifiability import collinear
+from rrrgen.lab.estimate.regression import (
     HUBER,
     correlated_covariance,
     least_squares,
     robust_least_squares,
     weighted_least_squares,
 )
-from rrrgen.identify.estimation.statistics import correlation_lags, residual_whiteness
-from rrrgen.identify.estimation.tsqr import Rows, factor_rows
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import dumps
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
+from rrrgen.lab.estimate.tsqr import Rows, factor_rows
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
+from rrrgen.robot.file import dumps
 from samples.recordings import fourier_motion, write_log
 
 TERMS = DriveTerms.everywhere(2, "viscous", "coulomb")

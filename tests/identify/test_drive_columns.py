@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import DerivationError
-from rrrgen.identify.estimation.consistency import ConsistentEstimate
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.results import identified_spec
-from rrrgen.identify.validation import robot_model
-from rrrgen.model.drive_columns import STANDSTILL
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.robotfile import FrictionSpec, loads_spec
+from rrrgen.base.errors import DerivationError
+from rrrgen.lab.identify.consistency import ConsistentEstimate
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.results import identified_spec
+from rrrgen.lab.identify.validation import robot_model
+from rrrgen.robot.file import FrictionSpec, loads_spec
+from rrrgen.runtime.regressor_columns import STANDSTILL
 
 ARM = """
 schema: rrrgen/1

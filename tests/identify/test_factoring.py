@@ -11,24 +11,24 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import InputError
-from rrrgen.identify.estimation.factoring import (
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log, open_log, read_log
+from rrrgen.lab.estimate.regression import weighted_least_squares
+from rrrgen.lab.estimate.tsqr import factor_rows
+from rrrgen.lab.identify.bandwidth import motion_bandwidth, tune
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.factoring import (
     FittedRows,
     factor_recordings,
     fits_in_memory,
     rows_of_recordings,
     score,
 )
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation.observations import Observations, RowMaker
-from rrrgen.identify.estimation.regression import weighted_least_squares
-from rrrgen.identify.estimation.tsqr import factor_rows
-from rrrgen.identify.scoring.bandwidth import motion_bandwidth, tune
-from rrrgen.identify.scoring.split import Split
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, open_log, read_log
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.observations import Observations, RowMaker
 from samples.recordings import fourier_motion, planar_arm, write_log
 
 SAME = 1e-9  # relative: the accuracy promised for streams against recordings in memory
@@ -253,12 +253,12 @@ from pathlib import Path
 import scipy.signal, scipy.linalg
 sys.path[:0] = [{tests!r}, {identify!r}]
 from test_factoring import TERMS
-from rrrgen.identify.estimation.factoring import factor_recordings
-from rrrgen.recordings.mapping_reader import load_mapping
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.signals.processing import Processing
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation.observations import Observations, RowMaker, Window
+from rrrgen.lab.identify.factoring import factor_recordings
+from rrrgen.lab.data.mapping_reader import load_mapping
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.observations import Observations, RowMaker, Window
 
 regressor = FullRegressor(rrrgen.compile("planar2r"), TERMS)
 maker = RowMaker(regressor, Processing("butterworth", cutoff=20.0, decimate=50), len(regressor.names))

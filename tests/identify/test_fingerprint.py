@@ -7,15 +7,15 @@ import pytest
 from click.testing import CliRunner
 
 import rrrgen
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
-from rrrgen.errors import InputError
-from rrrgen.identify.scoring.fingerprint import SMALLEST, common_share, fingerprint
-from rrrgen.identify.scoring.split import Split
-from rrrgen.output.manifest import identify
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, open_log
-from rrrgen.robotfile import dumps
-from rrrgen.robotfile.robot_spec import FitSpec
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.recordings import Log, open_log
+from rrrgen.lab.identify.fingerprint import SMALLEST, common_share, fingerprint
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.robot.file import dumps
+from rrrgen.robot.identity import identify
+from rrrgen.robot.robot_spec import FitSpec
 from samples.recordings import fourier_motion, write_log
 
 

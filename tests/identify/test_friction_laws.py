@@ -10,21 +10,21 @@ import pytest
 from click.testing import CliRunner
 
 import rrrgen
-from rrrgen import pipeline
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
-from rrrgen.errors import InputError
-from rrrgen.identify.friction_laws import choice
-from rrrgen.identify.friction_laws.choice import CANDIDATES, LawChoice
-from rrrgen.identify.friction_laws.surfaces import FrictionSurface
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.identify.results import identified_spec
-from rrrgen.identify.scoring.split import Split
-from rrrgen.identify.validation import robot_model, validate_recordings
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import dumps, loads_spec
-from rrrgen.robotfile.writer import dumps as written
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify import choice
+from rrrgen.lab.identify.choice import CANDIDATES, LawChoice
+from rrrgen.lab.identify.friction_columns import FrictionSurface
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.results import identified_spec
+from rrrgen.lab.identify.validation import robot_model, validate_recordings
+from rrrgen.robot.file import dumps, loads_spec
+from rrrgen.robot.file.writer import dumps as written
+from rrrgen.runtime import load
 from samples.recordings import fourier_motion, write_log
 
 ARM = """schema: rrrgen/1
@@ -199,7 +199,7 @@ def test_wrong_laws_are_refused(arm, law, message):
 
 
 def test_the_command_prints_the_table_and_writes_the_law(tmp_path, arm, log, monkeypatch):
-    monkeypatch.setattr(pipeline, "compile", partial(pipeline.compile, backend="numpy"))
+    monkeypatch.setattr(load, "compile", partial(load.compile, backend="numpy"))
     robot, data = tmp_path / "robot.yaml", tmp_path / "log.csv"
     robot.write_text(written(arm.spec))
     write_log(data, log)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrrgen.friction.laws import LAWS
-from rrrgen.friction.models import FrictionModel
-from rrrgen.identify.estimation.observations import Observations, RowMaker
-from rrrgen.identify.friction_laws.surfaces import FrictionSurface, Sliding, law_columns, recursion
-from rrrgen.recordings.logs import Log
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns, recursion
+from rrrgen.lab.identify.observations import Observations, RowMaker
+from rrrgen.robot.friction.laws import LAWS
+from rrrgen.robot.friction.models import FrictionModel
 
 
 class Cut(Log):

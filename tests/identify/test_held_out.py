@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen import pipeline
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run as rrrgen_run
-from rrrgen.errors import InputError
-from rrrgen.identify.cross_validation import cross_validate
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.identify.results import identified_spec
-from rrrgen.identify.scoring.bands import Coverage, TorqueBand
-from rrrgen.identify.scoring.held_out import held_out_notes
-from rrrgen.identify.scoring.scores import joint_table
-from rrrgen.identify.scoring.split import Split
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import dumps
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.bands import Coverage, TorqueBand
+from rrrgen.lab.identify.cross_validation import cross_validate
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.held_out import held_out_notes
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.results import identified_spec
+from rrrgen.lab.identify.scores import joint_table
+from rrrgen.robot.file import dumps
+from rrrgen.runtime import load
 from samples.recordings import fourier_motion, write_log
 
 TERMS = DriveTerms.everywhere(2, "viscous", "coulomb")
@@ -133,7 +133,7 @@ def test_the_commands(tmp_path, arm, monkeypatch, capsys):
     """identify --cross-validate prints the table; validate --split scores the part that was not fitted, and says so."""
     from functools import partial
 
-    monkeypatch.setattr(pipeline, "compile", partial(pipeline.compile, backend="numpy"))
+    monkeypatch.setattr(load, "compile", partial(load.compile, backend="numpy"))
     log = recording(arm, samples=1000)
     robot, data = tmp_path / "robot.yaml", tmp_path / "log.csv"
     start = identify(arm, [log], LOGGED, Options(terms=TERMS, poses=2)).consistent

@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import InputError
-from rrrgen.identify.convergence import convergence
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation_plots import bode_data, plot_bode, plot_whiteness
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.identify.results import as_record, write_identification
-from rrrgen.identify.scoring.split import Split
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, check_robot, load_stream, open_log
-from rrrgen.runs.run_folder import RunFolder, plain
-from rrrgen.signals.kalman import kalman_matrices
-from rrrgen.signals.processing import Processing
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.kalman import kalman_matrices
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log, check_robot, load_stream, open_log
+from rrrgen.lab.data.run_folder import RunFolder, plain
+from rrrgen.lab.identify.convergence import convergence
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.estimation_plots import bode_data, plot_bode, plot_whiteness
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.results import as_record, write_identification
 from samples.recordings import fourier_motion, write_log
 
 PERIOD, N = 2e-3, 4000

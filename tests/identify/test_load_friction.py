@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import InputError
-from rrrgen.friction.stated import robot_friction
-from rrrgen.identify.friction_laws.choice import LawChoice
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.identify.results import identified_spec
-from rrrgen.identify.scoring.split import Split
-from rrrgen.identify.validation import robot_model, validate_recordings
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import dumps, loads_spec
-from rrrgen.signals.processing import Processing
-from rrrgen.simulate.friction import Friction
-from rrrgen.simulate.integration import RigidIntegrator
-from rrrgen.simulate.plant import make_plant
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.choice import LawChoice
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.results import identified_spec
+from rrrgen.lab.identify.validation import robot_model, validate_recordings
+from rrrgen.lab.plant.friction import Friction
+from rrrgen.lab.plant.integration import RigidIntegrator
+from rrrgen.lab.plant.plant import make_plant
+from rrrgen.robot.file import dumps, loads_spec
+from rrrgen.robot.friction.stated import robot_friction
 from samples.recordings import fourier_motion
 
 ARM = """schema: rrrgen/1

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen import pipeline
+from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import run
-from rrrgen.errors import DerivationError, InputError
-from rrrgen.identify.loads.drive_gains import identify_gains
-from rrrgen.identify.loads.payload import identify_payload
-from rrrgen.identify.loads.rows import inertial, standard_of
-from rrrgen.model.standard_parameters import standard_parameters
-from rrrgen.recordings.logs import Log
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.drive_gains import identify_gains
+from rrrgen.lab.identify.payload import identify_payload
+from rrrgen.lab.identify.rows import inertial, standard_of
+from rrrgen.robot.model.inertial_parameters import standard_parameters
+from rrrgen.runtime import load
 from samples.recordings import fourier_motion, write_log
 
 LOGGED = Processing("logged", decimate=2)
@@ -153,7 +153,7 @@ def test_gains_that_the_payload_does_not_tell_are_marked(planar):
 
 
 def test_the_commands(tmp_path, planar, monkeypatch, capsys):
-    monkeypatch.setattr(pipeline, "compile", partial(pipeline.compile, backend="numpy"))
+    monkeypatch.setattr(load, "compile", partial(load.compile, backend="numpy"))
     write_log(tmp_path / "empty.csv", recording(planar, 7, carried=False))
     write_log(tmp_path / "carrying.csv", recording(planar, 8))
     empty, carrying = str(tmp_path / "empty.csv"), str(tmp_path / "carrying.csv")

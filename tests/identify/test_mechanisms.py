@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 import rrrgen
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.identify.results import identified_spec
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import dumps, loads_spec
-from rrrgen.signals.processing import Processing
-from rrrgen.verify.references.chain import chain_of, nominal_parameters
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.results import identified_spec
+from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 from samples.recordings import fourier_motion
 
 # a planar parallelogram in a vertical plane: arm and crank are driven, rod and forearm follow

@@ -5,19 +5,19 @@ from functools import reduce
 import numpy as np
 import pytest
 
-from rrrgen.errors import DerivationError
-from rrrgen.identify.estimation.essential import essential_parameters
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation.identifiability import unexcited, weak_directions
-from rrrgen.identify.estimation.regression import (
+from rrrgen.base.errors import DerivationError
+from rrrgen.lab.estimate.essential import essential_parameters
+from rrrgen.lab.estimate.identifiability import unexcited, weak_directions
+from rrrgen.lab.estimate.regression import (
     correlated_covariance,
     least_squares,
     robust_least_squares,
     weighted_least_squares,
 )
-from rrrgen.identify.estimation.statistics import confidence_factor, relative_error, residual_whiteness, rms, whiteness
-from rrrgen.identify.estimation.tsqr import JointFactors, Rows, factor_rows
-from rrrgen.model.estimated_terms import DriveTerms
+from rrrgen.lab.estimate.statistics import confidence_factor, relative_error, residual_whiteness, rms, whiteness
+from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_rows
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.full_regressor import FullRegressor
 from samples.recordings import fourier_motion
 from samples.stand_in import RRR_ROWS, NumericModel
 
@@ -282,7 +282,7 @@ def test_an_arm_is_identified_within_its_reported_deviations():
 
 
 def test_factors_of_different_problems_do_not_merge():
-    from rrrgen.errors import InputError
+    from rrrgen.base.errors import InputError
 
     a = JointFactors(np.zeros((2, 3, 3)), np.zeros(2, np.int64))
     b = JointFactors(np.zeros((2, 4, 4)), np.zeros(2, np.int64))

@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.identify import identification
-from rrrgen.identify.convergence import convergence
-from rrrgen.identify.diagnosis.sample import Sample
-from rrrgen.identify.estimation.tsqr import Rows
-from rrrgen.identify.estimation_plots import plot_bode, plot_convergence
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.identify.results import write_identification
-from rrrgen.identify.scoring.split import Split
-from rrrgen.identify.torque_plots import force_units, plot_friction, torque_curves
-from rrrgen.model.estimated_terms import Column, DriveTerms
-from rrrgen.recordings.logs import Log
-from rrrgen.runs.run_folder import RunFolder
-from rrrgen.signals.kalman import kalman_matrices
-from rrrgen.signals.processing import Processing
+from rrrgen.lab.data.kalman import kalman_matrices
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.data.run_folder import RunFolder
+from rrrgen.lab.estimate.tsqr import Rows
+from rrrgen.lab.identify import identification
+from rrrgen.lab.identify.convergence import convergence
+from rrrgen.lab.identify.diagnosis.sample import Sample
+from rrrgen.lab.identify.estimated_terms import Column, DriveTerms
+from rrrgen.lab.identify.estimation_plots import plot_bode, plot_convergence
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.results import write_identification
+from rrrgen.lab.identify.torque_plots import force_units, plot_friction, torque_curves
 from samples.recordings import fourier_motion
 
 

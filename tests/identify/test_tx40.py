@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.identify.estimation.consistency import pseudo_inertia
-from rrrgen.identify.estimation.full_regressor import FullRegressor
-from rrrgen.identify.estimation.observations import Observations, RowMaker, reconstruct
-from rrrgen.identify.estimation.regression import least_squares, weighted_least_squares
-from rrrgen.identify.estimation.structure import structure_of
-from rrrgen.identify.estimation.tsqr import Rows, factor_rows
-from rrrgen.identify.friction_laws.choice import LawChoice
-from rrrgen.identify.identification import identify
-from rrrgen.identify.options import Options
-from rrrgen.identify.results import identified_spec
-from rrrgen.identify.scoring.split import Split
-from rrrgen.identify.validation import robot_model
-from rrrgen.model.drive_columns import STANDSTILL
-from rrrgen.model.estimated_terms import DriveTerms
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import load_stream, open_log
-from rrrgen.robotfile import dumps
-from rrrgen.signals.processing import Processing
+from rrrgen.derive.parameters.physical_links import pseudo_inertia
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import load_stream, open_log
+from rrrgen.lab.estimate.regression import least_squares, weighted_least_squares
+from rrrgen.lab.estimate.structure import structure_of
+from rrrgen.lab.estimate.tsqr import Rows, factor_rows
+from rrrgen.lab.identify.choice import LawChoice
+from rrrgen.lab.identify.estimated_terms import DriveTerms
+from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.observations import Observations, RowMaker, reconstruct
+from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.results import identified_spec
+from rrrgen.lab.identify.validation import robot_model
+from rrrgen.robot.file import dumps
+from rrrgen.runtime.regressor_columns import STANDSTILL
 from samples.recordings import SHARED
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "tx40"

@@ -7,8 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rrrgen.errors import InputError
-from rrrgen.identify.validation import (
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.decimation import Decimator
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.validation import (
     Thresholds,
     column_model,
     joint_scores,
@@ -18,9 +21,6 @@ from rrrgen.identify.validation import (
     validate,
     validate_recordings,
 )
-from rrrgen.recordings.logs import Log
-from rrrgen.signals.decimation import Decimator
-from rrrgen.signals.processing import Processing
 
 NAMES = ("shoulder", "elbow")
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ik.robots import ROWS, make, reference
-from rrrgen.runtime.inverse_kinematics import InverseKinematics, load_solver
+from rrrgen.ik.inverse_kinematics import InverseKinematics
+from rrrgen.runtime.inverse_kinematics import load_solver
 
 FK_ERROR = 1e-12
 """Largest entry of FK(row) - target: emitted rows are checked to 4e-13 of the reach, which is of the order of 1 m."""

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.solver.mechanisms import mechanism_settings
-from rrrgen.backends.c.solver.settings import NEEDS, reopening, settings
-from rrrgen.ik.answers import STATUS_TEXTS, most_rows, opens, parts_of, reasons_of
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.ik.mechanisms import mechanism_settings
+from rrrgen.emit.c.ik.settings import NEEDS, reopening, settings
 from rrrgen.ik.classify import plan
+from rrrgen.ik.result_layout import STATUS_TEXTS, most_rows, opens, parts_of, reasons_of
 
 FOLDER = Path(__file__).resolve().parents[2] / "templates" / "c" / "ik"
 KERNELS = sorted(path.name for path in FOLDER.glob("*.c"))

@@ -7,8 +7,8 @@ import pytest
 
 from ik.checks import sample
 from ik.robots import make
-from rrrgen.backends.c.solver.files import emit, sources
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
+from rrrgen.emit.c.ik.files import emit, sources
 from rrrgen.ik.classify import plan
 
 pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2

@@ -8,7 +8,7 @@ import pytest
 from mpmath import atan2, mp, mpf
 
 from ik.robots import robot
-from rrrgen.backends.c.solver.files import sources
+from rrrgen.emit.c.ik.files import sources
 
 BOUND = 2.7
 """Units in the last place; stands in the comment of the function."""

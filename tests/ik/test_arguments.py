@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ik.robots import robot
-from rrrgen.errors import DerivationError, InputError
+from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.robot.file import load_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
 
 
@@ -48,6 +49,20 @@ def test_targets_and_references_are_real(puma, kind):
             call(wrong)
     with pytest.raises(TypeError, match="q_ref must hold real numbers"):
         puma.solve(pose(), np.zeros(6).astype(kind))
+
+
+@pytest.mark.parametrize("row", [(9, 9, 9, 9), (0, 0, 0, 2), (0.1, 0, 0, 1), (0, 0, 0, np.nan)])
+@pytest.mark.parametrize("name", ["puma", "planar"])
+def test_the_last_row_of_a_pose(puma, row, name):
+    """Also where the solver takes only the position out of it."""
+    solver = puma if name == "puma" else load_solver(load_spec("planar2r"), backend="numpy")
+    good, wrong = pose(), pose()
+    wrong[3] = row
+    for call in (solver.solve, solver.closest, lambda T: solver.solve_batch(np.stack([good, T]))):
+        call(good)
+        with pytest.raises(InputError, match="target: the last row of a pose is 0 0 0 1, not"):
+            call(wrong)
+    assert solver.solve(np.full((4, 4), np.nan)).status == "not finite"
 
 
 def test_masked_and_ragged_targets(puma):

@@ -7,11 +7,11 @@ import pytest
 
 from ik.checks import sample
 from ik.robots import ROWS, make
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
 
 pytest.importorskip("casadi", reason="CasADi Functions need the extra 'casadi'")
 
-from rrrgen.backends.casadi.branches import branch_function, branch_labels, branch_signs
+from rrrgen.emit.casadi.inverse_kinematics import branch_function, branch_labels, branch_signs
 
 SAME = 1e-7  # rad: both evaluate the same closed form; near a double root half the digits are left
 POSES = 20

@@ -7,7 +7,7 @@ import rrrgen
 from ik.chains import planar, position, spherical
 from ik.robots import ROWS, make, robot
 from ik.test_calibrated import arm, calibrated
-from rrrgen.errors import BuildError
+from rrrgen.base.errors import BuildError
 from rrrgen.ik.families import parameter
 from rrrgen.runtime import build
 from rrrgen.runtime.inverse_kinematics import load_solver

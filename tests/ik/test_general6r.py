@@ -14,10 +14,10 @@ from ik.checks import sample
 from ik.robots import ROWS, make, reference, robot, table
 from oracles.inverse_kinematics import same_sets, solve_all
 from oracles.newton_euler import Robot, jacobian
-from rrrgen.backends.c.solver.files import emit
-from rrrgen.backends.casadi.branches import branch_function
-from rrrgen.backends.latex.inverse_kinematics import closed_form
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
+from rrrgen.emit.c.ik.files import emit
+from rrrgen.emit.casadi.inverse_kinematics import branch_function
+from rrrgen.emit.latex.inverse_kinematics import closed_form
 from rrrgen.ik.classify import plan
 from rrrgen.ik.solutions.elimination import eliminations
 from rrrgen.ik.solutions.general6r import general6r_tables, tables_of
@@ -243,7 +243,8 @@ def test_the_sets_are_those_of_another_solver(name):
 
 @pytest.mark.skipif(shutil.which("gcc") is None or shutil.which("nm") is None, reason="gcc and nm are not installed")
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="the limit is for x86-64")
-def test_the_code_of_the_general_solver_stays_below_16_kilobytes(tmp_path):
+def test_the_code_of_the_general_solver_stays_below_24_kilobytes(tmp_path):
+    """Half of it counts the solutions and finds all that share a root, which proves that none is missing."""
     spec = make("arm", ARMS["random 1"])
     files = emit(spec, plan(spec)).files
     for file, text in files.items():
@@ -253,4 +254,4 @@ def test_the_code_of_the_general_solver_stays_below_16_kilobytes(tmp_path):
     sizes = {fields[3]: int(fields[1], 16) for line in table.splitlines() if len(fields := line.split()) == 4}
     own = {name: size for name, size in sizes.items() if re.search(r"_(6r|trig8|solve6r|branches)", name)}
     code = {line.split()[-1] for line in table.splitlines() if line.split()[-2] in "tT"}
-    assert 5000 < sum(size for name, size in own.items() if name in code) <= 16 * 1024
+    assert 5000 < sum(size for name, size in own.items() if name in code) <= 24 * 1024

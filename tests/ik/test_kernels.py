@@ -16,12 +16,12 @@ from ik.kernel_builds import KERNELS, build, pointer, prepare, table_of
 from ik.robots import make, robot
 from ik.test_emitted_c import COMPILERS, LIMITS, VARIANTS, WARNINGS, run, variant
 from ik.test_mechanisms import TEXTS
-from rrrgen.backends.c.solver.files import sources
-from rrrgen.backends.c.solver.kernels import Settings, specialize
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
+from rrrgen.emit.c.ik.files import sources
+from rrrgen.emit.c.ik.kernels import Settings, specialize
 from rrrgen.ik.classify import plan
 from rrrgen.ik.tolerances import runtime
-from rrrgen.robotfile import loads_spec
+from rrrgen.robot.file import loads_spec
 
 REAL, INT, UNSIGNED = ctypes.c_double, ctypes.c_int, ctypes.c_uint
 RNG = np.random.default_rng
@@ -315,7 +315,7 @@ def test_the_elimination_finds_every_configuration(elimination):
     for q in RNG(13).uniform(-pi, pi, (20, 6)):
         T, answer = np.ascontiguousarray(chain.forward(q)), Answer()
         stage = INT()
-        arguments = (None, REAL(1e-5), REAL(1e-13), ctypes.byref(answer), ctypes.byref(stage))
+        arguments = (pointer(np.zeros(6)), REAL(1e-5), REAL(1e-13), ctypes.byref(answer), ctypes.byref(stage))
         rows = np.array(answer.q)[: library.ik_branches(pointer(T), *arguments)]
         rows = np.array(answer.q)[: len(rows)]
         assert len(rows) % 2 == 0

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 
 from backends.c_tools import C99, CXX, IDENTITY, SANITIZERS, compile_all, compiler, run, write
-from rrrgen.backends.c.backend import CBackend
-from rrrgen.backends.c.solver.checks import selftest
-from rrrgen.backends.c.solver.files import sources
-from rrrgen.backends.interface import Check
-from rrrgen.backends.latex.inverse_kinematics import closed_form
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
+from rrrgen.derive import derive
+from rrrgen.emit.c.backend import CBackend
+from rrrgen.emit.c.ik.files import sources
+from rrrgen.emit.c.ik.self_test import selftest
+from rrrgen.emit.interface import Check
+from rrrgen.emit.latex.inverse_kinematics import closed_form
 from rrrgen.ik.classify import plan
-from rrrgen.ik.coupling import solved_chain
-from rrrgen.pipeline import derive
-from rrrgen.robotfile import load_spec, loads_spec
+from rrrgen.ik.geometry.coupling import solved_chain
+from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
-from rrrgen.verify.references.chain import chain_of
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of
 
 pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
 
@@ -246,7 +246,7 @@ def test_drives_behind_gears_have_one_configuration_for_every_full_turn_of_the_j
 def test_casadi_gives_the_configuration_of_each_branch_in_joint_positions(solvers):
     """Where the branch keeps the coupling; NaN elsewhere; and the derivative is that of the drives."""
     casadi = pytest.importorskip("casadi")
-    from rrrgen.backends.casadi.branches import branch_function, branch_signs
+    from rrrgen.emit.casadi.inverse_kinematics import branch_function, branch_signs
 
     spec, solver, _ = solvers("palletiser")
     own = np.array([0.3, 0.4, 0.9, -0.2])
@@ -326,7 +326,7 @@ def test_slides_of_a_telescope_are_one_joint(backend):
 def test_telescopes_in_other_forms():
     """The chain whose joints are solved, the closed form, CasADi, and slides with a drive each, which stay two."""
     pytest.importorskip("casadi")
-    from rrrgen.backends.casadi.branches import branch_function, branch_signs
+    from rrrgen.emit.casadi.inverse_kinematics import branch_function, branch_signs
 
     for text in (TELESCOPE, REACH):
         spec = loads_spec(text)
@@ -363,3 +363,78 @@ def test_what_does_not_determine_q_is_refused_with_the_reason():
     assert plan(loads_spec(mixed)).locked == 3
     ratios = GEARED.replace("q2: 1/3", "q2: 1/2003")
     assert "positions of the drives" in plan(loads_spec(ratios)).reason
+
+
+FIXED = """\
+schema: rrrgen/1
+name: bent
+convention: modified
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: mount, type: revolute, alpha: 20, a: 0.1, d: 0.2, theta: 15, follows: {}}
+  - {name: j1, type: revolute, alpha: 0, a: 0, d: 0.4}
+  - {name: j2, type: revolute, alpha: -90, a: 0.1, d: 0}
+  - {name: bend, type: revolute, alpha: 0, a: 0.2, d: 0.05, theta: 30, follows: {}}
+  - {name: j3, type: revolute, alpha: ALPHA, a: 0.15, d: 0.1}
+  - {name: j4, type: revolute, alpha: 90, a: 0, d: 0.3}
+  - {name: j5, type: revolute, alpha: -90, a: 0, d: 0}
+  - {name: j6, type: revolute, alpha: 90, a: 0, d: 0}
+  - {name: flange, type: revolute, alpha: 40, a: 0.02, d: 0.1, theta: 10, follows: {}}
+tool: {translation: [0, 0, 0.1]}
+"""
+"""Fixed rows before the first joint, between two axes at the angle ALPHA, and behind the last joint."""
+
+SLIDE_BETWEEN = """\
+schema: rrrgen/1
+name: crane
+convention: standard
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: turn, type: revolute, alpha: 50, a: 0.1, d: 0.4, theta: 10}
+  - {name: bend, type: revolute, alpha: 60, a: 0.2, d: 0.05, theta: 30, follows: {}}
+  - {name: twist, type: prismatic, alpha: -20, a: 0.05, d: 0.03, theta: 25, follows: {}}
+  - {name: boom, type: prismatic, alpha: 70, a: 0.05, d: 0.3, theta: 20}
+  - {name: bow, type: revolute, alpha: 60, a: 0.1, d: 0.07, theta: -30, follows: {}}
+  - {name: reach, type: revolute, alpha: 0, a: 0.3, d: 0.1}
+"""
+
+
+@pytest.mark.parametrize("text", [FIXED.replace("ALPHA", angle) for angle in ("90", "60", "0", "180", "1")]
+                         + [SLIDE_BETWEEN])  # fmt: skip
+def test_fixed_rows_on_the_way_to_the_tip_are_part_of_exact_links(text):
+    """No configuration is missed at any angle; only nearly parallel axes with a far perpendicular stay tilted."""
+    spec = loads_spec(text)
+    chain, S = solved_chain(spec)
+    tilted = "alpha: 1," in text
+    assert bool(chain.between) == tilted
+    assert bool(plan(spec).incomplete) == tilted
+    solver = load_solver(spec, backend="numpy")
+    scale = np.where(solver.plan.coupling.revolute, 1.0, 0.1)
+    for q in np.random.default_rng(6).uniform(-3, 3, (12, spec.n)) * scale:
+        goal = poses(spec, q[None])[0]
+        np.testing.assert_allclose(chain.forward(np.array(S, float) @ q), goal, atol=1e-14)
+        found = solver.solve(goal, limits=False)
+        assert min(apart(q, row, np.array(solver.plan.coupling.periods)) for row in found.q) < 1e-7
+
+
+def test_a_fixed_row_gives_the_plan_of_the_arm_without_it():
+    """The bend as gamma and b of its neighbours: theta and d of the row before, in the order of the modified table."""
+    text = FIXED.replace("ALPHA", "90")
+    bent = plan(loads_spec(text))
+    lines = [line for line in text.splitlines() if "follows" not in line]
+    straight = plan(loads_spec("\n".join(lines) + "\n"))
+    assert (bent.family, bent.title, bent.max_solutions) == (straight.family, straight.title, straight.max_solutions)
+
+
+def test_the_emitted_solver_of_a_bent_arm_finds_every_configuration(tmp_path):
+    solver = load_solver(loads_spec(FIXED.replace("ALPHA", "60")))
+    spec = loads_spec(FIXED.replace("ALPHA", "60"))
+    q = np.random.default_rng(8).uniform(-3, 3, (2000, spec.n))
+    found = solver.solve_batch(poses(spec, q), limits=False)
+    nearest = [
+        min((apart(own, row, [2 * np.pi] * 6) for row in rows[:count]), default=np.inf)
+        for own, rows, count in zip(q, found.q, found.counts, strict=True)
+    ]
+    assert max(nearest) < 1e-6

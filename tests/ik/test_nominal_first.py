@@ -11,13 +11,13 @@ import pytest
 from ik.checks import sample
 from ik.robots import ROWS, make
 from ik.test_calibrated import calibrated
-from rrrgen.backends.c.solver.files import emit, manifest
+from rrrgen.emit.c.ik.files import emit, manifest
 from rrrgen.ik.classify import plan
 from rrrgen.ik.geometry.nearest import deviation
-from rrrgen.ik.recording.newton import error_program, newton_program
+from rrrgen.ik.recording.newton_step import error_program, newton_program
 from rrrgen.ik.tolerances import nominal_margins
 from rrrgen.program import evaluate
-from rrrgen.robotfile import dumps, loads_spec
+from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
 
 pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2

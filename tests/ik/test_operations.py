@@ -13,11 +13,11 @@ import pytest
 from ik.chains import position
 from ik.robots import make
 from ik.test_mechanisms import TEXTS
-from rrrgen.backends.c.solver.counting import coupling_operations
-from rrrgen.backends.c.solver.files import emit, manifest
+from rrrgen.emit.c.ik.counting import coupling_operations
+from rrrgen.emit.c.ik.files import emit, manifest
 from rrrgen.ik.classify import plan
 from rrrgen.ik.families import parameter
-from rrrgen.robotfile import load_spec, loads_spec
+from rrrgen.robot.file import load_spec, loads_spec
 
 COMPILER = shutil.which("g++") or shutil.which("clang++")
 ARMS = ("rrr", "planar2r", "puma560", "scara", "stanford", "ur10e", "iiwa14", "gantry")
@@ -108,10 +108,10 @@ def test_operations_of_an_elimination_are_a_mean_over_random_targets(name, tmp_p
     double t[16];
     std::FILE *file = std::fopen("targets", "rb");
     while (std::fread(t, sizeof(double), 16, file) == 16) {{
-        Counted target[16]; {name}_ik_solutions found; int stage = 0;
+        Counted target[16], ref[6]; {name}_ik_solutions found; int stage = 0;
         for (int i = 0; i < 16; ++i) {{ target[i] = made(t[i], false, none); }}
         mul = add = dv = rt = 0;
-        const int rows = {name}_ik_branches(target, 0, 0.0, 0.0, &found, &stage);
+        const int rows = {name}_ik_branches(target, ref, 0.0, 0.0, &found, &stage);
         std::printf("%d %ld %ld %ld %ld ", rows, mul, add, dv, rt);
     }}
     std::fclose(file);"""

@@ -10,13 +10,13 @@ import sympy as sp
 
 from ik.checks import sample
 from ik.robots import ROWS, make
-from rrrgen.backends.latex.inverse_kinematics import closed_form
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
+from rrrgen.emit.latex.inverse_kinematics import closed_form
 from rrrgen.ik.classify import plan
 from rrrgen.ik.derive import record_exactly
-from rrrgen.ik.geometry.symbols import number_chain, symbolic_chain
+from rrrgen.ik.geometry.symbolic_chain import number_chain, symbolic_chain
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch
-from rrrgen.robotfile import load_spec
+from rrrgen.robot.file import load_spec
 
 SAME = 1e-9  # rad; the reading form evaluates in double as the emitted code does
 

@@ -11,10 +11,9 @@ import pytest
 from ik.chains import position
 from ik.robots import h, make
 from ik.test_mechanisms import GEARED
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
 from rrrgen.ik.geometry.chain import multiply, translation
-from rrrgen.pipeline import read
-from rrrgen.robotfile import loads_spec
+from rrrgen.robot.file import loads_spec, read
 from rrrgen.runtime.inverse_kinematics import load_solver, load_tool_solver
 
 SPECIAL = {
@@ -78,7 +77,7 @@ def test_the_emitted_c_and_its_evaluation_agree(spec):
 
 def test_casadi_takes_the_tool_too():
     pytest.importorskip("casadi")
-    from rrrgen.backends.casadi import branch_function, branch_signs
+    from rrrgen.emit.casadi import branch_function, branch_signs
 
     spec = read("rrr")
     solver, f = load_tool_solver(spec, backend="numpy"), branch_function(spec, tool=True)

@@ -8,8 +8,8 @@ import pytest
 
 from ik.robots import ROWS, make
 from pipeline.optimized import bundled
-from rrrgen import pipeline
-from rrrgen.backends.c.solver.checks import selftest
+from rrrgen.emit.c.ik.self_test import selftest
+from rrrgen.emit.package import emit
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def folder(tmp_path_factory):
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
     place = tmp_path_factory.mktemp("selftest")
-    files = pipeline.emit(bundled("rrr"))
+    files = emit(bundled("rrr"))
     for name, text in files.items():
         if name.endswith((".c", ".h")) and "/" not in name:
             (place / name).write_text(text)

@@ -11,9 +11,9 @@ import pytest
 from backends.c_tools import compiler, frames, write
 from ik.robots import make
 from ik.test_emitted_c import LIMITS, VARIANTS
-from rrrgen.backends.c.solver.call_stack import stack_bounds
-from rrrgen.backends.c.solver.files import emit
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
+from rrrgen.emit.c.ik.call_stack import stack_bounds
+from rrrgen.emit.c.ik.files import emit
 from rrrgen.ik.classify import plan
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ik.test_mechanisms import poses
-from rrrgen.errors import DerivationError
-from rrrgen.robotfile import load_spec
+from rrrgen.base.errors import DerivationError
+from rrrgen.robot.file import load_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
 
 ANGLES = np.linspace(-np.pi, np.pi, 181)

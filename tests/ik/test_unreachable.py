@@ -7,7 +7,7 @@ import pytest
 
 from ik.checks import FK_ERROR
 from ik.robots import ROWS, reference, robot
-from rrrgen.errors import DerivationError, InputError
+from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import INEXACT
 
@@ -74,7 +74,8 @@ def test_numbers_that_are_no_target(name):
     assert len(solver.solve(far, **given)) == 0
     assert solver.solve(far, **given).status == "unreachable"
     if not position:
-        for wrong in (2 * T, 0 * T, T @ np.diag([1, 1, -1, 1.0])):
+        for factors in ([2, 2, 2, 1.0], [0, 0, 0, 1.0], [1, 1, -1, 1.0]):
+            wrong = T @ np.diag(factors)
             assert solver.solve(wrong, **given).status == "not a rotation"
         noise = np.random.default_rng(1).standard_normal((3, 3))
         shaken = T.copy()

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rrrgen.model.dh_rows import NO_TWIST, dh_rows
-from rrrgen.robotfile import load_spec
+from rrrgen.robot.file import load_spec
+from rrrgen.robot.model.dh_rows import NO_TWIST, dh_rows
 
 
 def screw(axis: int, angle: float, length: float) -> np.ndarray:

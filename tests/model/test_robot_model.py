@@ -9,8 +9,8 @@ from hypothesis import HealthCheck, given, settings
 
 from oracles import newton_euler as oracle
 from oracles.random_robots import robots_with_states, to_yaml
-from rrrgen.model.robot_model import IDENTITY, RobotModel, build_model, cosine_sine, normal_form
-from rrrgen.robotfile import bundled_names, load_spec, loads_spec
+from rrrgen.robot.file import bundled_names, load_spec, loads_spec
+from rrrgen.robot.model.robot_model import IDENTITY, RobotModel, build_model, cosine_sine, normal_form
 
 ROUND_OFF = 1e-12  # relative: a product of some twenty rotations and lengths of the order of one
 

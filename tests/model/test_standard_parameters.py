@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrrgen.model.standard_parameters import link_of, standard_names, standard_parameters
-from rrrgen.robotfile import load_spec
-from rrrgen.verify.references.chain import nominal_parameters
+from rrrgen.robot.file import load_spec
+from rrrgen.robot.model.inertial_parameters import link_of, standard_names, standard_parameters
+from rrrgen.verify.references.numeric_robot import nominal_parameters
 
 
 def test_names():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 
 from optimize.programs import ARITHMETIC, programs, recorded, same_values
-from rrrgen.optimize.choosing import Cheapest, Choice, Log, Weights
+from rrrgen.program.passes.cheapest import Cheapest, Choice, Log, Weights
 
 cost = Weights()
 cheapest = Cheapest()

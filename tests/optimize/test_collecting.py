@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 
 from optimize.programs import body, programs, recorded, same_values
-from rrrgen.optimize.collecting import Collect
 from rrrgen.program import count_operations
+from rrrgen.program.passes.common_factors import Collect
 
 
 @given(programs())

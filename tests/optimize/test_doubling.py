@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 
 from optimize.programs import STATE, body, programs, recorded
-from rrrgen.optimize.doubling import DoubleByAddition
 from rrrgen.program import Op, count_operations, evaluate
+from rrrgen.program.passes.doubling import DoubleByAddition
 
 
 @given(programs())

@@ -7,7 +7,15 @@ from fractions import Fraction
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.optimize.factoring import ADDITION, MULTIPLICATION, Factoring, divide, split_common, term_cost, without
+from rrrgen.program.passes.factoring import (
+    ADDITION,
+    MULTIPLICATION,
+    Factoring,
+    divide,
+    split_common,
+    term_cost,
+    without,
+)
 
 LITERALS = 5
 HALF = Fraction(1, 2)

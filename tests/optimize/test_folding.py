@@ -7,8 +7,8 @@ from fractions import Fraction
 from hypothesis import given
 
 from optimize.programs import PORTS, STATE, body, precise, programs, recorded
-from rrrgen.optimize.folding import Fold
 from rrrgen.program import Builder, Op, Port, Role, count_operations
+from rrrgen.program.passes.folding import Fold
 
 
 @given(programs())

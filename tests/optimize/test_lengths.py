@@ -6,10 +6,10 @@ from fractions import Fraction
 import pytest
 
 from rrrgen.derive import derive_model
-from rrrgen.optimize.lengths import SpellLengths, lengths_of
-from rrrgen.optimize.optimizer import Optimizer
+from rrrgen.derive.lengths import SpellLengths, lengths_of
+from rrrgen.derive.optimizer import Optimizer
 from rrrgen.program import Builder, Op, Port, count_operations
-from rrrgen.robotfile import load_spec
+from rrrgen.robot.file import load_spec
 
 LENGTHS = frozenset({Fraction(1, 2), Fraction(3, 4), Fraction(2, 5)})
 RATIO = Fraction(3, 2)  # of 3/4 and 1/2

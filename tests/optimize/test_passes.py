@@ -8,12 +8,12 @@ import sys
 from dataclasses import replace
 
 from optimize.programs import PORTS, STATE, recorded
-from rrrgen.optimize.collecting import Collect
-from rrrgen.optimize.doubling import DoubleByAddition
-from rrrgen.optimize.expansion import CutSet
-from rrrgen.optimize.folding import Fold
-from rrrgen.optimize.rewriting import ExpandAndFactor
 from rrrgen.program import Builder, Port, Role, Status
+from rrrgen.program.passes.common_factors import Collect
+from rrrgen.program.passes.doubling import DoubleByAddition
+from rrrgen.program.passes.expansion import CutSet
+from rrrgen.program.passes.folding import Fold
+from rrrgen.program.passes.rewriting import ExpandAndFactor
 
 
 def test_passes_know_ports_by_their_roles():
@@ -33,7 +33,7 @@ def test_passes_know_ports_by_their_roles():
 def test_a_status_survives():
     b = Builder()
     (x, y), (k,) = b.input(PORTS[1]), b.input(Port("k", (), role=Role.BASE_PARAMETERS))
-    status = Status(1, "too slow", "the speed is too low", "the first speed is not positive")
+    status = Status.of(1, "too slow", "the speed is too low", "the first speed is not positive")
     outputs = [(Port("y", ()), [x * k + y * k + 2 * x]), (Port("status", ()), [b.select(x, 0, 1)])]
     program = b.program("f", outputs, status=status)
     for run in (ExpandAndFactor(CutSet.NOTHING), Collect(), DoubleByAddition(), Fold({Role.BASE_PARAMETERS: [3]})):
@@ -61,8 +61,8 @@ def test_passes_are_values_with_options():
 
 DIGEST = """
 import hashlib
-from rrrgen.pipeline import derive
-from rrrgen.robotfile import load_spec
+from rrrgen.derive import derive
+from rrrgen.robot.file import load_spec
 for name in ("scara",):
     derived = derive(load_spec(name))
     for program in derived.programs.values():

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 
 from optimize.programs import body, programs, recorded, same_values
-from rrrgen.optimize.expansion import CutSet
-from rrrgen.optimize.rewriting import ExpandAndFactor, SeenExpansions
 from rrrgen.program import Builder, Op, OperationCount, Port, Status, count_operations
+from rrrgen.program.passes.expansion import CutSet
+from rrrgen.program.passes.rewriting import ExpandAndFactor, SeenExpansions
 
 
 @pytest.mark.parametrize("cut_set", CutSet)
@@ -84,7 +84,7 @@ def test_what_is_too_large_is_left_alone():
 def test_the_status_is_computed_before_the_other_outputs():
     b = Builder()
     x, y = b.input(Port("q", (2,)))
-    status = Status(1, "negative", "the product is negative", "x y < 0")
+    status = Status.of(1, "negative", "the product is negative", "x y < 0")
     outputs = [(Port("sum", ()), [x * x + y]), (Port("status", ()), [x * y - y])]
     result = ExpandAndFactor(CutSet.NOTHING)(b.program("f", outputs, status=status))
     (total,), (failure,) = result.results

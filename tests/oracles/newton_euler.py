@@ -44,7 +44,8 @@ class Robot:
     """A serial chain: rows ``(type, alpha, a, d, theta)`` in rad and m, type "revolute" or "prismatic".
 
     ``gravity`` is the acceleration of gravity in the base frame, the frame in which every result is expressed;
-    ``base`` stands before the first row, ``tool`` after the last.
+    ``base`` stands before the first row, ``tool`` after the last. ``signs`` are -1 for joints that move against the
+    axes of their rows, else 1; () stands for 1 throughout.
     """
 
     convention: str
@@ -54,6 +55,7 @@ class Robot:
     tool: np.ndarray = field(default_factory=lambda: np.eye(4))
     links: tuple[Link, ...] = ()
     name: str = "robot"
+    signs: tuple[int, ...] = ()
 
     @property
     def n(self) -> int:
@@ -96,7 +98,7 @@ def screw_x(alpha, a) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Frames:
-    """Where everything is: link frames (n, 4, 4), the tip, and per joint its axis and a point on the axis."""
+    """Where everything is: link frames (n, 4, 4), the tip, per joint its direction and a point on its axis."""
 
     links: np.ndarray
     tip: np.ndarray
@@ -108,15 +110,15 @@ def frames(robot: Robot, q) -> Frames:
     """Every frame of the chain at q, in the base frame."""
     T = np.array(robot.base)
     links, axes, points = [], [], []
-    for (kind, alpha, a, d, theta), qi in zip(robot.rows, q, strict=True):
-        turn, shift = (theta + qi, d) if kind == "revolute" else (theta, d + qi)
+    for (kind, alpha, a, d, theta), qi, sign in zip(robot.rows, q, robot.signs or [1] * robot.n, strict=True):
+        turn, shift = (theta + sign * qi, d) if kind == "revolute" else (theta, d + sign * qi)
         if robot.convention == "standard":  # the joint axis is z of the frame before the row
-            axes.append(T[:3, 2])
+            axes.append(sign * T[:3, 2])
             points.append(T[:3, 3])
             T = T @ screw_z(turn, shift) @ screw_x(alpha, a)
         else:  # the joint axis is z of the row's own frame
             T = T @ screw_x(alpha, a) @ screw_z(turn, shift)
-            axes.append(T[:3, 2])
+            axes.append(sign * T[:3, 2])
             points.append(T[:3, 3])
         links.append(T)
     return Frames(np.array(links), T @ robot.tool, np.array(axes), np.array(points))

@@ -113,6 +113,7 @@ def robots(
     gravities: tuple[tuple[float, float, float], ...] = GRAVITIES,
     frames: bool = True,
     links: str = "physical",
+    signs: tuple[int, ...] = (1, 1, -1),
 ) -> Robot:
     """Hypothesis strategy of robots; shrinks towards few joints, zero angles and lengths."""
     n = draw(st.integers(min_joints, max_joints))
@@ -128,9 +129,9 @@ def robots(
     draw_link = {"physical": random_link, "arbitrary": arbitrary_link}.get(links)
     bodies = tuple(draw_link(rng) for _ in range(n)) if draw_link else ()
     convention = draw(st.sampled_from(conventions))
-    return Robot(
-        convention, tuple(rows), np.array(draw(st.sampled_from(gravities))), base, tool, bodies, "random_robot"
-    )
+    gravity = np.array(draw(st.sampled_from(gravities)))
+    turned = tuple(draw(st.lists(st.sampled_from(signs), min_size=n, max_size=n)))
+    return Robot(convention, tuple(rows), gravity, base, tool, bodies, "random_robot", turned)
 
 
 @st.composite
@@ -171,9 +172,10 @@ def to_yaml(robot: Robot, name: str | None = None) -> str:
     lines = ["schema: rrrgen/1", f"name: {name or robot.name}", f"convention: {robot.convention}"]
     lines += ["units: {angle: rad, length: m}", f"gravity: {_vector(robot.gravity)}"]
     lines += [*_transform_text("base", robot.base), "joints:"]
-    for kind, alpha, a, d, theta in robot.rows:
+    for (kind, alpha, a, d, theta), sign in zip(robot.rows, robot.signs or [1] * robot.n, strict=True):
         angles = f"alpha: {number_text(alpha, True)}, theta: {number_text(theta, True)}"
-        lines.append(f"  - {{type: {kind}, {angles}, a: {number_text(a)}, d: {number_text(d)}}}")
+        turned = ", sign: -1" if sign < 0 else ""
+        lines.append(f"  - {{type: {kind}, {angles}, a: {number_text(a)}, d: {number_text(d)}{turned}}}")
     if robot.links:
         lines.append("links:")
     for link in robot.links:

@@ -11,13 +11,14 @@ ROOT = Path(__file__).resolve().parents[2]
 
 SCRIPT = """
 import hashlib, sys
-from rrrgen import pipeline
-from rrrgen.robotfile import load_spec
+from rrrgen.derive import derive
+from rrrgen.emit.package import emit
+from rrrgen.robot.file import load_spec
 jobs = int(sys.argv[1])
 for robot, real in (("rrr", "double"), ("planar2r", "float")):
-    model = pipeline.derive(load_spec(robot), jobs)
+    model = derive(load_spec(robot), jobs)
     assert robot != "rrr" or "numpy" not in sys.modules  # its threads would end the work of several processes
-    files = pipeline.emit(model, real, jobs=jobs)
+    files = emit(model, real, jobs=jobs)
     for name, text in sorted(files.items()):
         print(robot, name, hashlib.sha256(text.encode()).hexdigest())
 """

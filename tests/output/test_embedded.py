@@ -6,7 +6,8 @@ import subprocess
 import pytest
 
 from pipeline.optimized import bundled
-from rrrgen import pipeline
+from rrrgen.emit.package import emit
+from rrrgen.robot.file import read
 
 ARM = "arm-none-eabi-gcc"
 FLAGS = ["-std=c99", "-O1", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
@@ -14,7 +15,7 @@ WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotio
 
 
 def sources(name, folder, real):
-    files = pipeline.emit(bundled(name), real)
+    files = emit(bundled(name), real)
     for file, text in files.items():
         if file.endswith((".c", ".h")) and "/" not in file:
             (folder / file).write_text(text)
@@ -33,9 +34,9 @@ def test_bare_metal_arm(name, tmp_path):
 
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")
 def test_static_analysis_finds_nothing_in_the_inverse_kinematics(tmp_path):
-    from rrrgen.backends.c.solver.files import sources as ik_sources
+    from rrrgen.emit.c.ik.files import sources as ik_sources
 
-    for file, text in ik_sources(pipeline.read("stanford")).items():  # a joint that slides, and a wrist
+    for file, text in ik_sources(read("stanford")).items():  # a joint that slides, and a wrist
         (tmp_path / file).write_text(text)
     done = subprocess.run(
         ["cppcheck", "-q", "--enable=warning,portability", "--error-exitcode=1", *map(str, tmp_path.glob("*.c"))],

@@ -14,9 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.errors import OutputError, StorageError
-from rrrgen.output import exchange, journal, staging, writer
-from rrrgen.output.writer import checksum, write, write_file
+from rrrgen.base import exchange, journal, staging
+from rrrgen.base import files as writer
+from rrrgen.base.errors import OutputError, StorageError
+from rrrgen.base.files import checksum, write, write_file
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the writer is killed in a forked process")
 
@@ -254,7 +255,7 @@ def test_sigterm_cleans_up_at_once(tmp_path):
     """In the middle of generating: at once, without files or staging folders, with the exit code of the signal."""
     program = (
         "import sys, time\n"
-        "from rrrgen.output import writer\n"
+        "from rrrgen.base import files as writer\n"
         "def slow(folder, files, fill=writer._fill):\n"
         "    fill(folder, files)\n"
         "    print('filled', flush=True)\n"

@@ -8,7 +8,7 @@ from bench.cortex_m import measured
 from bench.machines import MACHINES, digest, executed
 from export.rrr_library import STRICT, run
 from pipeline.optimized import bundled
-from rrrgen import pipeline
+from rrrgen.emit.package import emit
 
 CROSS = ("aarch64", "armhf", "s390x", "cortex-m4f")
 """Under QEMU, by compilers of Debian; ``make machines`` runs the Cortex-M7 and WebAssembly too, with all robots."""
@@ -20,7 +20,7 @@ def emitted(tmp_path_factory):
     found = {}
     for real in ("double", "float"):
         folder = tmp_path_factory.mktemp(real)
-        files = {name: text for name, text in pipeline.emit(bundled("planar2r"), real).items() if "/" not in name}
+        files = {name: text for name, text in emit(bundled("planar2r"), real).items() if "/" not in name}
         for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8")
         sources = sorted(name for name in files if name.endswith(".c"))

@@ -14,10 +14,10 @@ import sympy as sp
 
 import rrrgen
 from backends.planar import planar_model, spec
-from rrrgen import pipeline
-from rrrgen.output.manifest import identify
-from rrrgen.output.writer import checksum
-from rrrgen.robotfile import loads_spec
+from rrrgen.base.files import checksum
+from rrrgen.emit.package import emit
+from rrrgen.robot.file import loads_spec
+from rrrgen.robot.identity import identify
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -59,7 +59,7 @@ def test_the_version_is_the_one_of_the_package():
 
 @pytest.fixture(scope="module")
 def files():
-    return pipeline.emit(planar_model())
+    return emit(planar_model())
 
 
 def test_the_manifest_lists_what_was_emitted(files):
@@ -90,7 +90,7 @@ def test_the_manifest_describes_the_inverse_kinematics(files):
 
 
 def test_the_manifest_keeps_its_shape():
-    text = pipeline.emit(planar_model(links=False, drives=False))["manifest.json"]
+    text = emit(planar_model(links=False, drives=False))["manifest.json"]
     port = {"type": "object", "required": ["name", "shape", "unit", "frame"]}
     ports = {"type": "array", "items": port}
     function = {

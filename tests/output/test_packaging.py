@@ -11,19 +11,19 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.errors import InternalError
-from rrrgen.resources import environment, render, template_text
-from rrrgen.version import VERSION
+from rrrgen.base.errors import InternalError
+from rrrgen.base.templates import environment, render, template_text
+from rrrgen.base.version import VERSION
 
 ROOT = Path(__file__).resolve().parents[2]
 
 USE = """
 import sys
 from pathlib import Path
-import rrrgen, rrrgen.resources
+import rrrgen, rrrgen.base.templates
 from rrrgen.cli.main import run
 assert str(Path(rrrgen.__file__)).startswith(sys.argv[1]), rrrgen.__file__
-assert 'RESTRICT' in rrrgen.resources.template_text('c/header.h.j2')
+assert 'RESTRICT' in rrrgen.base.templates.template_text('c/header.h.j2')
 code = run(['generate', 'pendulum', '-o', sys.argv[2], '--no-casadi-files'])
 assert code == 0, code
 """
@@ -45,7 +45,7 @@ def test_the_wheel_built_from_the_source_archive_works_from_anywhere(tmp_path):
         contents = set(file.namelist())
         file.extractall(installed)
     assert {f"rrrgen/templates/{path}" for path in templates()} <= contents
-    assert {"rrrgen/py.typed", "rrrgen/robotfile/robots/rrr.yaml"} <= contents
+    assert {"rrrgen/py.typed", "rrrgen/robot/robots/rrr.yaml"} <= contents
     done = subprocess.run(
         [sys.executable, "-c", USE, str(installed), str(tmp_path / "out")],
         env={**os.environ, "PYTHONPATH": str(installed)},
@@ -76,7 +76,7 @@ def test_an_undefined_name_in_a_template_is_an_error():
 def test_missing_templates_are_explained(tmp_path, monkeypatch):
     package = tmp_path / "rrrgen"
     package.mkdir()
-    monkeypatch.setattr("rrrgen.resources.resources.files", lambda _: package)
+    monkeypatch.setattr("rrrgen.base.templates.resources.files", lambda _: package)
     with pytest.raises(InternalError, match="installation is incomplete"):
         template_text("c/header.h.j2")
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.errors import InternalError, OutputError, StorageError
-from rrrgen.output import writer as emit
-from rrrgen.output.writer import differences, listed_files, write, write_file
+from rrrgen.base import files as emit
+from rrrgen.base.errors import InternalError, OutputError, StorageError
+from rrrgen.base.files import differences, listed_files, write, write_file
 
 
 def files(**others):

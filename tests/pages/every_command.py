@@ -28,7 +28,7 @@ import rrrgen
 from pages.test_pages import PAGES, ROOT, blocks, command
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.cli.main import run
-from rrrgen.runs import figures
+from rrrgen.lab.data import figure_style as figures
 
 TESTED = ("README.md", "CONTRIBUTING.md", "docs/first-")
 """Pages whose commands their own tests run, or that are how to run the tests."""
@@ -49,7 +49,7 @@ ELSEWHERE = {
 }
 """Words of commands that are not run here, and why."""
 
-ROBOTS = ROOT / "rrrgen/robotfile/robots"
+ROBOTS = ROOT / "rrrgen/robot/robots"
 FEW = "--harmonics 3 --starts 1 --duration 5"
 FOLLOW = "--trajectory runs/excitation/results/excitation.json --torque-noise 0.05"
 BEFORE = f"""
@@ -167,7 +167,9 @@ def printed(line: str) -> tuple[int, str]:
             code = run(shlex.split(words)[1:])
         return code, out.getvalue()
     shell = f'rrrgen() {{ {sys.executable} -m rrrgen "$@"; }}\npython() {{ {sys.executable} "$@"; }}\n{words}'
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "HOME": os.getcwd()}
+    environment = {**os.environ, "HOME": os.getcwd()}
+    if Path(rrrgen.__file__).is_relative_to(ROOT):
+        environment["PYTHONPATH"] = str(ROOT)
     done = subprocess.run(["bash", "-ec", shell], capture_output=True, text=True, env=environment, check=False)
     return done.returncode, done.stdout + done.stderr
 

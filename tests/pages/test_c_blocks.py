@@ -23,7 +23,7 @@ WHAT_THE_PAGES_PRESUPPOSE = """\
 #define N PENDULUM_N
 static pendulum_real q[N], dq[N], ddq[N], tau[N], tau_f[N], q_d[N], dq_d[N], ddq_d[N], q_r[N], dq_r[N], ddq_r[N];
 static pendulum_real kp[N], kd[N], ki[N], z[N], z_next[N], width[N], tau_max[N], q_min[N], q_max[N], dq_max[N];
-static pendulum_real ddq_max[N], dq_last[N], dq_ref[N], r[N], innovation[N], encoder[N], error[N];
+static pendulum_real tau_last[N], ddq_max[N], dq_last[N], dq_ref[N], r[N], innovation[N], encoder[N], error[N];
 static pendulum_real beta[PENDULUM_B], loaded[PENDULUM_B], com[3], inertia[9], J[6 * N], V[6], weight[6];
 static pendulum_real x[3 * N], x_next[3 * N], friction[7 * N], t, now;
 static const pendulum_real *s, *q_s, *q_ss;

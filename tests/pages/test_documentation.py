@@ -35,7 +35,7 @@ def test_every_command_and_public_name_is_described(pages):
     python = (pages / "python.html").read_text(encoding="utf-8")
     for name in rrrgen.__all__:
         if not name.startswith("__"):
-            assert re.search(rf'id="rrrgen\.(?:errors\.)?{name}"', python), name
+            assert re.search(rf'id="rrrgen\.(?:base\.errors\.)?{name}"', python), name
 
 
 def test_every_page_is_in_the_contents(pages):

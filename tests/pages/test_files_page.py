@@ -10,8 +10,8 @@ from pathlib import Path
 from click.testing import CliRunner
 
 from rrrgen.cli.main import cli
-from rrrgen.experiments import experiment_file
-from rrrgen.experiments.experiment_keys import KEYS
+from rrrgen.lab.experiment import experiment_file
+from rrrgen.lab.experiment.experiment_keys import KEYS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/files.md"
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +14,7 @@ import click
 import pytest
 
 from rrrgen.cli.commands import COMMANDS
-from rrrgen.robotfile import load_spec
+from rrrgen.robot.file import load_spec
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("examples/**/*.md"), ROOT / "bench/README.md"])
@@ -107,6 +109,17 @@ def test_python_on_the_first_page_runs(monkeypatch):
     for block in blocks((ROOT / "README.md").read_text(encoding="utf-8"), "python"):
         exec(compile(block, "README.md", "exec"), space)  # our own page
     assert space["tau"].shape == (3,)
+
+
+@pytest.mark.parametrize("name", sorted(FIGURES.values()))
+def test_scripts_of_the_examples_take_a_folder(name, tmp_path):
+    """``-o`` is an option of every script, none takes it for the name of a file; a wrong word is refused."""
+    for words, code, said in ((["--help"], 0, "-o "), (["--no-such-option"], 2, "unrecognized arguments")):
+        command = [sys.executable, str(ROOT / name), *words]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == code, done.stderr
+        assert said in done.stdout + done.stderr
+    assert not list(tmp_path.iterdir())
 
 
 def test_every_figure_is_made_by_a_command_on_a_page():

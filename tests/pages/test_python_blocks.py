@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from pages.reader import compare
 from pages.test_pages import ROOT, blocks
 
 BEFORE = {
@@ -26,6 +27,7 @@ T_far[:3, 3] *= 9
 """,
     "other-formats": "",
     "path-timing": "",
+    "python": "",
     "identification": """
 import numpy as np, rrrgen
 m = rrrgen.compile("rrr")
@@ -40,16 +42,22 @@ AFTER = {
     "inverse-kinematics": "assert np.abs(np.array(q).ravel() - answer.q[0]).max() < 1e-9",
     "path-timing": "assert motion.q_d.shape == (len(np.arange(0, timed.duration, 1e-3)), 7)",
     "other-formats": "assert rrrgen.load_spec('puma.yaml').n == 6",
+    "python": "assert abs(float(result[result.names[0]]) / model.beta[0] - 1) < 0.02 and identified.n == 2",
     "identification": "assert len(files) == 2 and estimator.parameters.shape == (13,)",
 }
 """Page -> a check of what its blocks computed."""
+
+PRINTED = ("index",)
+"""Pages that show what their Python prints."""
 
 ELSEWHERE = ('read_response_models("runs/', "import rrr_model")
 """Blocks that need a run folder or an installed wheel; other tests call these functions."""
 
 
 @pytest.mark.parametrize("page", BEFORE)
-def test_python_on_the_page_runs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_on_the_page_runs(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     if page == "other-formats":
         pytest.importorskip("roboticstoolbox", reason="the extra test is not installed")
     monkeypatch.chdir(tmp_path)
@@ -59,6 +67,9 @@ def test_python_on_the_page_runs(page: str, tmp_path: Path, monkeypatch: pytest.
     assert own
     for text in (BEFORE[page], *own, AFTER.get(page, "")):
         exec(compile(text, f"{page}.md", "exec"), space)  # our own page
+    if page in PRINTED:
+        (shown,) = blocks((ROOT / f"docs/{page}.md").read_text(encoding="utf-8"), "text")
+        compare(shown, capsys.readouterr().out)
 
 
 def test_every_page_with_python_is_run() -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 
 from pages.test_pages import PAGES, blocks
-from rrrgen.closed_loop.controller_file import loads_controller
-from rrrgen.experiments.experiment_file import loads_experiment
-from rrrgen.recordings.mapping_reader import loads_mapping
-from rrrgen.response.response_file import loads_response
-from rrrgen.robotfile import loads_spec as loads
+from rrrgen.lab.closed_loop.controller_file import loads_controller
+from rrrgen.lab.data.mapping_reader import loads_mapping
+from rrrgen.lab.experiment.experiment_file import loads_experiment
+from rrrgen.lab.response.response_file import loads_response
+from rrrgen.robot.file import loads_spec as loads
 
 HEAD = "schema: rrrgen/1\nname: arm\nconvention: standard\nunits: {angle: deg, length: mm}\ngravity: [0, 0, -9.81]\n"
 TWO = "joints:\n" + "".join(f"  - {{name: q{k}, type: revolute, alpha: 0, a: 300, d: 0, theta: 0}}\n" for k in (1, 2))

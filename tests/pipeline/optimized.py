@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from functools import cache
 
-from rrrgen import pipeline
+from rrrgen.derive import derive
+from rrrgen.derive.derived_cache import recall
 from rrrgen.derive.derived_model import DerivedModel
-from rrrgen.output.manifest import identify
-from rrrgen.robotfile import load_spec
-from rrrgen.runtime.derived_cache import recall
+from rrrgen.robot.file import load_spec
+from rrrgen.robot.identity import identify
 
 
 @cache
 def bundled(name: str) -> DerivedModel:
     """The bundled robot with all passes, or what the cache kept of it (tests/runtime/test_derived_cache.py)."""
     spec = load_spec(name)
-    return recall(spec, identify(spec), pipeline.derive)
+    return recall(spec, identify(spec), derive)

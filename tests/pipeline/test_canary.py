@@ -11,7 +11,7 @@ from derive.comparison import DOUBLE, Reference
 from oracles.newton_euler import Robot
 from oracles.random_robots import random_link
 from pipeline.optimized import bundled
-from rrrgen.derive.functions.table import FUNCTIONS
+from rrrgen.derive.functions.table import functions_of
 from rrrgen.program import Op, Program
 
 SWAPPED = {Op.ADD: Op.SUB, Op.SUB: Op.ADD}
@@ -39,7 +39,7 @@ def without_effect(program: Program) -> set[int]:
     return {program.nodes[k].args[0] for k in range(len(program.nodes)) if program.nodes[k].op is Op.SELECT}
 
 
-@pytest.mark.parametrize("function", [*FUNCTIONS, "forward_dynamics"])
+@pytest.mark.parametrize("function", functions_of("model", joints=3))
 def test_every_wrong_sign_is_noticed(reference, function):
     program = bundled("rrr").programs[function]
     assert reference.program_error(function, program) <= DOUBLE

@@ -12,14 +12,14 @@ import rrrgen
 from backends.c_tools import C99, CXX, compile_all, compiler, emitted, run
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, to_yaml
-from rrrgen import pipeline
-from rrrgen.backends.latex import plain
-from rrrgen.cli.model.description import as_data, as_text
+from rrrgen.cli.description import as_data, as_text
 from rrrgen.derive import derive_model
-from rrrgen.excitation.problem import ExcitationLimits
-from rrrgen.excitation.robot import robot_problem
-from rrrgen.report import html_report
-from rrrgen.robotfile import dumps, loads_spec
+from rrrgen.emit.html import html_report
+from rrrgen.emit.latex import plain
+from rrrgen.emit.package import emit
+from rrrgen.lab.design.problem import ExcitationLimits
+from rrrgen.lab.design.robot import robot_problem
+from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.verify import verify
 
 pytestmark = pytest.mark.usefixtures("unoptimized")
@@ -206,7 +206,7 @@ def test_torques_that_an_excitation_bounds_hold_the_drives(case):
 def test_what_is_printed_names_the_coupling(case):
     truth, model, _ = case
     derived = model.derived
-    files = pipeline.emit(derived)
+    files = emit(derived)
     header, manifest = files[f"{model.spec.name}.h"], files["manifest.json"]
     for text in (header, as_text(derived), html_report(derived, {}).replace("²", "^2")):
         assert "-1/2*drive_1 + drive_2" in text.replace("−", "-")

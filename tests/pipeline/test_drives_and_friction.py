@@ -8,7 +8,7 @@ import pytest
 import rrrgen
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, to_yaml
-from rrrgen.robotfile import loads_spec
+from rrrgen.robot.file import loads_spec
 from rrrgen.verify import verify
 
 pytestmark = pytest.mark.usefixtures("unoptimized")

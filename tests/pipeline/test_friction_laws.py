@@ -13,16 +13,16 @@ from ruamel.yaml import YAML
 import rrrgen
 from control.test_emitted_programs import Emitted
 from friction.test_models import EXAMPLES
-from rrrgen.backends.c.functions import function_files
-from rrrgen.errors import InputError
-from rrrgen.friction.laws import LAWS
-from rrrgen.friction.models import FrictionModel
-from rrrgen.friction.stated import MixedFriction, robot_friction
-from rrrgen.friction_estimation.robot_file import with_friction
-from rrrgen.robotfile import dumps, json_schema, loads_spec
+from rrrgen.base.errors import InputError
+from rrrgen.emit.c.function_files import function_files
+from rrrgen.lab.friction.robot_file import with_friction
+from rrrgen.robot.file import dumps, json_schema, loads_spec
+from rrrgen.robot.friction.laws import LAWS
+from rrrgen.robot.friction.models import FrictionModel
+from rrrgen.robot.friction.stated import MixedFriction, robot_friction
 from rrrgen.verify.against_newton_euler import check_friction
 from rrrgen.verify.comparison import DOUBLE, Collector
-from rrrgen.verify.references.chain import chain_of
+from rrrgen.verify.references.numeric_robot import chain_of
 from rrrgen.verify.subject import draw_states
 
 HEAD = """schema: rrrgen/1

@@ -18,12 +18,13 @@ import numpy as np
 import pytest
 
 from backends.formula_reading import compute, read_latex, read_mathml
-from rrrgen import pipeline
-from rrrgen.backends.latex import latex_base_parameters
-from rrrgen.cli.model.description import as_data, as_text
-from rrrgen.derive.parameter_listing import listing
-from rrrgen.report import html_report
-from rrrgen.robotfile import load_spec, loads_spec
+from rrrgen.cli.description import as_data, as_text
+from rrrgen.derive import derive
+from rrrgen.derive.parameters.listing import listing
+from rrrgen.emit.html import html_report
+from rrrgen.emit.latex import latex_base_parameters
+from rrrgen.emit.package import emit
+from rrrgen.robot.file import load_spec, loads_spec
 
 ROUND_OFF = 1e-14
 """Relative to the sum of the magnitudes in play, which no expression of ours multiplies by more than about ten."""
@@ -84,12 +85,12 @@ ROBOTS = {
 
 @cache
 def derived(robot: str) -> Any:
-    return pipeline.derive(ROBOTS[robot]())
+    return derive(ROBOTS[robot]())
 
 
 @cache
 def emitted(robot: str) -> dict[str, str]:
-    return pipeline.emit(derived(robot))
+    return emit(derived(robot))
 
 
 @cache

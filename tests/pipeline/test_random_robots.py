@@ -11,12 +11,12 @@ from hypothesis import Phase, given, settings
 
 from derive.comparison import DOUBLE, FRICTION, Reference, failures
 from oracles.random_robots import random_robot, robots, to_yaml
+from rrrgen.base.parallel import without_collection
 from rrrgen.derive import derive_model
-from rrrgen.derive.functions.table import FUNCTIONS
-from rrrgen.optimize import optimize
-from rrrgen.output.manifest import identify
-from rrrgen.pipeline import without_collection
-from rrrgen.robotfile import loads_spec
+from rrrgen.derive.functions.table import functions_of
+from rrrgen.derive.optimizer import Optimizer
+from rrrgen.robot.file import loads_spec
+from rrrgen.robot.identity import identify
 from rrrgen.runtime.load import load_model
 from rrrgen.verify import verify
 
@@ -36,10 +36,10 @@ def derived(robot, states=2):
     reference = Reference(robot, np.array(recorded.base_projection), states)
     ways = {name: programs for name, programs in recorded.alternatives.items() if name not in FRICTION}
     assert failures(reference, ways) == {}
-    optimized = optimize(recorded)
+    optimized = Optimizer()(recorded)
     programs = {name: (program,) for name, program in optimized.programs.items() if name not in FRICTION}
     with_parameters = {name for name in programs if f"{name}_nominal" in programs}
-    assert (set(FUNCTIONS) | {"forward_dynamics"}) - FRICTION <= set(programs)
+    assert set(functions_of("model", robot.n)) - FRICTION <= set(programs)
     assert {"mass_matrix", "inverse_dynamics", "forward_dynamics"} <= with_parameters
     assert failures(reference, programs) == {}
     return optimized, reference

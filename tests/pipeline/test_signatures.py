@@ -8,14 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.signature import prototype
-from rrrgen.backends.description import programs_of
 from rrrgen.derive import derive_model
-from rrrgen.derive.functions.from_programs import with_forward_dynamics
 from rrrgen.derive.functions.table import GROUPS
+from rrrgen.derive.optimizer import combined
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.header_comments import prototype
+from rrrgen.emit.description import programs_of
 from rrrgen.program import evaluate
-from rrrgen.robotfile import loads_spec
+from rrrgen.robot.file import loads_spec
 
 ARM = """
 schema: rrrgen/1
@@ -55,7 +55,7 @@ def model(stated: str):
     joint, more = STATED[stated]
     recorded = derive_model(loads_spec(ARM.replace("STATED", joint) + more), tuple(GROUPS))
     programs = {name: variants[0] for name, variants in recorded.alternatives.items()}
-    return recorded.optimized(programs | with_forward_dynamics(recorded.derivation, programs), ())
+    return recorded.optimized(programs | combined("forward_dynamics", recorded.derivation, programs), ())
 
 
 def prototypes(stated: str) -> dict[str, str]:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.program import Builder, Op, Port, Program, Scalar, evaluate
 from rrrgen.program.builder import replay
 from rrrgen.program.nodes import ARITY

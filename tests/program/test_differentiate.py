@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from backends.casadi_cases import arguments, random_program
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.program import Builder, Op, Port, Program, count_operations, evaluate
-from rrrgen.program.differentiate import jacobian
+from rrrgen.program.differentiation import jacobian
 
 DIGITS = 40
 ROUND_OFF = 1e-12  # relative to the largest derivative: the program computes in double, the reference does not
@@ -93,7 +93,7 @@ def test_ports_of_the_result_and_its_shared_evaluation():
 
 
 def test_what_has_no_rule_is_an_internal_error(monkeypatch):
-    from rrrgen.program import differentiate
+    from rrrgen.program import differentiation as differentiate
 
     with pytest.raises(InternalError, match="no derivative rule"):
         differentiate._partials(Builder(), Op.SELECT, [1, 2, 3], 1)

@@ -19,7 +19,7 @@ def example() -> Program:
         (Port("none", (0,)), []),
         (Port("v", (2,), "rad/s", role=Role.VELOCITY), [-q[0], Fraction(31415926535897932, 10**16) + k]),
     ]
-    status = Status(1, "too cold", "the oil is too cold", "k is not positive")
+    status = Status.of(1, "too cold", "the oil is too cold", "k is not positive")
     return b.program("example", outputs, "Everything at once.", "y = ...\nv = ...", status=status)
 
 

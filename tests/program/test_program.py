@@ -1,9 +1,9 @@
 """What a program says about itself: the function that it specializes."""
 
-from rrrgen.backends.c.sources import source_parts
-from rrrgen.pipeline import derive
+from rrrgen.derive import derive
+from rrrgen.emit.c.sources import source_parts
 from rrrgen.program import Program, specialization
-from rrrgen.robotfile import load_spec
+from rrrgen.robot.file import load_spec
 
 
 def program(name: str, specializes: str = "") -> Program:

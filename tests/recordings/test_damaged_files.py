@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rrrgen.errors import InputError
-from rrrgen.recordings.mapping import FileSource
-from rrrgen.recordings.readers import guarded_table
-from rrrgen.recordings.readers.reading_process import _Memory
-from rrrgen.recordings.readers.table_formats import open_table
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.mapping import FileSource
+from rrrgen.lab.data.tables import guarded_table
+from rrrgen.lab.data.tables.reading_process import _Memory
+from rrrgen.lab.data.tables.table_formats import open_table
 
 
 def read(path: Path, columns, **source):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from rrrgen.errors import InputError
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, load_stream, open_log, read_log
-from rrrgen.recordings.mapping_reader import loads_mapping
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.mapping_reader import loads_mapping
+from rrrgen.lab.data.recordings import Log, load_stream, open_log, read_log
 from samples.recordings import fourier_motion, write_log
 
 ROUND_OFF = 1e-12  # relative: one multiplication and one addition per number

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rrrgen.errors import InputError
-from rrrgen.recordings.logs import check_robot
-from rrrgen.recordings.mapping_reader import load_mapping, loads_mapping
-from rrrgen.robotfile import load_spec
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.mapping_reader import load_mapping, loads_mapping
+from rrrgen.lab.data.recordings import check_robot
+from rrrgen.robot.file import load_spec
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
-from rrrgen.errors import InputError
-from rrrgen.recordings.log_stream import LogStream
-from rrrgen.recordings.logs import Log, load_stream, open_log
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.recordings import Log, load_stream, open_log
 from samples.recordings import write_log
 
 

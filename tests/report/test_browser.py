@@ -18,9 +18,9 @@ import pytest
 from pipeline.optimized import bundled
 from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import closed_form
+from rrrgen.emit.html import html_report
+from rrrgen.emit.html.motions import Illustration, Motion
 from rrrgen.program import evaluate
-from rrrgen.report import html_report
-from rrrgen.report.motions import Illustration, Motion
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")

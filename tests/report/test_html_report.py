@@ -20,22 +20,23 @@ import pytest
 
 from oracles.newton_euler import Robot, frames
 from pipeline.optimized import bundled
-from rrrgen.backends.latex import Walk, latex
+from rrrgen.base.errors import InputError
+from rrrgen.cli.html import verification
 from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms.closed_form import closed_form
-from rrrgen.derive.functions.table import GROUPS
-from rrrgen.errors import InputError
+from rrrgen.derive.functions.table import recorders
+from rrrgen.emit.html import html_report
+from rrrgen.emit.html.geometry import zero_pose
+from rrrgen.emit.html.mathml import MathmlMarkup
+from rrrgen.emit.html.motions import Illustration, Motion
+from rrrgen.emit.html.scene import POSES, scene
+from rrrgen.emit.html.sketch import HEIGHT, WIDTH, frame_sketch
+from rrrgen.emit.html.tables import dh_exact, dh_numbers, stated
+from rrrgen.emit.latex import Walk, latex
 from rrrgen.program import evaluate
-from rrrgen.report import html_report
-from rrrgen.report.geometry import zero_pose
-from rrrgen.report.mathml import MathmlMarkup
-from rrrgen.report.motions import Illustration, Motion
-from rrrgen.report.scene import POSES, scene
-from rrrgen.report.sketch import HEIGHT, WIDTH, frame_sketch
-from rrrgen.report.tables import dh_exact, dh_numbers, stated
-from rrrgen.robotfile import bundled_names, bundled_path, load_spec, loads_spec
-from rrrgen.verify.references.chain import chain_of
+from rrrgen.robot.file import bundled_names, bundled_path, load_spec, loads_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of
 from rrrgen.verify.report import Report, Row
 
 GEOMETRY = 1e-12  # the same products of transforms, metres
@@ -131,11 +132,13 @@ def test_closed_forms_appear_as_mathml() -> None:
 def test_verification_table_shows_failures() -> None:
     good = Row("inverse_dynamics", "Newton-Euler", "random", 100, 3.2e-15, 1e-11)
     bad = Row("gravity", "Newton-Euler", "random", 100, 0.5, 1e-11, "sign")
-    passed = html_report(bundled("rrr"), {}, Report("rrr", 100, 7, (good,), (("MuJoCo", "not installed"),)))
+    passed = html_report(
+        bundled("rrr"), {}, verification(Report("rrr", 100, 7, (good,), (("MuJoCo", "not installed"),)))
+    )
     assert "All comparisons pass" in passed
     assert 'class="failed"' not in passed
     assert "MuJoCo" in passed
-    failed = html_report(bundled("rrr"), {}, Report("rrr", 100, 7, (good, bad)))
+    failed = html_report(bundled("rrr"), {}, verification(Report("rrr", 100, 7, (good, bad))))
     assert "Some comparisons FAIL" in failed
     assert failed.count('class="failed"') == 1
     assert ["gravity", "Newton-Euler", "random", "100", "5.0e-01", "1e-11", "FAIL: sign"] in read(failed).rows
@@ -256,7 +259,7 @@ def test_sketch_stays_on_its_sheet(name: str) -> None:
 def test_a_mechanism_is_shown_with_its_branches_and_couplings() -> None:
     spec = load_spec(Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "robot.yaml")
     recorded = prepare(spec)
-    program = GROUPS["model"]["forward_kinematics"][0](recorded.recording())
+    program = recorders("forward_kinematics")[0](recorded.recording())
     data = scene(SimpleNamespace(spec=spec, programs={"forward_kinematics": program}))
     assert [row["parent"] for row in data["rows"]] == [-1, 0, 0, 2, 1, 4, 5]
     assert data["rows"][3]["factors"] == [0, 1, -1, 0]
@@ -284,12 +287,11 @@ def test_a_mechanism_is_shown_with_its_branches_and_couplings() -> None:
 
 _HASH = """
 import hashlib
-from rrrgen.backends.latex import latex
-from rrrgen.derive import prepare
+from rrrgen.emit.latex import latex
 from rrrgen.derive.closed_forms.closed_form import closed_form
-from rrrgen.pipeline import derive
-from rrrgen.report import html_report
-from rrrgen.robotfile import load_spec
+from rrrgen.derive import derive, prepare
+from rrrgen.emit.html import html_report
+from rrrgen.robot.file import load_spec
 m = derive(load_spec("rrr"))
 forms = {f: closed_form(prepare(m.spec), f).matrix() for f in ("mass_matrix", "coriolis")}
 print(hashlib.sha256((html_report(m, forms) + latex(forms, cse_limit=20)).encode()).hexdigest())

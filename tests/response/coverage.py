@@ -20,8 +20,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from rrrgen.excitation.response.signals import excitation_signal
-from rrrgen.response.estimators.estimate import METHODS, estimate_one
+from rrrgen.lab.design.signals import excitation_signal
+from rrrgen.lab.response.estimate import METHODS, estimate_one
 from samples.flexible_joint import CONTROLLER, PERIOD, FlexibleJoint, flexible_joint, multisine, record
 
 SIGNALS, STRENGTHS, DISTURBANCES = ("multisine", "noise"), (2.0, 7.0), (0.2, 1.0)

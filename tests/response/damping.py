@@ -18,8 +18,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from rrrgen.response.estimators.estimate import estimate_one
-from rrrgen.response.models.modal_fit import fit_modes
+from rrrgen.lab.response.estimate import estimate_one
+from rrrgen.lab.response.modal_fit import fit_modes
 from samples.flexible_joint import flexible_joint, multisine, record
 
 FREQUENCY, DAMPING, SHARE = 5e-3, 0.1, 0.95

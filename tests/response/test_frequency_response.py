@@ -1,19 +1,20 @@
 """Frequency responses of a flexible joint in closed loop, against the exact discrete truth."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import cli, run
-from rrrgen.errors import DerivationError, InputError
-from rrrgen.excitation.response.signals import excitation_signal
-from rrrgen.response.estimators.estimate import combine, estimate_one
-from rrrgen.response.estimators.excitation_period import find_period
-from rrrgen.response.frequency_response import read_responses
-from rrrgen.response.models.modal_fit import fit_modes
-from rrrgen.response.response_file import loads_response, read_recordings
+from rrrgen.lab.design.signals import excitation_signal
+from rrrgen.lab.response.estimate import combine, estimate_one
+from rrrgen.lab.response.excitation_period import find_period
+from rrrgen.lab.response.frequency_response import read_responses
+from rrrgen.lab.response.modal_fit import fit_modes
+from rrrgen.lab.response.response_file import loads_response, read_recordings
 from samples.flexible_joint import CONTROLLER, PERIOD, flexible_joint, multisine, record
 
 SAMPLES = 20000  # 20 s
@@ -251,6 +252,17 @@ def test_realisations_tell_noise_from_distortion():
     assert np.median(mean.band95) < np.median(linear[0].band95)
     rough = [estimate_one(record(rng, multisine(rng, 8000), speed=0.05, friction=2.0)) for _ in range(3)]
     assert combine(rough, "mean").findings[0].kind == "distortion"
+
+
+def test_a_ratio_to_no_noise_at_all_is_not_printed_as_a_number():
+    """Without noise the ratio is one to round-off, 1e20: its digits mean nothing."""
+    rng = np.random.default_rng(4)
+    quiet = record(rng, multisine(rng, SAMPLES), speed=0.5, resolution=2e-4, disturbance=0.0)
+    period = find_period(quiet.n)
+    same = {name: np.resize(getattr(quiet, name)[:period], len(quiet.q)) for name in ("n", "u", "q")}
+    found = estimate_one(replace(quiet, **same))  # every period the same to the last bit
+    assert found.findings[0].measure > 1e6
+    assert "more than 1000 times as much as its noise" in found.findings[0].message
 
 
 def write(folder, recording, extra="", columns=("1", "2", "3")):

@@ -11,13 +11,13 @@ import pytest
 from numpy.polynomial.polynomial import polyadd
 
 from backends.c_tools import C99, CXX, compile_all, compiler
-from rrrgen.backends.c.functions import function_files
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.control.linear_step import linear_step_program
-from rrrgen.control.state_space import realize
-from rrrgen.errors import InputError
-from rrrgen.response.models.postures import modes_over_postures
-from rrrgen.response.models.response_model import Resonance, ResponseModel, read_response_models
+from rrrgen.emit.c.function_files import function_files
+from rrrgen.emit.controller.linear_step import linear_step_program
+from rrrgen.emit.controller.state_space import realize
+from rrrgen.lab.response.postures import modes_over_postures
+from rrrgen.lab.response.response_model import Resonance, ResponseModel, read_response_models
 from samples.flexible_joint import PERIOD, flexible_joint, multisine, record
 
 DAISY = Path(__file__).resolve().parents[3] / "shared" / "data" / "daisy_robot_arm" / "robot_arm.dat"
@@ -184,8 +184,8 @@ def test_python_control_has_the_same_response(recorded, tmp_path):
     # in a process of its own: beside these tests, "control" is a folder of tests
     code = (
         "import sys, json, numpy\n"
-        "from rrrgen.errors import MissingExtraError\n"
-        "from rrrgen.response.models.response_model import read_response_models\n"
+        "from rrrgen.base.errors import MissingExtraError\n"
+        "from rrrgen.lab.response.response_model import read_response_models\n"
         "try:\n    G = read_response_models(sys.argv[1])[1].to_control()\n"
         "except MissingExtraError:\n    sys.exit(5)\n"
         "P = G(numpy.exp(2j * numpy.pi * numpy.linspace(1, 400, 50) * G.dt))\n"

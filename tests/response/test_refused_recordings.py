@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rrrgen.errors import DerivationError, InputError
-from rrrgen.response.controller import Controller
-from rrrgen.response.estimators.estimate import estimate_one
-from rrrgen.response.response_file import ResponseRecording, loads_response, read_recordings
+from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.lab.response.controller import Controller
+from rrrgen.lab.response.estimate import estimate_one
+from rrrgen.lab.response.response_file import ResponseRecording, loads_response, read_recordings
 from samples.flexible_joint import CONTROLLER, KD, KP, PERIOD, flexible_joint, multisine, record
 
 SAMPLES = 10000

@@ -6,15 +6,15 @@ import json
 import numpy as np
 import pytest
 
+from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import run
-from rrrgen.errors import DerivationError, InputError
-from rrrgen.response.estimators.estimate import estimate_one
-from rrrgen.response.models.armax import armax
-from rrrgen.response.models.difference_models import fit_difference_model, free_run, plant_of_loop
-from rrrgen.response.models.equations import arx
-from rrrgen.response.models.modal_fit import _Lines, _residual, _slopes, fit_modes
-from rrrgen.response.models.response_model import ResponseModel
-from rrrgen.response.response_file import ResponseRecording
+from rrrgen.lab.response.armax import armax
+from rrrgen.lab.response.difference_models import fit_difference_model, free_run, plant_of_loop
+from rrrgen.lab.response.equations import arx
+from rrrgen.lab.response.estimate import estimate_one
+from rrrgen.lab.response.modal_fit import _Lines, _residual, _slopes, fit_modes
+from rrrgen.lab.response.response_file import ResponseRecording
+from rrrgen.lab.response.response_model import ResponseModel
 from samples.flexible_joint import CONTROLLER, MODES, PERIOD, flexible_joint, multisine, record
 
 TWO_MODES = (np.array([2.6, -2.9, 1.78, -0.55]), np.array([0.5, -0.3, 0.1]))

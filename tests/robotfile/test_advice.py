@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from rrrgen.errors import InputError
-from rrrgen.robotfile import loads_spec
-from rrrgen.yamltext.advice import added_number, with_point
+from rrrgen.base.errors import InputError
+from rrrgen.base.yamltext.advice import added_number, with_point
+from rrrgen.robot.file import loads_spec
 
 FILE = """\
 schema: rrrgen/1

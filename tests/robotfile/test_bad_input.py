@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.errors import InputError
-from rrrgen.robotfile import load_spec, loads_spec
+from rrrgen.base.errors import InputError
+from rrrgen.robot.file import load_spec, loads_spec
 from tests.robotfile.sample import SAMPLE, spoil
 
 # old text, new text, place of the fault, part of its message, part of its hint
@@ -88,6 +88,9 @@ ERRORS = {
     "leading zero": ("a2: 0.200", "a2: 010", "6:18", "not an expression", "no leading zero"),
     "open parenthesis": ("a: a2", "a: (a2", "9:36", "not an expression", "allowed are"),
     "negative mass": ("mass: 3", "mass: -3", "12:12", "mass of link 2 is negative", ""),
+    "huge mass": ("mass: 3", "mass: 1e16", "12:12", "mass of link 2 is 1e+16", "at most 1e+15"),
+    "device as robot": ("elbow3", "CON", "2:7", "a device of Windows", "CON_robot"),
+    "digits of another script": ("a2: 0.200", "a2: ٣", "6:18", "the character '٣' is not allowed", ""),
     "irrational mass": ("mass: 3", "mass: pi", "12:12", "mass of link 2 is not a rational number", "decimal"),
     "reflection": ("tool: {}", "tool: {rotation: [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}", "13:18", "a reflection", "+1"),
     "not orthonormal": ("tool: {}", "tool: {rotation: [[1, 0, 0], [0, 1, 0], [0, 0.1, 1]]}", "13:18",
@@ -173,6 +176,19 @@ def test_warning_is_kept_in_the_spec(case: str) -> None:
     assert hint in found[0].hint
 
 
+@pytest.mark.parametrize(("bare", "unit"), [("3", ""), ("0.5", ""), ("3", " deg/s"), ("180", "")])
+def test_slow_joints_in_the_units_of_the_file(bare: str, unit: str) -> None:
+    """`velocity: 3` under `units: {angle: deg}` are 3 deg/s, which hardly anyone means; with a unit nothing is said."""
+    text = SAMPLE.replace("angle: rad", "angle: deg").replace("alpha: pi/2", "alpha: 90")
+    stated = text.replace("theta: 0}\n  -", f"theta: 0, limits: {{velocity: {bare}{unit}}}}}\n  -")
+    said = [fault for fault in loads_spec(stated, "r.yaml").faults if "velocity" in fault.message]
+    if unit or float(bare) > 10:
+        assert not said
+    else:
+        assert f"velocity of joint 1 is {bare} deg/s" in said[0].message
+        assert f"write {bare} rad/s, or {bare} deg/s" in said[0].hint
+
+
 @pytest.mark.parametrize("bare", ["1.5704", "1.56", "0.7854", "1.58", "0.5", "pi/2", "0", "3/2"])
 def test_other_angles_are_not_warned_about(bare: str) -> None:
     assert loads_spec(spoil("alpha: pi/2", f"alpha: {bare}")).faults == ()
@@ -243,7 +259,7 @@ ROBUST = {
     "many signs": (spoil("a: a2", "a: " + "-" * 3000 + "1"), "is not an expression"),
     "long sum": (spoil("a: a2", "a: " + "+".join(["a2"] * 1200)), ""),
     "long value": (spoil("a: a2", "a: " + "1 + " * 1500 + "1"), "longer than 4000 characters"),
-    "many joints": (SAMPLE.replace("links:", "  - {}\n" * 30 + "links:"), "at most 20"),
+    "many joints": (SAMPLE.replace("links:", "  - {}\n" * 70 + "links:"), "at most 64"),
     "many faults": ("\n".join(f"k{i}: 1" for i in range(5000)), "unknown key 'k0'"),
 }
 LONGEST_SECONDS = 20  # measured below 2 s of processor time; room for a loaded machine

@@ -11,9 +11,9 @@ import pytest
 import sympy as sp
 from ruamel.yaml import YAML
 
-from rrrgen.errors import InputError
-from rrrgen.output.manifest import identify
-from rrrgen.robotfile import DrivesSpec, FrictionSpec, MotorSpec, dumps, json_schema, load_spec, loads_spec
+from rrrgen.base.errors import InputError
+from rrrgen.robot.file import DrivesSpec, FrictionSpec, MotorSpec, dumps, json_schema, load_spec, loads_spec
+from rrrgen.robot.identity import identify
 
 HEAD = """schema: rrrgen/1
 name: wrist

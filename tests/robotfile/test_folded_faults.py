@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rrrgen.errors import Fault, InputError
-from rrrgen.robotfile import loads_spec
+from rrrgen.base.errors import Fault, InputError
+from rrrgen.robot.file import loads_spec
 
 ARM = """\
 schema: rrrgen/1

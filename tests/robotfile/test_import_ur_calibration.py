@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrrgen.errors import InputError
-from rrrgen.model import build_model
-from rrrgen.robotfile.importers.importing import import_robot
+from rrrgen.base.errors import InputError
+from rrrgen.robot.importers.importing import import_robot
+from rrrgen.robot.model import build_model
 
 FAR_AWAY = """\
 # lists of an arm whose upper axes are nearly parallel
@@ -77,7 +77,7 @@ FAULTS = {
                 "dh_alpha: 3", "5:11", "not a list"),
     "missing": ("dh_a: ", "dh_b: ", "2:1", "there is no list 'dh_a'"),
     "empty": ("0.8125", "~", "2:23", "an entry of dh_theta is nothing"),
-    "too large": ("0.8125", "1e300 * 1e300", "2:23", "an entry of dh_theta is no finite number"),
+    "too large": ("0.8125", "1e300 * 1e300", "2:23", "an entry of dh_theta is about 1e+600"),
     "word": ("0.8125", "os.getcwd()", "2:23", "dh_theta:"),
     "twice": ("hash:", "dh_a:", "6:1", "duplicate key 'dh_a'"),
     "yaml": ("hash:", "]", "6:1", "not valid YAML"),
@@ -95,3 +95,29 @@ def test_faults_are_located(case, tmp_path):
     assert any(
         str(fault).startswith(f"{file}:{place}") and message in fault.message for fault in caught.value.faults
     ), str(caught.value)
+
+
+NOMINAL = {
+    "dh_theta": [0, 0, 0, 0, 0, 0],
+    "dh_a": [0, -0.425, -0.3922, 0, 0, 0],
+    "dh_d": [0.1625, 0, 0, 0.1333, 0.0997, 0.0996],
+    "dh_alpha": [1.570796, 0, 0, 1.570796, -1.570796, 0],
+}
+WRONG_UNITS = {
+    "dh_alpha": ([90, 0, 0, 90, -90, 0], "an entry of dh_alpha is 90 rad", "90 degrees are 1.5708"),
+    "dh_theta": ([0, 0, 0, -180, 0, 0], "an entry of dh_theta is -180 rad", "-180 degrees are -3.14159"),
+    "dh_a": ([0, -425, -392, 0, 0, 0], "an entry of dh_a is -425 m", "-425 mm are -0.425"),
+    "dh_d": ([0.1625, 0, 0, 400, 0.0997, 0.0996], "the tip is 400", "lengths are in m"),
+}
+
+
+@pytest.mark.parametrize("key", WRONG_UNITS)
+def test_degrees_and_millimetres_are_refused(key, tmp_path):
+    def lists(columns):
+        return "".join(f"{name}: {values}\n" for name, values in columns.items())
+
+    assert import_robot(write(tmp_path, lists(NOMINAL))).spec.n == 6
+    values, message, hint = WRONG_UNITS[key]
+    with pytest.raises(InputError) as caught:
+        import_robot(write(tmp_path, lists(NOMINAL | {key: values})))
+    assert any(message in fault.message and hint in fault.hint for fault in caught.value.faults), caught.value

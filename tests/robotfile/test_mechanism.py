@@ -7,9 +7,9 @@ import pytest
 import sympy as sp
 from ruamel.yaml import YAML
 
-from rrrgen.errors import InputError
-from rrrgen.output.manifest import identify
-from rrrgen.robotfile import dumps, json_schema, loads_spec
+from rrrgen.base.errors import InputError
+from rrrgen.robot.file import dumps, json_schema, loads_spec
+from rrrgen.robot.identity import identify
 
 TEXT = """\
 schema: rrrgen/1

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.errors import InputError
-from rrrgen.robotfile import RobotSpec, bundled_path, dumps, load_spec, loads_spec
+from rrrgen.base.errors import InputError
+from rrrgen.robot.file import RobotSpec, bundled_path, dumps, load_spec, loads_spec
 from tests.robotfile.sample import SAMPLE
 
 ROBOTS = [SAMPLE, *(bundled_path(name).read_text(encoding="utf-8") for name in ("rrr", "stanford", "panda"))]

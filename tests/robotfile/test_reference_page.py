@@ -7,7 +7,7 @@ from pathlib import Path
 from click.testing import CliRunner
 
 from rrrgen.cli.main import cli
-from rrrgen.robotfile.keys import SECTIONS
+from rrrgen.robot.file.fields import SECTIONS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "robot-file.md"
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from rrrgen.robotfile import LinkSpec, RobotSpec, bundled_names, bundled_path, load_spec
-from rrrgen.robotfile.links import is_positive_semidefinite, physical_fault, principal_moments
+from rrrgen.robot.file import LinkSpec, RobotSpec, bundled_names, bundled_path, load_spec
+from rrrgen.robot.file.links import is_positive_semidefinite, physical_fault, principal_moments
 
 JOINTS = {"rrr": "RRR", "planar2r": "RR", "scara": "RRPR", "stanford": "RRPRRR", "puma560": "RRRRRR", "ur5": "RRRRRR",
           "ur10e": "RRRRRR", "iiwa14": "RRRRRRR", "panda": "RRRRRRR", "pendulum": "R", "gantry": "PPP"}  # fmt: skip
@@ -219,6 +219,8 @@ def test_loading_is_fast(name: str) -> None:
 
 def test_the_room_imports_nothing_heavy() -> None:
     heavy = "{'sympy', 'ruamel', 'numpy'}"
-    code = f"import sys, rrrgen.robotfile; rrrgen.robotfile.bundled_names(); print(sorted({heavy} & set(sys.modules)))"
+    code = (
+        f"import sys, rrrgen.robot.file; rrrgen.robot.file.bundled_names(); print(sorted({heavy} & set(sys.modules)))"
+    )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert shown.stdout.strip() == "[]"

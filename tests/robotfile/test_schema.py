@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from rrrgen.robotfile import bundled_names, bundled_path, dumps, json_schema, load_spec
+from rrrgen.robot.file import bundled_names, bundled_path, dumps, json_schema, load_spec
 from tests.robotfile.sample import SAMPLE
 
 jsonschema = pytest.importorskip("jsonschema", reason="jsonschema is not installed")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from robotfile.sample import SAMPLE
-from rrrgen.errors import InputError
-from rrrgen.robotfile import dumps, load_spec, loads_spec
-from rrrgen.verify.references.chain import chain_of
+from rrrgen.base.errors import InputError
+from rrrgen.robot.file import dumps, load_spec, loads_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of
 
 TOOLS = "tools:\n  camera: {translation: [0, 0.1, 0.2], rpy: [0, pi/2, 0]}\n  pin: {}\n"
 

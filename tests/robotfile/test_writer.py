@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from rrrgen.robotfile import (
+from rrrgen.robot.file import (
     BasisSpec,
     DriveSpec,
     FixedTransform,
@@ -25,8 +25,8 @@ from rrrgen.robotfile import (
     load_spec,
     loads_spec,
 )
-from rrrgen.robotfile.robot_spec import parameter_symbol
-from rrrgen.robotfile.writer import number_text, quoted
+from rrrgen.robot.file.writer import number_text, quoted
+from rrrgen.robot.robot_spec import parameter_symbol
 
 
 @pytest.mark.parametrize("name", bundled_names())

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from rrrgen.runs.figures import new_figure, save_figure, style_axes
+from rrrgen.lab.data.figure_style import new_figure, save_figure, style_axes
 
 
 def test_pixels_are_enough_for_print(tmp_path: Path, print_resolution: None) -> None:

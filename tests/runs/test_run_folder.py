@@ -8,9 +8,9 @@ import signal
 import numpy as np
 import pytest
 
-from rrrgen.errors import InputError
-from rrrgen.runs.run_folder import RunFolder, hash_of, plain, write_atomically
-from rrrgen.version import VERSION
+from rrrgen.base.errors import InputError
+from rrrgen.base.version import VERSION
+from rrrgen.lab.data.run_folder import RunFolder, hash_of, plain, write_atomically
 
 
 def opened(tmp_path, settings=None, seed=0, fresh=False, text="a"):
@@ -73,7 +73,7 @@ def test_a_run_of_another_version_is_refused_and_says_so(tmp_path, monkeypatch):
         folder.stage("first", lambda: 1)
     digest = folder.digest
     with monkeypatch.context() as patch:
-        patch.setattr("rrrgen.runs.run_folder.VERSION", "99.1")
+        patch.setattr("rrrgen.lab.data.run_folder.VERSION", "99.1")
         with pytest.raises(InputError, match=rf"with rrrgen {re.escape(VERSION)}, and this is 99\.1"):
             opened(tmp_path)
         with opened(tmp_path, fresh=True) as other:

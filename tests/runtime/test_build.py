@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.cache import cache_directory, digest, keep_library, prune, store, touch
-from rrrgen.errors import BuildError
+from rrrgen.base.cache import cache_directory, digest, keep_library, prune, store, touch
+from rrrgen.base.errors import BuildError
+from rrrgen.emit.c import compilers as compiler
 from rrrgen.runtime import build as build_module
-from rrrgen.runtime import compiler
 from rrrgen.runtime.build import build_extension
 
 SOURCES = {
@@ -209,3 +209,21 @@ def test_digests_keep_their_parts_apart_and_files_appear_whole(tmp_path):
     store(tmp_path / "x", b"2")
     assert (tmp_path / "x").read_bytes() == b"2"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_cache_where_nothing_may_be_run(cache, monkeypatch):
+    """On a disk mounted noexec the loader fails however often one tries: the message says what helps."""
+    create = build_module.ExtensionFileLoader.create_module
+
+    def refuse(loader, spec):
+        if str(cache) not in loader.path:
+            return create(loader, spec)
+        raise ImportError("failed to map segment from shared object")
+
+    flags = os.ST_NOEXEC | os.ST_NOSUID
+    monkeypatch.setattr(build_module.ExtensionFileLoader, "create_module", refuse)
+    monkeypatch.setattr(build_module.os, "statvfs", lambda _: os.statvfs_result((0,) * 8 + (flags, 255)))
+    with pytest.raises(BuildError, match=r"mounted noexec.*RRRGEN_CACHE.*backend='numpy'") as caught:
+        build_extension(SOURCES, CDEF, "twice")
+    assert "try again" not in str(caught.value)
+    assert len(libraries(cache)) == 1

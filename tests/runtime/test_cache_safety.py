@@ -9,10 +9,10 @@ import time
 
 import pytest
 
-from rrrgen import cache as cache_module
-from rrrgen.cache import cache_directory, keep, keep_library, prune, recall, recall_library
+from rrrgen.base import cache as cache_module
+from rrrgen.base.cache import cache_directory, keep, keep_library, prune, recall, recall_library
+from rrrgen.base.errors import StorageError
 from rrrgen.cli.main import run
-from rrrgen.errors import StorageError
 from rrrgen.runtime import build as build_module
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="Windows guards the user's folders by access lists")

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import BuildError
-from rrrgen.runtime import build, compiler
-from rrrgen.runtime.compiler import NATIVE, Compiler, find_compiler
+from rrrgen.base.errors import BuildError
+from rrrgen.emit.c import compilers as compiler
+from rrrgen.emit.c.compilers import NATIVE, Compiler, find_compiler
+from rrrgen.runtime import build
 
 CLANG = shutil.which("clang")
 CL = r"C:\Program Files\Microsoft Visual Studio\VC\bin\cl.exe"

@@ -9,12 +9,10 @@ import pytest
 
 from backends.c_tools import IDENTITY
 from backends.planar import planar_model
-from rrrgen import pipeline
-from rrrgen.cache import cache_directory, keep
-from rrrgen.derive import derive_model
-from rrrgen.robotfile import load_spec
-from rrrgen.runtime import derived_cache
-from rrrgen.runtime.derived_format import dumps, loads
+from rrrgen.base.cache import cache_directory, keep
+from rrrgen.derive import derive_model, derive_once, derived_cache
+from rrrgen.derive.derived_format import dumps, loads
+from rrrgen.robot.file import load_spec
 
 
 @pytest.fixture
@@ -55,9 +53,9 @@ def test_the_choice_of_a_solver_derives_nothing_again(cache, monkeypatch):
         calls.append(spec)
         return model
 
-    monkeypatch.setattr(pipeline, "derive", derive)
+    monkeypatch.setattr("rrrgen.derive.derive", derive)
     for ik in ("general", "nominal_first"):
-        assert pipeline.derive_once(dataclasses.replace(model.spec, ik=ik)).spec.ik == ik
+        assert derive_once(dataclasses.replace(model.spec, ik=ik)).spec.ik == ik
     assert len(calls) == 1
 
 

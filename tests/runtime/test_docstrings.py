@@ -10,12 +10,15 @@ from pathlib import Path
 import pytest
 
 import rrrgen
-from rrrgen import errors, pipeline, robotfile
+from rrrgen import derive
+from rrrgen.base import errors
 from rrrgen.derive.closed_forms.closed_form import ClosedForm
-from rrrgen.runtime import results
+from rrrgen.emit import package
+from rrrgen.ik.interpreter.results import IKBatch, IKResult
+from rrrgen.ik.inverse_kinematics import InverseKinematics
+from rrrgen.robot import file as robotfile
+from rrrgen.runtime import load, results
 from rrrgen.runtime.bound import BoundFunction
-from rrrgen.runtime.inverse_kinematics import InverseKinematics
-from rrrgen.runtime.results import IKBatch, IKResult
 
 PYTHON_NAMES = {"base_parameters": "base_parameters_of"}
 """Methods with another name than the function in C and CasADi: ``base_parameters`` are the expressions of a model."""
@@ -25,7 +28,7 @@ def surface() -> dict[str, object]:
     """What a user imports or is handed, by its name."""
     found = {f"rrrgen.{name}": getattr(rrrgen, name) for name in rrrgen.__all__ if name != "__version__"}
     found |= {f"robotfile.{name}": getattr(robotfile, name) for name in robotfile.__all__}
-    for module in (pipeline, errors, results):
+    for module in (derive, package, load, errors, results):
         for name, thing in inspect.getmembers(module):
             defined = inspect.isfunction(thing) or inspect.isclass(thing)
             if defined and thing.__module__ == module.__name__ and not name.startswith("_"):

@@ -13,8 +13,9 @@ from oracles import newton_euler as oracle
 from oracles.external import MuJoCo, Pinocchio
 from oracles.newton_euler import Link
 from oracles.random_robots import random_link, random_robot, random_state, to_yaml, transform
-from rrrgen import compile, pipeline
-from rrrgen.robotfile import loads_spec
+from rrrgen import compile
+from rrrgen.derive import derive
+from rrrgen.robot.file import loads_spec, read
 
 pytestmark = pytest.mark.usefixtures("unoptimized")
 
@@ -177,7 +178,7 @@ def test_links_must_be_known():
 
 
 def test_a_basis_of_the_file_holds_only_for_its_own_gravity():
-    spec = pipeline.read("rrr")
-    general = pipeline.derive(spec.in_any_gravity())
+    spec = read("rrr")
+    general = derive(spec.in_any_gravity())
     assert [p.name for p in general.base_parameters][:3] == ["Izz1R", "hx1R", "hy1R"]
     assert general.b == 17

@@ -9,20 +9,19 @@ from functools import cache
 import pytest
 
 import rrrgen
-from rrrgen.backends.c.dialect import Dialect
-from rrrgen.backends.c.signature import prototype
-from rrrgen.backends.c.solver.files import emit
-from rrrgen.backends.casadi.derivatives import matrix_size
+from rrrgen.base.parallel import without_collection
 from rrrgen.derive import derive_model, prepare
-from rrrgen.derive.functions.friction_functions import friction_with, smooth_friction
-from rrrgen.derive.functions.table import GROUPS, functions_of
+from rrrgen.derive.functions.table import GROUPS, TABLE, functions_for, recorders
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.header_comments import prototype
+from rrrgen.emit.c.ik.files import emit
+from rrrgen.emit.casadi.derivatives import matrix_size
 from rrrgen.ik.classify import plan
-from rrrgen.pipeline import without_collection
+from rrrgen.ik.interpreter.results import IKBatch, IKResult
+from rrrgen.ik.inverse_kinematics import InverseKinematics
 from rrrgen.program import Program
-from rrrgen.robotfile import bundled_names, load_spec, loads_spec
-from rrrgen.runtime.inverse_kinematics import InverseKinematics
+from rrrgen.robot.file import bundled_names, load_spec, loads_spec
 from rrrgen.runtime.model import Model
-from rrrgen.runtime.results import IKBatch, IKResult
 
 PYTHON_ONLY = {"with_status"}
 """Python raises an error where C and CasADi return a status, so the status has to be asked for."""
@@ -57,9 +56,7 @@ def programs(name: str) -> dict[str, Program]:
         return {function: ways[0] for function, ways in every.items()}
     spec = load_spec(name)
     recorded = prepare(spec)
-    recorders = {name: ways[0] for group in GROUPS for name, ways in functions_of(group, spec.n).items()}
-    recorders |= {"friction_with": friction_with, "smooth_friction": smooth_friction}
-    return {function: record(recorded.recording()) for function, record in recorders.items()}
+    return {f.name: recorders(f.name)[0](recorded.recording()) for f in functions_for(spec, GROUPS) if f.record}
 
 
 def arguments(method: object) -> list[str]:
@@ -95,7 +92,7 @@ def test_arguments_and_results(name):
 @pytest.mark.parametrize("name", ["rrr", "gantry", "with_friction"])
 def test_casadi_functions(name):
     pytest.importorskip("casadi")
-    from rrrgen.backends.casadi import function
+    from rrrgen.emit.casadi import function
 
     for title, program in programs(name).items():
         made = function(program)
@@ -105,25 +102,19 @@ def test_casadi_functions(name):
 
 
 def test_several_results_are_named_tuples():
+    named = {f.name: f.result for f in TABLE if f.status and f.result}  # their methods return Any
+    tuples = {name: getattr(rrrgen.runtime.results, result)._fields for name, result in named.items()}
+    tuples["manipulability"] = tuples["position_manipulability"] = rrrgen.runtime.results.Manipulability._fields
+    assert {"computed_torque", "contact", "slotine_li"} < tuples.keys()
     for title, program in programs("puma560").items():
         names = tuple(port.name for port in program.data_outputs)
-        tuples = {
-            "forward_dynamics_derivatives": rrrgen.runtime.results.ForwardDynamicsDerivatives._fields,
-            "manipulability": rrrgen.runtime.results.Manipulability._fields,
-            "position_manipulability": rrrgen.runtime.results.Manipulability._fields,
-            "elastic_forward_dynamics": rrrgen.runtime.results.ElasticAccelerations._fields,
-            "operational_space": rrrgen.runtime.results.OperationalStep._fields,
-            "position_operational_space": rrrgen.runtime.results.OperationalStep._fields,
-            "external_wrench": rrrgen.runtime.results.ExternalLoad._fields,
-            "external_force": rrrgen.runtime.results.ExternalLoad._fields,
-        }
         expected = tuples.get(title, results(getattr(Model, RENAMED.get(title, title))))
         assert names == expected if len(names) > 1 or title in tuples else expected is None, title
 
 
 def test_inverse_kinematics():
     casadi = pytest.importorskip("casadi")
-    from rrrgen.backends.casadi.branches import branch_function
+    from rrrgen.emit.casadi.inverse_kinematics import branch_function
 
     model = rrrgen.compile("rrr", backend="numpy")
     assert model.casadi_function("inverse_kinematics").name_in() == branch_function(model.spec).name_in()

@@ -7,6 +7,7 @@ import pytest
 
 import rrrgen
 from oracles.random_robots import transform
+from rrrgen.base.errors import InputError
 
 TOOL = transform((2, -1, 1, 3), (0.1, -0.2, 0.35))
 
@@ -40,6 +41,26 @@ def test_a_tool_at_run_time_reaches_its_target(model):
         model.inverse_kinematics(T[:3, 3], tool=TOOL)
     for found in solutions:
         np.testing.assert_allclose(model.tool_kinematics(found, TOOL).T, T, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("entry", "value", "message"),
+    [
+        ((3, slice(None)), 9.0, "tool: the last row of a pose is 0 0 0 1, not 9 9 9 9"),
+        ((0, 0), 2.0, "tool: the rotation of a pose is not orthonormal"),
+        ((0, 0), -1.0, "tool: the rotation of a pose is left-handed"),
+    ],
+)
+def test_a_tool_that_is_no_rigid_motion_is_refused(model, entry, value, message):
+    tool = np.eye(4)
+    tool[entry] = value
+    q, T = np.zeros(model.n), np.eye(4)
+    with pytest.raises(InputError, match=message):
+        model.tool_kinematics(q, tool)
+    with pytest.raises(InputError, match=message):
+        model.tool_target(T, np.stack([np.eye(4), tool]))
+    with pytest.raises(InputError, match=message.replace("tool", "T")):
+        model.tool_target(tool, np.eye(4))
 
 
 def test_a_tool_of_an_arm_that_is_solved_for_positions():

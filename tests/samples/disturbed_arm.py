@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 import rrrgen
-from rrrgen.closed_loop.controller import LoopController
-from rrrgen.closed_loop.controller_file import loads_controller
-from rrrgen.closed_loop.loop import CompiledLoop
-from rrrgen.closed_loop.loop_recording import LoopRecording
-from rrrgen.closed_loop.validation import stated_equations
-from rrrgen.recordings.logs import Log
-from rrrgen.robotfile import loads_spec
+from rrrgen.lab.closed_loop.controller import LoopController
+from rrrgen.lab.closed_loop.controller_file import loads_controller
+from rrrgen.lab.closed_loop.loop import CompiledLoop
+from rrrgen.lab.closed_loop.loop_recording import LoopRecording
+from rrrgen.lab.closed_loop.validation import stated_equations
+from rrrgen.lab.data.recordings import Log
+from rrrgen.robot.file import loads_spec
 
 PERIOD, DISTURBANCE = 1e-3, 0.5  # s; N m, another one every period
 ROBOT = """schema: rrrgen/1

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.errors import InputError
-from rrrgen.signals.fourier import FourierTrajectory, fourier_basis, intersample_peak_factor
+from rrrgen.base.errors import InputError
+from rrrgen.lab.design.fourier_series import FourierTrajectory, fourier_basis, intersample_peak_factor
 
 # Sums of N terms of size one: a few units in the last place each, relative to the sum of magnitudes.
 ROUND_OFF = 1e-12

@@ -5,17 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.errors import InputError
-from rrrgen.identify.estimation.statistics import whiteness
-from rrrgen.signals.decimation import Decimator
-from rrrgen.signals.kalman import frequency_response, kalman_matrices, kalman_step
-from rrrgen.signals.reconstruction import Butterworth, CentralDifferences, Reconstruction
-from rrrgen.signals.smoother import (
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.decimation import Decimator
+from rrrgen.lab.data.kalman import frequency_response, kalman_matrices, kalman_step
+from rrrgen.lab.data.reconstruction import Butterworth, CentralDifferences, Reconstruction
+from rrrgen.lab.data.smoother import (
     KalmanSmoother,
     innovations,
     quantisation_variance,
     tune_by_innovations,
 )
+from rrrgen.lab.estimate.statistics import whiteness
 from samples.recordings import fourier_motion
 
 RICCATI = 1e-9  # relative: a fixed point reached by plain iteration in double precision

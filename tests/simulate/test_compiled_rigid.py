@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.friction.laws import LAWS
-from rrrgen.friction.models import FrictionModel, coulomb_viscous
-from rrrgen.friction.stated import MixedFriction
-from rrrgen.simulate import experiment
-from rrrgen.simulate.compiled_rigid import CompiledRigidIntegrator, compiled_rigid_integrator
-from rrrgen.simulate.experiment import VirtualRobot
-from rrrgen.simulate.friction import Friction, MotorFriction
-from rrrgen.simulate.integration import RigidIntegrator
-from rrrgen.simulate.plant import FlexibleBase, make_plant
+from rrrgen.lab.plant import experiment
+from rrrgen.lab.plant.compiled_rigid import CompiledRigidIntegrator, compiled_rigid_integrator
+from rrrgen.lab.plant.experiment import VirtualRobot
+from rrrgen.lab.plant.friction import Friction, MotorFriction
+from rrrgen.lab.plant.integration import RigidIntegrator
+from rrrgen.lab.plant.plant import FlexibleBase, make_plant
+from rrrgen.robot.friction.laws import LAWS
+from rrrgen.robot.friction.models import FrictionModel, coulomb_viscous
+from rrrgen.robot.friction.stated import MixedFriction
 
 ROBOT = """
 schema: rrrgen/1

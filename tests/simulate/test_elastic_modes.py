@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import InputError
-from rrrgen.friction.models import coulomb_viscous
-from rrrgen.simulate.elastic_modes import elastic_modes
-from rrrgen.simulate.friction import Friction
-from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant
+from rrrgen.base.errors import InputError
+from rrrgen.lab.plant.elastic_modes import elastic_modes
+from rrrgen.lab.plant.friction import Friction
+from rrrgen.lab.plant.plant import FlexibleBase, FlexibleJoints, make_plant
+from rrrgen.robot.friction.models import coulomb_viscous
 
 JOINTS = FlexibleJoints((0.8, 0.25, 0.06), (1.45e5, 1.2e5, 4e4), (14.0, 8.0, 3.0))
 BASE = FlexibleBase(12.0, 28.0, 0.1)

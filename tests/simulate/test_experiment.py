@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.errors import DerivationError, InputError
-from rrrgen.friction.models import coulomb_viscous
-from rrrgen.signals.fourier import FourierTrajectory
-from rrrgen.signals.kalman import kalman_matrices
-from rrrgen.simulate.control import PD, BackwardDifference, ComputedTorque, DeviationFilter, pd_gains
-from rrrgen.simulate.experiment import Instruments, VirtualRobot
-from rrrgen.simulate.friction import Friction
-from rrrgen.simulate.plant import RigidBody, make_plant
-from rrrgen.simulate.recording import write_recording
+from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.lab.data.kalman import kalman_matrices
+from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.lab.plant.controllers import PD, BackwardDifference, ComputedTorque, DeviationFilter, pd_gains
+from rrrgen.lab.plant.experiment import Instruments, VirtualRobot
+from rrrgen.lab.plant.friction import Friction
+from rrrgen.lab.plant.plant import RigidBody, make_plant
+from rrrgen.lab.plant.recording import write_recording
+from rrrgen.robot.friction.models import coulomb_viscous
 
 TS = 1e-3
 FRICTION = coulomb_viscous([2.0, 0.8, 0.3], [4.0, 1.5, 0.7])
@@ -110,7 +110,7 @@ def test_computed_torque_with_the_true_model_tracks_where_pd_lags(model, motion)
 
 def test_backward_difference_is_half_a_sample_late(model, motion) -> None:
     difference = BackwardDifference(TS)
-    from rrrgen.simulate.control import Reference
+    from rrrgen.lab.plant.controllers import Reference
 
     t = np.arange(50) * TS
     q, dq, ddq = motion.evaluate(t)
@@ -122,7 +122,7 @@ def test_backward_difference_is_half_a_sample_late(model, motion) -> None:
 
 def test_the_filter_reproduces_a_deviation_without_noise() -> None:
     """Constant acceleration of the deviation is inside the model: the filter converges to it exactly."""
-    from rrrgen.simulate.control import Reference
+    from rrrgen.lab.plant.controllers import Reference
 
     m = kalman_matrices(TS, 1e-6, 1e4)
     watcher = DeviationFilter(m.E, m.k)
@@ -159,7 +159,7 @@ def test_progress_is_reported(model, motion) -> None:
 
 
 def test_recordings_read_back_through_the_front_door(model, motion, tmp_path) -> None:
-    from rrrgen.recordings.logs import read_log
+    from rrrgen.lab.data.recordings import read_log
 
     instruments = Instruments(torque_limit=(60.0, 30.0, 15.0))
     rec = run(model, motion, instruments, duration=0.2)

@@ -8,13 +8,13 @@ from scipy.integrate import solve_ivp
 
 from oracles import newton_euler
 from oracles.random_robots import random_link
-from rrrgen.errors import InputError
-from rrrgen.friction.laws import LAWS
-from rrrgen.friction.models import FrictionModel, coulomb_viscous
-from rrrgen.friction.stated import MixedFriction
-from rrrgen.simulate.friction import Friction, MotorFriction
-from rrrgen.simulate.integration import RigidIntegrator, StiffIntegrator, make_integrator
-from rrrgen.simulate.plant import FlexibleBase, FlexibleJoints, make_plant
+from rrrgen.base.errors import InputError
+from rrrgen.lab.plant.friction import Friction, MotorFriction
+from rrrgen.lab.plant.integration import RigidIntegrator, StiffIntegrator, make_integrator
+from rrrgen.lab.plant.plant import FlexibleBase, FlexibleJoints, make_plant
+from rrrgen.robot.friction.laws import LAWS
+from rrrgen.robot.friction.models import FrictionModel, coulomb_viscous
+from rrrgen.robot.friction.stated import MixedFriction
 
 STEP = 1e-3
 

@@ -9,8 +9,8 @@ from oracles import newton_euler as ne
 from oracles.lagrange import STEP
 from oracles.newton_euler import Link, Robot
 from oracles.numeric_rank import stacked_regressor
-from rrrgen.errors import DerivationError
-from rrrgen.robotfile.robot_spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
+from rrrgen.base.errors import DerivationError
+from rrrgen.robot.robot_spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
 from rrrgen.runtime.engines import NumpyEngine
 
 
@@ -32,6 +32,7 @@ def spec_of(robot: Robot, drive: tuple[float, ...] = (), friction: FrictionSpec 
             *(exact(v) for v in row[1:]),
             friction=friction,
             drive=DriveSpec(inertia=drive[i]) if drive else None,
+            sign=robot.signs[i] if robot.signs else 1,
         )
         for i, row in enumerate(robot.rows)
     )

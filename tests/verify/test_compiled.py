@@ -10,8 +10,8 @@ import re
 import pytest
 
 import rrrgen
-from rrrgen.backends.c import sources
-from rrrgen.errors import BuildError
+from rrrgen.base.errors import BuildError
+from rrrgen.emit.c import sources
 from rrrgen.verify import verify
 
 FUNCTION = re.compile(r"^\w+ rrr_(\w+)\([^;{]*\)\n\{\n(.*?)^\}", re.MULTILINE | re.DOTALL)

@@ -8,16 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rrrgen import pipeline
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
+from rrrgen.robot.file import read
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.verify.comparison import Collector
 from rrrgen.verify.inverse_kinematics import check_inverse_kinematics
-from rrrgen.verify.references.chain import chain_of
+from rrrgen.verify.references.numeric_robot import chain_of
 
 
 def checked(name, change=None):
-    spec = pipeline.read(name)
+    spec = read(name)
     solver = load_solver(spec)
     rows = Collector()
     model = SimpleNamespace(ik=solver if change is None else Changed(solver, change))
@@ -93,14 +93,14 @@ def test_what_cannot_be_asked_is_named():
             raise DerivationError("no family fits")
 
     rows = Collector()
-    check_inverse_kinematics(Without(), chain_of(pipeline.read("rrr")), 4, np.random.default_rng(0), rows)
+    check_inverse_kinematics(Without(), chain_of(read("rrr")), 4, np.random.default_rng(0), rows)
     assert rows.skipped == [("inverse_kinematics", "no family fits")]
     rows = Collector()
-    check_inverse_kinematics(SimpleNamespace(), chain_of(pipeline.read("rrr")), 4, np.random.default_rng(0), rows)
+    check_inverse_kinematics(SimpleNamespace(), chain_of(read("rrr")), 4, np.random.default_rng(0), rows)
     assert not rows.rows[0].ok
     rows = Collector()
     broken = SimpleNamespace(ik=SimpleNamespace(plan=SimpleNamespace(task="pose", locked=None)))
     broken.ik.solve_batch = lambda *a, **k: (_ for _ in ()).throw(ValueError("refused"))
-    check_inverse_kinematics(broken, chain_of(pipeline.read("rrr")), 4, np.random.default_rng(0), rows)
+    check_inverse_kinematics(broken, chain_of(read("rrr")), 4, np.random.default_rng(0), rows)
     assert not rows.rows[0].ok
     assert "refused" in rows.rows[0].note

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from oracles import newton_euler as ne
 from oracles.random_robots import random_robot, random_state, robots, to_yaml
-from rrrgen.robotfile import loads_spec
-from rrrgen.verify.references.chain import chain_of, is_physical, nominal_parameters
+from rrrgen.robot.file import loads_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of, is_physical, nominal_parameters
 from verify.oracle_model import spec_of
 
 ONE_ULP_OF_PI = 4.5e-16  # pi/6 rounds differently as one exact number and as a quotient of floats

@@ -12,9 +12,9 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.errors import InputError
-from rrrgen.yamltext.expressions import ExpressionError, Name, exact_number, parse_expression
-from rrrgen.yamltext.units import QUANTITIES, UNITS, FileUnits, find_unit
+from rrrgen.base.errors import InputError
+from rrrgen.base.yamltext.expressions import ExpressionError, Name, exact_number, parse_expression
+from rrrgen.base.yamltext.units import QUANTITIES, UNITS, FileUnits, find_unit
 
 A2, L = sp.Symbol("a2", real=True), sp.Symbol("L", real=True)
 NAMES = {"a2": Name(A2), "L": Name(L, UNITS["m"].dimension)}

@@ -58,7 +58,7 @@ extern "C" {
  * Pose of the tip.
  * T = T_base A_1(q_1) ... A_n(q_n) T_tool (14.5)
  * arg[0] q: 3, rad, joint positions
- * res[0] T: 4x4, -, m, base frame, homogeneous transform of the tip
+ * res[0] T: 4x4, 1, m, base frame, homogeneous transform of the tip
  */
 RRR_CASADI_DECLARE(rrr_casadi_forward_kinematics);
 
@@ -86,7 +86,7 @@ RRR_CASADI_DECLARE(fwd1_adj1_rrr_casadi_forward_kinematics);
  * Geometric Jacobian at the tip.
  * [v; omega] = J(q) dq
  * arg[0] q: 3, rad, joint positions
- * res[0] J: 6x3, m, -, base frame, rows 1-3 linear, rows 4-6 angular velocity of the tip
+ * res[0] J: 6x3, m, 1, base frame, rows 1-3 linear, rows 4-6 angular velocity of the tip
  */
 RRR_CASADI_DECLARE(rrr_casadi_jacobian);
 
@@ -312,7 +312,7 @@ RRR_CASADI_DECLARE(fwd1_adj1_rrr_casadi_inverse_dynamics_nominal);
  * arg[2] tau: 3, N m, joint torques
  * arg[3] beta: 15, SI, base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15
  * res[0] ddq: 3, rad/s^2, joint accelerations; zero when the status is not ok
- * res[1] status: scalar
+ * res[1] status: scalar, 1
  */
 RRR_CASADI_DECLARE(rrr_casadi_forward_dynamics);
 
@@ -338,7 +338,7 @@ RRR_CASADI_DECLARE(adj1_rrr_casadi_forward_dynamics);
  * arg[1] dq: 3, rad/s, joint velocities
  * arg[2] tau: 3, N m, joint torques
  * res[0] ddq: 3, rad/s^2, joint accelerations; zero when the status is not ok
- * res[1] status: scalar
+ * res[1] status: scalar, 1
  */
 RRR_CASADI_DECLARE(rrr_casadi_forward_dynamics_nominal);
 

@@ -76,7 +76,7 @@ def forward_kinematics():
     T = T_base A_1(q_1) ... A_n(q_n) T_tool   (14.5)
 
     input  q (3, 1): joint positions; rad
-    output T (4, 4): homogeneous transform of the tip; -, m; base frame
+    output T (4, 4): homogeneous transform of the tip; 1, m; base frame
     """
     q = ca.SX.sym("q", 3, 1)
     [q1, q2, q3] = _rows(q)
@@ -104,7 +104,7 @@ def link_frames():
     T_i = T_base A_1(q_1) ... A_i(q_i)
 
     input  q (3, 1): joint positions; rad
-    output T (12, 4): homogeneous transforms of the link frames 1..n; -, m; base frame
+    output T (12, 4): homogeneous transforms of the link frames 1..n; 1, m; base frame
     """
     q = ca.SX.sym("q", 3, 1)
     [q1, q2, q3] = _rows(q)
@@ -144,7 +144,7 @@ def jacobian():
     [v; omega] = J(q) dq
 
     input  q (3, 1): joint positions; rad
-    output J (6, 3): rows 1-3 linear, rows 4-6 angular velocity of the tip; m, -; base frame
+    output J (6, 3): rows 1-3 linear, rows 4-6 angular velocity of the tip; m, 1; base frame
     """
     q = ca.SX.sym("q", 3, 1)
     [q1, q2, q3] = _rows(q)
@@ -179,7 +179,7 @@ def link_jacobians():
     [v_i; omega_i] = J_i(q) dq,  torques of a wrench at frame i: J_i' [f; m]
 
     input  q (3, 1): joint positions; rad
-    output J (18, 3): of the origins of the link frames 1..n, each rows 1-3 linear, rows 4-6 angular velocity; m, -; base frame
+    output J (18, 3): of the origins of the link frames 1..n, each rows 1-3 linear, rows 4-6 angular velocity; m, 1; base frame
 
     Columns of joints beyond the link are zero.
     """
@@ -228,8 +228,8 @@ def kinematics():
     T = T_base A_1(q_1) ... A_n(q_n) T_tool   (14.5),  [v; omega] = J(q) dq
 
     input  q (3, 1): joint positions; rad
-    output T (4, 4): homogeneous transform of the tip; -, m; base frame
-    output J (6, 3): rows 1-3 linear, rows 4-6 angular velocity of the tip; m, -; base frame
+    output T (4, 4): homogeneous transform of the tip; 1, m; base frame
+    output J (6, 3): rows 1-3 linear, rows 4-6 angular velocity of the tip; m, 1; base frame
     """
     q = ca.SX.sym("q", 3, 1)
     [q1, q2, q3] = _rows(q)
@@ -976,7 +976,7 @@ def forward_dynamics():
     input  tau (3, 1): joint torques; N m
     input  beta (15, 1): base parameters p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11, p12, p13, p14, p15; SI
     output ddq (3, 1): joint accelerations; zero when the status is not ok; rad/s^2
-    output status (1, 1)
+    output status (1, 1): 1
 
     The status tells when M is not positive definite (a singular or unphysical set of parameters).
     """
@@ -1048,7 +1048,7 @@ def forward_dynamics_nominal():
     input  dq (3, 1): joint velocities; rad/s
     input  tau (3, 1): joint torques; N m
     output ddq (3, 1): joint accelerations; zero when the status is not ok; rad/s^2
-    output status (1, 1)
+    output status (1, 1): 1
 
     The status tells when M is not positive definite (a singular or unphysical set of parameters).
     """
@@ -1333,7 +1333,7 @@ def forward_dynamics_derivatives():
     output dddq_dq (3, 3): d ddq_i / d q_j for given dq and tau; SI
     output dddq_dv (3, 3): d ddq_i / d dq_j; SI
     output dddq_dtau (3, 3): d ddq_i / d tau_j, the inverse of M; SI
-    output status (1, 1)
+    output status (1, 1): 1
 
     All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
     """
@@ -1481,7 +1481,7 @@ def forward_dynamics_derivatives_nominal():
     output dddq_dq (3, 3): d ddq_i / d q_j for given dq and tau; SI
     output dddq_dv (3, 3): d ddq_i / d dq_j; SI
     output dddq_dtau (3, 3): d ddq_i / d tau_j, the inverse of M; SI
-    output status (1, 1)
+    output status (1, 1): 1
 
     All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
     """
@@ -1685,7 +1685,7 @@ def regressor_transpose():
     input  q (3, 1): joint positions; rad
     input  dq (3, 1): joint velocities; rad/s
     input  ddq (3, 1): joint accelerations; rad/s^2
-    input  e (3, 1): vector multiplied from the left
+    input  e (3, 1): the vector, such as a tracking error; any
     output r (15, 1): Y' e; SI
     """
     q = ca.SX.sym("q", 3, 1)
@@ -2006,7 +2006,7 @@ def add_payload_at():
     input  mass (1, 1): mass of the payload; kg
     input  com (3, 1): centre of mass of the payload; m; the payload's frame
     input  inertia (3, 3): inertia tensor about the centre of mass; kg m^2; axes of the payload's frame
-    input  frame (4, 4): pose of the payload's frame, a homogeneous transform; -, m; last link frame
+    input  frame (4, 4): pose of the payload's frame, a homogeneous transform; 1, m; last link frame
     input  beta (15, 1): base parameters without the payload; SI
     output beta_loaded (15, 1): base parameters with the payload; SI
 
@@ -2132,7 +2132,7 @@ def smooth_friction():
 
     input  dq (3, 1): joint velocities; rad/s
     input  friction (9, 1): friction parameters q1_viscous, q1_coulomb, q1_offset, q2_viscous, q2_coulomb, q2_offset, q3_viscous, q3_coulomb, q3_offset; SI
-    input  width (3, 1): speeds of the same joints and motors over which the sign of each turns round, > 0; rad/s | m/s
+    input  width (3, 1): speeds below which the sign in friction laws is smoothed; positive; rad/s
     output tau_f (3, 1): friction torques, added to the rigid body's; N m
 
     q1, q2, q3: tau_f = fv dq + fc sgn(dq) + offset   (14.11)

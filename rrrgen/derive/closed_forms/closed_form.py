@@ -9,23 +9,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import sympy as sp
 
-from rrrgen.derive.algebra.polynomials import Polynomial, PolynomialRing, to_expression
+from rrrgen.base.errors import DerivationError
+from rrrgen.derive.closed_forms.decimals import with_decimals
 from rrrgen.derive.closed_forms.fourier_form import shorter_form
 from rrrgen.derive.closed_forms.shared_form import SharedForm, shared_form
 from rrrgen.derive.derived_model import Derivation
 from rrrgen.derive.functions.recording import Recording
-from rrrgen.derive.functions.table import FUNCTIONS
-from rrrgen.derive.recursions.chain import exact_constants, joint_symbols
-from rrrgen.errors import DerivationError
-from rrrgen.model.drive_terms import inertia_terms
+from rrrgen.derive.functions.table import TABLE, recorders
+from rrrgen.derive.recursions.link_frames import exact_constants, joint_symbols
 from rrrgen.program import Op, Program, Role, Value
 from rrrgen.program.nodes import reachable
+from rrrgen.program.polynomials import Polynomial, PolynomialRing, to_expression
+from rrrgen.robot.model.drive_terms import inertia_terms
 
-CLOSED = tuple(name for name in FUNCTIONS if name != "forward_dynamics_derivatives")
+CLOSED = tuple(f.name for f in TABLE if f.group == "model" and not f.name.startswith("forward_dynamics"))
 """Functions that are polynomials in sines and cosines: all that do not divide by the pivots of M."""
 
 TERMS_PER_NODE = 1.25
@@ -45,7 +47,8 @@ class ClosedForm:
     """The closed form of one function: ``form[i, j]`` (from 0) is one entry, ``form.matrix()`` all of them.
 
     ``shape`` is the shape of the output. Entries are exact SymPy expressions in q1, dq1, ddq1, ..., base parameters and
-    named parameters, in the units of the function.
+    named parameters, in the units of the function. Where the whole is printed, ``print(form)`` or as mathematics in a
+    notebook, numbers are decimals as the robot file has them; a single entry is SymPy's, which prints 9.81 as 981/100.
 
     Args:
         program: the function as recorded, with the geometry as inputs.
@@ -71,6 +74,7 @@ class ClosedForm:
         self._expander = _Expander(program, self._inputs, pairs, roots)
         self._nodes = program.results[output]
         self.shape: tuple[int, ...] = program.outputs[output].shape
+        self.name = program.name if len(program.outputs) == 1 else f"{program.name}.{program.outputs[output].name}"
 
     def __getitem__(self, index: int | tuple[int, ...]) -> sp.Expr:
         """The entry at ``index`` (from 0), collected by parameters and rates. Raises IndexError outside the shape."""
@@ -89,13 +93,24 @@ class ClosedForm:
         return flat
 
     def __repr__(self) -> str:
-        return f"<closed form of {self.program.name}, shape {self.shape}: index it for an entry, or take its matrix()>"
+        use = "print it, index it for an entry, or take its matrix()"
+        return f"<closed form of {self.name}, shape {self.shape}: {use}>"
+
+    def __str__(self) -> str:
+        """One line for each entry, indices from 0; only the name and shape if the lines would fill pages."""
+        if len(self.program.nodes) > LONGEST_SHOWN:
+            return repr(self)
+        places = [list(place) for place in product(*map(range, self.shape))]
+        return "\n".join(
+            f"{self.name}{place or ''} = {sp.sstr(with_decimals(entry), full_prec=False)}"
+            for place, entry in zip(places, self, strict=True)
+        )
 
     def _repr_latex_(self) -> str | None:
         """The matrix for display in notebooks; None if it would fill pages."""
         if len(self.program.nodes) > LONGEST_SHOWN:
             return None
-        return f"$\\displaystyle {sp.latex(self.matrix())}$"
+        return f"$\\displaystyle {sp.latex(self.matrix().applyfunc(with_decimals))}$"
 
     def __iter__(self) -> Iterator[sp.Expr]:
         return (self._expander.expression(node) for node in self._nodes)
@@ -155,7 +170,7 @@ def closed_forms(derivation: Derivation, function: str) -> dict[str, ClosedForm]
     free, pairs, roots = exact_constants(model, further)
     generators = [*free, *(g for pair in pairs for g in pair), *roots]
     recording = Recording(model, parametrization, generators or [sp.Symbol("one")])
-    program = FUNCTIONS[name][0](recording)
+    program = recorders(name)[0](recording)
     drives = [term.name for term in inertia_terms(model.spec)]
     parameters = {Role.BASE_PARAMETERS: [*parametrization.names, *drives]}
     results = [port.name for port in program.outputs]

@@ -12,7 +12,7 @@ from typing import Any
 
 import sympy as sp
 
-from rrrgen.derive.algebra.polynomials import Polynomial, to_expression
+from rrrgen.program.polynomials import Polynomial, to_expression
 
 Pairs = Sequence[tuple[sp.Expr, sp.Expr]]
 Wave = dict[sp.Expr, tuple[Fraction, Fraction]]

@@ -9,9 +9,9 @@ from itertools import count
 
 import sympy as sp
 
-from rrrgen.derive.algebra.polynomials import to_expression
 from rrrgen.program import Op, Program
 from rrrgen.program.nodes import reachable
+from rrrgen.program.polynomials import to_expression
 
 LETTER = "t"
 """Intermediate results are called t1, t2, ..."""

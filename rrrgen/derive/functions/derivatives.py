@@ -28,18 +28,18 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.algebra.positive_definite import factorize, status_at
-from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, dot, flat, rotate_z, rows, scale
-from rrrgen.derive.functions.recording import Recorder, Recording
-from rrrgen.derive.recursions import composite
-from rrrgen.derive.recursions.chain import ChainJoint
+from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions.coriolis import Body, Composition, compose, generalized_forces, joint_force
-from rrrgen.derive.recursions.inertia import PseudoInertia
-from rrrgen.derive.recursions.motion import LinkMotion, choose_frames, forward
+from rrrgen.derive.recursions.link_frames import ChainJoint
 from rrrgen.derive.recursions.newton_euler import Wrench, composite_wrenches, link_wrenches
+from rrrgen.derive.recursions.positive_definite import factorize, status_at
+from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
+from rrrgen.derive.recursions.vectors import Matrix, Vector, add, cross, dot, flat, rotate_z, rows, scale
+from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, choose_frames, forward
 from rrrgen.program import Port, Program, Role
 from rrrgen.program.builder import replay
-from rrrgen.program.differentiate import jacobian
+from rrrgen.program.differentiation import jacobian
 
 TWICE = 2
 """Factor by which the velocities of composite bodies are multiplied: the derivatives contain ``2 C`` and
@@ -53,22 +53,29 @@ def inverse_dynamics_derivatives(r: Recording) -> Program:
     inertias, drives = r.inertias(), r.drive_inertia()
     composition = compose(chain, dq, inertias, TWICE)
     tau, dtau_dq = torques_and_derivatives(composition, dq, ddq, inertias)
-    tau = drives.added_to_torques(tau, ddq)
-    ports = [
-        (Port("tau", (r.n,), r.torque_unit, "", "joint torques, friction not included", Role.TORQUE), tau),
-        (_matrix(r, "dtau_dq", "d tau_i / d q_j for given dq and ddq"), flat(dtau_dq)),
-        (_matrix(r, "dtau_dv", "d tau_i / d dq_j"), flat(composition.coriolis_matrix())),
-        (
-            _matrix(r, "M", "d tau_i / d ddq_j: the mass matrix, drive inertia included"),
-            flat(drives.added_to_mass(composition.mass_matrix())),
-        ),
+    results = [
+        drives.added_to_torques(tau, ddq),
+        flat(dtau_dq),
+        flat(composition.coriolis_matrix()),
+        flat(drives.added_to_mass(composition.mass_matrix())),
     ]
     return r.builder.program(
-        "inverse_dynamics_derivatives",
-        ports,
-        "Joint torques of the rigid body with drive inertia, and their derivatives.",
-        "tau = M(q) ddq + c(q, dq) + g(q),  d tau = dtau_dq d q + dtau_dv d dq + M d ddq",
+        "inverse_dynamics_derivatives", list(zip(_derivative_ports(r), results, strict=True)), SUMMARY, FORMULA
     )
+
+
+def _derivative_ports(r: Recording) -> tuple[Port, ...]:
+    """The outputs of ``inverse_dynamics_derivatives``."""
+    return (
+        Port("tau", (r.n,), r.torque_unit, "", "joint torques, friction not included", Role.TORQUE),
+        _matrix(r, "dtau_dq", "d tau_i / d q_j for given dq and ddq"),
+        _matrix(r, "dtau_dv", "d tau_i / d dq_j"),
+        _matrix(r, "M", "d tau_i / d ddq_j: the mass matrix, drive inertia included"),
+    )
+
+
+SUMMARY = "Joint torques of the rigid body with drive inertia, and their derivatives."
+FORMULA = "tau = M(q) ddq + c(q, dq) + g(q),  d tau = dtau_dq d q + dtau_dv d dq + M d ddq"
 
 
 def forward_dynamics_derivatives(r: Recording) -> Program:
@@ -78,7 +85,7 @@ def forward_dynamics_derivatives(r: Recording) -> Program:
     inertias, drives = r.inertias(), r.drive_inertia()
     composition = compose(chain, dq, inertias, TWICE)
     dtau_dv = composition.coriolis_matrix()
-    factors = factorize(b, drives.added_to_mass(composition.mass_matrix()))
+    factors = factorize(b, drives.added_to_mass(composition.mass_matrix()), tips_first=r.branches)
     inverse = factors.negative_inverse()
     half = [Fraction(1, 2) * rate for rate in dq]
     missing = [
@@ -105,7 +112,7 @@ def forward_program(
         (_matrix(r, "dddq_dq", "d ddq_i / d q_j for given dq and tau"), flat(products[0])),
         (_matrix(r, "dddq_dv", "d ddq_i / d dq_j"), flat(products[1])),
         (_matrix(r, "dddq_dtau", "d ddq_i / d tau_j, the inverse of M"), [-value for value in flat(inverse)]),
-        (Port("status", ()), [status]),
+        (Port("status", (), "1"), [status]),
     ]
     return r.builder.program(
         "forward_dynamics_derivatives",
@@ -117,14 +124,15 @@ def forward_program(
     )
 
 
-def differentiated(inverse_dynamics: Program, like: Program) -> Program:
+def differentiated(r: Recording, inverse_dynamics: Program) -> Program:
     """Derive ``inverse_dynamics_derivatives`` by automatic differentiation of a program of inverse dynamics.
 
-    Cheaper than the recursion if that program is short. Ports and description are taken from the program ``like``.
+    Cheaper than the recursion if that program is short.
     """
-    found = jacobian(inverse_dynamics, "tau", ("q", "dq", "ddq"))
-    return found.described(
-        name=like.name, outputs=like.outputs, summary=like.summary, formula=like.formula, notes=like.notes
+    derivatives = jacobian(inverse_dynamics, "tau", ("q", "dq", "ddq"))
+    outputs = _derivative_ports(r)
+    return derivatives.described(
+        name="inverse_dynamics_derivatives", outputs=outputs, summary=SUMMARY, formula=FORMULA, notes=()
     )
 
 
@@ -142,7 +150,7 @@ def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
         return replay(derivatives, r.builder, r.inputs_of(derivatives, {Role.ACCELERATION: ddq}))
 
     bias, _, _, M = at([0] * r.n)
-    factors = factorize(r.builder, rows(r.n, M))
+    factors = factorize(r.builder, rows(r.n, M), tips_first=r.branches)
     inverse = factors.negative_inverse()
     missing = [b - t for b, t in zip(bias, tau, strict=True)]
     ddq = [dot(row, missing) for row in inverse]
@@ -217,9 +225,3 @@ def _derivative_wrench(revolute: bool, body: Body, zdot: Vector, axis: Vector, l
 
 def _matrix(r: Recording, name: str, meaning: str) -> Port:
     return Port(name, (r.n, r.n), "SI", "", meaning)
-
-
-FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
-    "inverse_dynamics_derivatives": (inverse_dynamics_derivatives,),
-    "forward_dynamics_derivatives": (forward_dynamics_derivatives,),
-}

@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rrrgen.derive.algebra.positive_definite import factorize, status_at
-from rrrgen.derive.algebra.vectors import flat, rows
-from rrrgen.derive.functions.recording import Recorder, Recording
-from rrrgen.derive.recursions import composite, momentum, newton_euler
-from rrrgen.derive.recursions.chain import Chain
+from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.recursions import energy_and_momentum as momentum
+from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
+from rrrgen.derive.recursions import newton_euler
 from rrrgen.derive.recursions.coriolis import compose
-from rrrgen.derive.recursions.motion import choose_frames
+from rrrgen.derive.recursions.link_frames import Chain
+from rrrgen.derive.recursions.positive_definite import factorize, status_at
+from rrrgen.derive.recursions.vectors import flat, rows
+from rrrgen.derive.recursions.velocities_and_accelerations import choose_frames
 from rrrgen.program import Port, Program, Role
 from rrrgen.program.builder import replay
 
@@ -187,14 +189,14 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
         r.beta()
     M = rows(r.n, replay(mass, r.builder, r.inputs_of(mass))[0])
     h = replay(torques, r.builder, r.inputs_of(torques))[0]
-    factors = factorize(r.builder, M)
+    factors = factorize(r.builder, M, tips_first=r.branches)
     status, ddq = factors.status, factors.solve([t - b for t, b in zip(tau, h, strict=True)])
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
     meaning = "joint accelerations; zero when the status is not ok"
     accelerations = Port("ddq", (r.n,), unit, "", meaning, Role.ACCELERATION)
     ports = [
         (accelerations, ddq),
-        (Port("status", ()), [status]),
+        (Port("status", (), "1"), [status]),
     ]
     return r.builder.program(
         "forward_dynamics",
@@ -206,14 +208,7 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
     )
 
 
-FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
-    "mass_matrix": (mass_matrix,),
-    "coriolis_matrix": (coriolis_matrix,),
-    "coriolis": (coriolis(block_frames_first), coriolis(link_frames_only)),
-    "coriolis_transpose": (coriolis_transpose,),
-    "gravity": (gravity,),
-    "bias": (bias(block_frames_first), bias(link_frames_only)),
-    "dynamics_terms": (dynamics_terms(block_frames_first), dynamics_terms(link_frames_only)),
-    "inverse_dynamics": (inverse_dynamics(block_frames_first), inverse_dynamics(link_frames_only)),
-}
-"""Forward dynamics is made from the programs of the mass matrix and the bias, friction only where a file states it."""
+CORIOLIS = (coriolis(block_frames_first), coriolis(link_frames_only))
+BIAS = (bias(block_frames_first), bias(link_frames_only))
+DYNAMICS_TERMS = (dynamics_terms(block_frames_first), dynamics_terms(link_frames_only))
+INVERSE_DYNAMICS = (inverse_dynamics(block_frames_first), inverse_dynamics(link_frames_only))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rrrgen.derive.functions.recording import Recorder, Recording
-from rrrgen.derive.recursions import momentum
+from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.recursions import energy_and_momentum as momentum
 from rrrgen.program import Port, Program
 
 
@@ -25,6 +25,3 @@ def energy(r: Recording) -> Program:
         "Kinetic and potential energy.",
         "kinetic = dq' M(q) dq / 2,  potential = U(q) with g = dU/dq",
     )
-
-
-FUNCTIONS: dict[str, tuple[Recorder, ...]] = {"energy": (energy,)}

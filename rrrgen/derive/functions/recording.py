@@ -9,32 +9,43 @@ from typing import Any, TypeAlias
 
 import sympy as sp
 
-from rrrgen.derive.algebra.polynomials import to_expression
-from rrrgen.derive.drive_inertia import DriveInertia, directions
+from rrrgen.derive.functions.model_function import ModelFunction
+from rrrgen.derive.functions.quantities import QUANTITIES
 from rrrgen.derive.parameters.base_parameters import BaseSet
 from rrrgen.derive.parameters.user_basis import BasisChange
-from rrrgen.derive.recursions.chain import Chain, nominal_constant, program_chain, symbolic_constant
-from rrrgen.derive.recursions.inertia import PseudoInertia
-from rrrgen.model import RobotModel
-from rrrgen.model.drive_terms import inertia_terms
-from rrrgen.program import Builder, Port, Program, Role, Value
-from rrrgen.robotfile.robot_spec import RobotSpec
+from rrrgen.derive.recursions.drive_inertia import DriveInertia, directions
+from rrrgen.derive.recursions.link_frames import Chain, nominal_constant, program_chain, symbolic_constant
+from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
+from rrrgen.program import Builder, Domain, Port, Program, Role, Value
+from rrrgen.program.polynomials import to_expression
+from rrrgen.robot.model import RobotModel
+from rrrgen.robot.model.drive_terms import inertia_terms
+from rrrgen.robot.robot_spec import RobotSpec
 
 Constant = Callable[[sp.Expr], Value]
 
-JOINT_PORTS = {
-    "q": (Role.POSITION, "joint positions", ""),
-    "dq": (Role.VELOCITY, "joint velocities", "/s"),
-    "ddq": (Role.ACCELERATION, "joint accelerations", "/s^2"),
-    "tau": (Role.TORQUE, "joint torques", "torque"),
-    "e": (Role.COVECTOR, "vector multiplied from the left", "any"),
-    "v": (Role.REFERENCE_VELOCITY, "reference velocities", "/s"),
-    "a": (Role.REFERENCE_ACCELERATION, "reference accelerations", "/s^2"),
-    "q_d": (Role.DESIRED_POSITION, "desired positions", ""),
-    "dq_d": (Role.DESIRED_VELOCITY, "desired velocities", "/s"),
-    "ddq_d": (Role.DESIRED_ACCELERATION, "desired accelerations", "/s^2"),
+DOMAINS = {
+    **dict.fromkeys(("Ts", "T"), Domain.PERIOD),
+    **dict.fromkeys(("width", "gain"), Domain.POSITIVE),
+    **dict.fromkeys(("tau_max", "dq_max", "ddq_max", "threshold", "change_threshold"), Domain.LIMIT),
+    "beta_min": Domain.LOWER,
+    "beta_max": Domain.UPPER,
 }
-"""Joint vectors by name: role, meaning, and the suffix of the unit of position ("torque", "any": another unit)."""
+"""The quantities of the table that are limits, periods, or must be positive, with the values that are accepted."""
+
+JOINT_ROLES = {
+    "q": Role.POSITION,
+    "dq": Role.VELOCITY,
+    "ddq": Role.ACCELERATION,
+    "tau": Role.TORQUE,
+    "e": Role.COVECTOR,
+    "v": Role.REFERENCE_VELOCITY,
+    "a": Role.REFERENCE_ACCELERATION,
+    "q_d": Role.DESIRED_POSITION,
+    "dq_d": Role.DESIRED_VELOCITY,
+    "ddq_d": Role.DESIRED_ACCELERATION,
+}
+"""Roles of joint vectors by name."""
 
 
 @dataclass(frozen=True)
@@ -110,13 +121,19 @@ class Recording:
         self.constant: Constant = symbolic_constant(self.builder, symbols) if symbols else nominal_constant(model)
         revolute = all(joint.revolute for joint in model.joints)
         prismatic = not any(joint.revolute for joint in model.joints)
-        self.position_unit = "rad" if revolute else "m" if prismatic else "rad | m"
-        self.torque_unit = "N m" if revolute else "N" if prismatic else "N m | N"
+        self._kind = 0 if revolute else 1 if prismatic else None
+        self.position_unit, self.torque_unit = self.unit("rad | m"), self.unit("N m | N")
+        self.function: ModelFunction | None = None
 
     @property
     def n(self) -> int:
         """Number of joints."""
         return self.model.n
+
+    @property
+    def branches(self) -> bool:
+        """Whether the robot branches: its mass matrix is then factorized from the tips to the base."""
+        return self.model.spec.parents != tuple(range(-1, self.model.links - 1))
 
     def with_gravity_input(self) -> Recording:
         """A new, empty recording of the same robot in which gravity is an input."""
@@ -137,17 +154,9 @@ class Recording:
         return [values[port.role] for port in program.inputs]
 
     def joints(self, name: str) -> list[Value]:
-        """The joint vector ``name`` (n,), one of :data:`JOINT_PORTS`; declared as an input when first asked for."""
-        role, meaning, suffix = JOINT_PORTS[name]
-        if role in self._declared:
-            return self._declared[role]
-        if suffix == "any":
-            unit = ""
-        elif suffix == "torque":
-            unit = self.torque_unit
-        else:
-            unit = " | ".join(part + suffix for part in self.position_unit.split(" | "))
-        return self._input(Port(name, (self.n,), unit, "", meaning, role))
+        """The joint vector ``name`` (n,), one of :data:`JOINT_ROLES`; declared as an input when first asked for."""
+        role = JOINT_ROLES[name]
+        return self._declared.get(role) or self._input(replace(self._port(name), role=role))
 
     def chain(self) -> Chain:
         """Declare q as an input and return the chain at q, in the gravity of the robot file."""
@@ -174,15 +183,28 @@ class Recording:
             self.joints(name)
         return program_chain(self.model, self.builder, self.constant, q, self.gravity())
 
-    def gain(self, name: str) -> list[Value]:
-        """Declare a vector (n,) of gains, one per joint, as an input."""
-        return self.extra(name, (self.n,), "", f"gains {name}, one per joint")
+    def take(self, name: str, *shape: int) -> list[Value]:
+        """The input ``name`` as the table states it, declared when first asked for.
 
-    def extra(self, name: str, shape: tuple[int, ...], unit: str, meaning: str) -> list[Value]:
-        """The input ``name`` without a special role, with its shape, unit and meaning; declared when first used."""
+        ``shape`` is needed where the table names a size that is not that of the joints or of the base parameters.
+        """
         if name not in self._extra:
-            self._extra[name] = list[Value](self.builder.input(Port(name, shape, unit, "", meaning)))
+            self._extra[name] = list[Value](self.builder.input(self._port(name, *shape)))
         return self._extra[name]
+
+    def _port(self, name: str, *shape: int) -> Port:
+        """The input ``name`` of the function, as the table states it."""
+        own = {quantity.name: quantity for quantity in self.function.arguments} if self.function else {}
+        quantity = own.get(name) or QUANTITIES[name]
+        sizes = {"n": self.n, "b": len(self.parametrization.names) + self.drives}
+        shape = shape or tuple(sizes[size] if size in sizes else int(size) for size in quantity.shape.split())
+        domain = DOMAINS.get(name, Domain.FINITE)
+        return Port(name, shape, self.unit(quantity.unit), "", quantity.words, domain=domain)
+
+    def unit(self, unit: str) -> str:
+        """The ``unit`` of the table for the joints of this robot: of "rad | m" one part where all joints are alike."""
+        parts = unit.split(" | ")
+        return parts[min(self._kind, len(parts) - 1)] if self._kind is not None else unit
 
     def gravity(self) -> list[Value]:
         """The acceleration of gravity (3,); declared as an input when first asked for."""

@@ -1,55 +1,1066 @@
-"""The table of all model functions, by group and in the order of emission, put together from those of the modules.
+"""The table of all model functions, by group and in the order of emission.
 
-The group "model" is always emitted. The functions of the other groups are needed by some users only, and are derived
-and emitted on request.
+The group "model" is always emitted, and with it, behind all other groups, the group "friction". The functions of the
+other groups are needed by some users only, and are derived and emitted on request.
 """
 
 from __future__ import annotations
 
-from rrrgen.derive.functions import (
-    derivatives,
-    dynamic_functions,
-    energy_functions,
-    kinematic_functions,
-    parameter_functions,
-    point_functions,
-    regressor_functions,
+import math
+from collections.abc import Sequence
+from functools import cache, partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from rrrgen.derive.functions.model_function import ModelFunction, Needs
+from rrrgen.derive.functions.quantities import Quantity, like
+from rrrgen.program import Op, Program
+
+if TYPE_CHECKING:
+    from rrrgen.derive.functions.recording import Recorder, Recording
+    from rrrgen.robot.robot_spec import RobotSpec
+
+KINEMATICS = "rrrgen.derive.functions.kinematics"
+DYNAMICS = "rrrgen.derive.functions.dynamic_functions"
+DERIVATIVES = "rrrgen.derive.functions.derivatives"
+REGRESSORS = "rrrgen.derive.functions.regressors"
+ENERGIES = "rrrgen.derive.functions.energy_functions"
+PARAMETERS = "rrrgen.derive.functions.parameters"
+POINTS = "rrrgen.derive.functions.points"
+TERMS = "rrrgen.derive.functions.terms"
+LAWS = "rrrgen.derive.functions.laws"
+OPERATIONAL = "rrrgen.derive.functions.operational"
+OBSERVERS = "rrrgen.derive.functions.observers"
+CONTACT = "rrrgen.derive.functions.contact"
+ELASTIC = "rrrgen.derive.functions.elastic_joints"
+PATHS = "rrrgen.derive.functions.paths"
+MOTIONS = "rrrgen.derive.functions.motions"
+FRICTION = "rrrgen.derive.functions.friction"
+
+TABLE = (
+    ModelFunction(
+        "forward_kinematics",
+        "model",
+        "Pose of the tip in the base frame, ``T_0_n = base A_1 ... A_n tool``. Source: (14.5).",
+        takes="q",
+        returns="Homogeneous transforms T, (..., 4, 4), positions in m.",
+        record=f"{KINEMATICS}:FORWARD_KINEMATICS",
+    ),
+    ModelFunction(
+        "link_frames",
+        "model",
+        "Poses of all link frames in the base frame, ``T_0_i = base A_1 ... A_i``, without the tool.",
+        takes="q",
+        returns="Homogeneous transforms T, (..., n, 4, 4), positions in m: ``T[..., i, :, :]`` is the frame "
+        "of link i + 1.",
+        record=f"{KINEMATICS}:link_frames",
+    ),
+    ModelFunction(
+        "jacobian",
+        "model",
+        "Geometric Jacobian of the tip, ``[v; w] = J(q) dq``, in the axes of the base frame.",
+        takes="q",
+        returns="J, (..., 6, n): linear velocity v of the tip (m/s) first, then angular velocity w (rad/s).",
+        record=f"{KINEMATICS}:jacobian",
+    ),
+    ModelFunction(
+        "link_jacobians",
+        "model",
+        "Geometric Jacobians of the origins of all link frames, ``[v_i; w_i] = J_i(q) dq``, in the base frame's axes.",
+        takes="q",
+        returns="J, (..., n, 6, n), linear rows first: ``J[..., i, :, :]`` belongs to ``link_frames(q)[..., "
+        "i, :, :]``. The columns of joints beyond the link are zero.",
+        record=f"{KINEMATICS}:link_jacobians",
+        details="A wrench [f; m] at the origin of link frame i loads the joints with ``tau = J_i' [f; m]``.",
+    ),
+    ModelFunction(
+        "kinematics",
+        "model",
+        "Pose and Jacobian of the tip from one evaluation, cheaper than one call for each.",
+        takes="q",
+        returns="The named tuple (T, J): as :meth:`forward_kinematics`, (..., 4, 4), and :meth:`jacobian`, "
+        "(..., 6, n).",
+        record=f"{KINEMATICS}:kinematics",
+        result="Kinematics",
+    ),
+    ModelFunction(
+        "jacobian_dot_dq",
+        "model",
+        "Acceleration of the tip for ddq = 0, ``a = (dJ/dt) dq``, so that ``d[v; w]/dt = J ddq + a``.",
+        takes="q dq",
+        returns="a, (..., 6), in the axes of the base frame: linear part (m/s^2) first, then angular (rad/s^2).",
+        record=f"{KINEMATICS}:jacobian_dot_dq",
+    ),
+    ModelFunction(
+        "mass_matrix",
+        "model",
+        "Mass matrix ``M(q)``, symmetric, drive inertia included. Source: (14.7).",
+        takes="q beta * Ia",
+        returns="M, (..., n, n), kg m^2, kg m or kg.",
+        record=f"{DYNAMICS}:mass_matrix",
+    ),
+    ModelFunction(
+        "coriolis_matrix",
+        "model",
+        "Coriolis matrix ``C(q, dq)`` of the Christoffel symbols: ``c = C dq``, and ``dM/dt - 2 C`` is skew-symmetric.",
+        takes="q dq beta",
+        returns="C, (..., n, n), in SI units.",
+        record=f"{DYNAMICS}:coriolis_matrix",
+    ),
+    ModelFunction(
+        "coriolis",
+        "model",
+        "Coriolis and centrifugal torques ``c = C(q, dq) dq``. Source: (14.7).",
+        takes="q dq beta",
+        returns="c, (..., n), N m or N.",
+        record=f"{DYNAMICS}:CORIOLIS",
+    ),
+    ModelFunction(
+        "coriolis_transpose",
+        "model",
+        "Transposed Coriolis matrix times dq, for momentum observers: ``d(M dq)/dt = tau + p - g``.",
+        takes="q dq beta",
+        returns="``p = C(q, dq)' dq``, (..., n), N m or N.",
+        record=f"{DYNAMICS}:coriolis_transpose",
+    ),
+    ModelFunction(
+        "gravity",
+        "model",
+        "Gravity torques ``g = dU/dq``: the joint torques that hold the arm still. Source: (14.7).",
+        takes="q beta * gravity",
+        returns="g, (..., n), N m or N.",
+        record=f"{DYNAMICS}:gravity",
+    ),
+    ModelFunction(
+        "bias",
+        "model",
+        "Bias torques ``h = c(q, dq) + g(q)``: the joint torques for ddq = 0, without friction.",
+        takes="q dq beta * gravity",
+        returns="h, (..., n), N m or N.",
+        record=f"{DYNAMICS}:BIAS",
+    ),
+    ModelFunction(
+        "dynamics_terms",
+        "model",
+        "All terms of ``tau = M ddq + c + g`` from one evaluation, cheaper than one call for each.",
+        takes="q dq beta * Ia gravity",
+        returns="The named tuple (M, c, g): (..., n, n), (..., n) and (..., n).",
+        record=f"{DYNAMICS}:DYNAMICS_TERMS",
+        result="DynamicsTerms",
+    ),
+    ModelFunction(
+        "inverse_dynamics",
+        "model",
+        "Joint torques ``tau = M ddq + c + g`` of rigid body and drive inertia, without friction. Source: (14.6).",
+        takes="q dq ddq beta * Ia gravity",
+        returns="tau, (..., n), N m or N.",
+        record=f"{DYNAMICS}:INVERSE_DYNAMICS",
+    ),
+    ModelFunction(
+        "forward_dynamics",
+        "model",
+        "Joint accelerations ``ddq = M^-1 (tau - c - g)``; friction is not part of it: subtract it from ``tau``.",
+        takes="q dq tau beta * Ia gravity",
+        returns="ddq, (..., n), rad/s^2 or m/s^2; zero where M is not positive definite. The status, (...), "
+        "is 0 where M is positive definite and 1 elsewhere.",
+        combine=f"{DYNAMICS}:forward_dynamics",
+        of=(
+            "mass_matrix",
+            "bias",
+        ),
+        raises=(
+            ("numpy.linalg.LinAlgError", "M is indefinite or singular at some state, and ``with_status`` is False."),
+        ),
+        status=True,
+    ),
+    ModelFunction(
+        "inverse_dynamics_derivatives",
+        "model",
+        "Joint torques and their analytical derivatives, ``d tau = dtau_dq d(q) + dtau_dv d(dq) + M d(ddq)``.",
+        takes="q dq ddq beta * Ia gravity",
+        returns="The named tuple (tau, dtau_dq, dtau_dv, M): (..., n), then three times (..., n, n), in SI units.",
+        record=f"{DERIVATIVES}:inverse_dynamics_derivatives",
+        combine=f"{DERIVATIVES}:differentiated",
+        of=("inverse_dynamics",),
+        result="InverseDynamicsDerivatives",
+    ),
+    ModelFunction(
+        "forward_dynamics_derivatives",
+        "model",
+        "Joint accelerations and their derivatives, ``d ddq = dddq_dq d(q) + dddq_dv d(dq) + dddq_dtau d(tau)``.",
+        takes="q dq tau beta * Ia gravity",
+        returns="The named tuple (ddq, dddq_dq, dddq_dv, dddq_dtau): (..., n), then three times (..., n, n), "
+        "in SI units; ``dddq_dtau`` is the inverse of M. All are zero where M is not positive "
+        "definite; the status, (...), is 1 there and 0 elsewhere.",
+        record=f"{DERIVATIVES}:forward_dynamics_derivatives",
+        combine=f"{DERIVATIVES}:from_inverse_dynamics",
+        of=("inverse_dynamics_derivatives",),
+        raises=(
+            ("numpy.linalg.LinAlgError", "M is indefinite or singular at some state, and ``with_status`` is False."),
+        ),
+        result="ForwardDynamicsDerivatives",
+        status=True,
+    ),
+    ModelFunction(
+        "regressor",
+        "model",
+        "Base regressor: ``tau = Y(q, dq, ddq) beta``, rigid body without drive inertia. Source: (14.10).",
+        takes="q dq ddq * gravity",
+        returns="Y, (..., n, b), in SI units; its columns belong to ``base_parameter_names``.",
+        record=f"{REGRESSORS}:REGRESSOR",
+        links_only="Y",
+    ),
+    ModelFunction(
+        "regressor_transpose",
+        "model",
+        "Transposed base regressor times a vector, ``r = Y' e``, without forming Y: for adaptation. Source: (14.23).",
+        takes="q dq ddq e * gravity",
+        where=(like("e", note=", such as a tracking error"),),
+        returns="r, (..., b), in SI units times the unit of ``e``.",
+        record=f"{REGRESSORS}:regressor_transpose",
+        links_only="r",
+    ),
+    ModelFunction(
+        "standard_regressor",
+        "model",
+        "Regressor of the standard parameters of all links: ``tau = Y(q, dq, ddq) phi``.",
+        takes="q dq ddq * gravity",
+        returns="Y, (..., n, 10 n), in SI units.",
+        record=f"{REGRESSORS}:standard_regressor",
+        details="phi lists, link by link, m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz: mass (kg), first "
+        "moments (kg m) and inertia tensor (kg m^2, Ixy = -integral of x y dm) about the origin of "
+        "the link frame, in its axes.",
+        links_only="Y",
+    ),
+    ModelFunction(
+        "energy",
+        "model",
+        "Kinetic energy ``dq' M dq / 2`` and potential energy U with ``dU/dq = g``, defined up to a constant.",
+        takes="q dq beta * Ia gravity",
+        returns="The named tuple (kinetic, potential), each (...), J.",
+        record=f"{ENERGIES}:energy",
+        result="Energy",
+    ),
+    ModelFunction(
+        "base_parameters",
+        "model",
+        "Base parameters ``beta = K phi`` of given links; in C and CasADi ``base_parameters``.",
+        takes="phi",
+        where=(Quantity("phi", "10n", "SI", "standard parameters of all links"),),
+        returns="beta, (..., b), in SI units.",
+        record=f"{PARAMETERS}:BASE_PARAMETERS",
+        by_hand=True,
+    ),
+    ModelFunction(
+        "add_payload",
+        "model",
+        "Base parameters of the robot with a body fixed to its last link, to be passed as ``beta`` to other methods.",
+        takes="mass com inertia * beta",
+        where=(
+            Quantity(
+                "com",
+                "3",
+                "m",
+                "its centre of mass",
+                note=", in the frame of the last link, ``link_frames(q)[-1]``, which is the one before the tool",
+            ),
+            Quantity(
+                "inertia",
+                "3 3",
+                "kg m^2",
+                "its inertia tensor about that centre",
+                note=", in the axes of the same frame; zero by default, a point mass",
+            ),
+            like("beta", meaning="base parameters without the body"),
+        ),
+        returns="beta_loaded, (..., b), in SI units.",
+        record=f"{PARAMETERS}:ADD_PAYLOAD",
+        details="Further bodies are added one by one; a negative mass with the negative tensor removes a body again.",
+        raises=(
+            ("ValueError", "the tensor is not symmetric, or the robot file has no links and ``beta`` is not given."),
+        ),
+        by_hand=True,
+    ),
+    ModelFunction(
+        "add_payload_at",
+        "model",
+        "Base parameters of the robot with a body fixed to its last link; the body is described in its own frame.",
+        takes="mass com inertia frame * beta",
+        where=(
+            Quantity("com", "3", "m", "its centre of mass", note=", in its own frame"),
+            Quantity(
+                "inertia",
+                "3 3",
+                "kg m^2",
+                "its inertia tensor about that centre",
+                note=", in the axes of its own frame; None for a point mass",
+            ),
+            Quantity("frame", "4 4", "1, m", "pose of its frame in the last link"),
+            like("beta", meaning="base parameters without the body"),
+        ),
+        returns="beta_loaded, (..., b), in SI units.",
+        record=f"{PARAMETERS}:ADD_PAYLOAD_AT",
+        raises=(("ValueError", "as for :meth:`add_payload`."),),
+        by_hand=True,
+    ),
+    ModelFunction(
+        "link_velocities",
+        "points",
+        "Velocities of all link frames in the base frame, ``[v_i; omega_i] = J_i(q) dq``.",
+        takes="q dq",
+        returns="V, (..., n, 6): linear, m/s, then angular, rad/s.",
+        record=f"{POINTS}:link_velocities",
+    ),
+    ModelFunction(
+        "link_jacobians_dot_dq",
+        "points",
+        "Time derivatives of the Jacobians of all link frames times dq: the accelerations of the frames for ddq = 0.",
+        takes="q dq",
+        returns="A, (..., n, 6): linear, m/s^2, then angular, rad/s^2, in the base frame.",
+        record=f"{POINTS}:link_jacobians_dot_dq",
+    ),
+    ModelFunction(
+        "point_jacobian",
+        "points",
+        "Geometric Jacobian of a point that is fixed to a frame: ``[v_p; omega] = J_p dq``.",
+        takes="T J point",
+        where=(like("J", meaning="its Jacobian", note=", base frame, linear rows first"),),
+        returns="J_p, (..., 6, n), base frame, linear rows first.",
+        record=f"{POINTS}:point_jacobian",
+    ),
+    ModelFunction(
+        "point_motion",
+        "points",
+        "Velocity and acceleration of a point that is fixed to a frame.",
+        takes="T V A point",
+        where=(
+            Quantity(
+                "V",
+                "6",
+                "m/s, rad/s",
+                "its velocity",
+                note=", linear part first, such as ``link_velocities(q, dq)[..., i, :]``",
+            ),
+            Quantity(
+                "A",
+                "6",
+                "m/s^2, rad/s^2",
+                "its acceleration",
+                note=". If only its part (dJ/dt) dq is given, A_p is that part for the point",
+            ),
+        ),
+        returns="The named tuple (V_p, A_p), (..., 6) each, in the base frame.",
+        record=f"{POINTS}:point_motion",
+        result="PointMotion",
+    ),
+    ModelFunction(
+        "wrench_torques",
+        "points",
+        "Joint torques ``tau = J' F`` of a wrench: if F acts on the robot, ``M ddq + c + g = tau_m + J' F``.",
+        takes="J F",
+        where=(
+            like("J", meaning="Jacobian of the frame or point at which the wrench acts", note=""),
+            Quantity("F", "6", "N, N m", "force and moment about that point", note=", in base axes"),
+        ),
+        returns="tau, (..., n), N m or N.",
+        record=f"{POINTS}:wrench_torques",
+    ),
+    ModelFunction(
+        "tool_kinematics",
+        "points",
+        "Pose and Jacobian of a tool in place of that of the robot file.",
+        takes="q tool",
+        returns="The named tuple (T, J): (..., 4, 4) and (..., 6, n), base frame.",
+        record=f"{POINTS}:tool_kinematics",
+        raises=(("InputError", "the tool is no rigid motion: another last row than 0 0 0 1, or no rotation."),),
+        result="Kinematics",
+    ),
+    ModelFunction(
+        "tool_target",
+        "points",
+        "Target of ``inverse_kinematics`` for which a tool in place of that of the robot file has the pose T.",
+        takes="T tool",
+        where=(like("T", meaning="wanted pose of the tool in the base frame", rigid=True),),
+        returns="target, (..., 4, 4), translation in m: ``T tool^-1 T_tool`` with the tool T_tool of the robot file.",
+        record=f"{POINTS}:tool_target",
+        raises=(
+            (
+                "InputError",
+                "the tool or the wanted pose is no rigid motion: another last row than 0 0 0 1, no rotation.",
+            ),
+        ),
+    ),
+    ModelFunction(
+        "manipulability",
+        "points",
+        "Manipulability ``w = sqrt(det(J J'))`` (of ``J' J`` for fewer than six joints) and its gradient.",
+        takes="q",
+        returns="The named tuple (w, dw_dq): (...) and (..., n); zero where J loses rank, and the status, "
+        "(...), is 1 there.",
+        record=f"{POINTS}:MANIPULABILITY",
+        raises=(("numpy.linalg.LinAlgError", "J loses rank at some state, and ``with_status`` is False."),),
+        result="Manipulability",
+        status=True,
+    ),
+    ModelFunction(
+        "position_manipulability",
+        "points",
+        "Manipulability of the position of the tip alone, from the three linear rows of J.",
+        takes="q",
+        returns="The named tuple (w, dw_dq): (...) and (..., n).",
+        record=f"{POINTS}:POSITION_MANIPULABILITY",
+        raises=(("numpy.linalg.LinAlgError", "J loses rank at some state, and ``with_status`` is False."),),
+        result="Manipulability",
+        status=True,
+    ),
+    ModelFunction(
+        "nullspace",
+        "points",
+        "Projection ``N = 1 - J' (J J' + damping^2 1)^-1 J`` on joint motions that keep the pose of the tip.",
+        takes="q damping",
+        where=(
+            Quantity(
+                "damping",
+                "",
+                "SI",
+                "damping of the projection: 0 is exact; larger values keep N smooth through singularities",
+                default=0.0,
+            ),
+        ),
+        returns="N, (..., n, n); the unit matrix where J loses rank and damping is 0, and the status, (...), "
+        "is 1 there.",
+        record=f"{POINTS}:NULLSPACE",
+        raises=(
+            ("numpy.linalg.LinAlgError", "J loses rank at some state, damping is 0, and ``with_status`` is False."),
+            ("ValueError", "the robot has six joints or fewer."),
+        ),
+        status=True,
+        more_joints_than=6,
+    ),
+    ModelFunction(
+        "position_nullspace",
+        "points",
+        "Projection N on joint motions that keep the position of the tip, while its orientation may change.",
+        takes="q damping",
+        where=(
+            Quantity(
+                "damping",
+                "",
+                "m | 1",
+                "damping of the projection: 0 is exact; larger values keep N smooth through singularities",
+                default=0.0,
+            ),
+        ),
+        returns="N, (..., n, n).",
+        record=f"{POINTS}:POSITION_NULLSPACE",
+        raises=(
+            ("numpy.linalg.LinAlgError", "J loses rank at some state, damping is 0, and ``with_status`` is False."),
+            ("ValueError", "the robot has three joints or fewer."),
+        ),
+        status=True,
+        more_joints_than=3,
+    ),
+    ModelFunction(
+        "momentum_terms",
+        "control",
+        "Generalized momentum and the terms of its rate, for momentum observers: ``dp/dt = tau + ct - g``.",
+        takes="q dq beta * Ia gravity",
+        returns="The named tuple (p, ct, g), (..., n) each: ``p = M dq`` in N m s or N s, ``ct = C(q, dq)' "
+        "dq`` and the gravity torques in N m or N.",
+        record=f"{TERMS}:momentum_terms",
+        result="MomentumTerms",
+    ),
+    ModelFunction(
+        "reference_torque",
+        "control",
+        "Torques ``tau = M a + C(q, dq) v + g`` of a reference motion at the measured velocity (Slotine and Li).",
+        takes="q dq v a beta * Ia gravity",
+        returns="tau, (..., n), N m or N.",
+        record=f"{TERMS}:REFERENCE_TORQUE",
+        details="C is the matrix of the Christoffel symbols, so that ``dM/dt - 2 C`` is skew-symmetric.",
+    ),
+    ModelFunction(
+        "reference_regressor_transpose",
+        "control",
+        "Transposed regressor of :meth:`reference_torque` times a vector, ``r = Y' e``, for adaptive control.",
+        takes="q dq v a e * gravity",
+        where=(like("e", note=", such as a tracking error of the velocities"),),
+        returns="r, (..., b), in SI units times the unit of ``e``.",
+        record=f"{TERMS}:reference_regressor_transpose",
+        details="``Y(q, dq, v, a) beta = M a + C(q, dq) v + g``, without drive inertia; Y is never formed.",
+        links_only="r",
+    ),
+    ModelFunction(
+        "pd_gravity",
+        "control",
+        "PD control with gravity and friction compensation, ``tau = kp e + kd e' + ki z + g(q) + f(dq_d)``.",
+        takes="q dq q_d dq_d ddq_d kp kd ki z * width Ts gravity beta Ia friction tau_max",
+        returns="The named tuple (tau, z_next), (..., n) each: the torques to apply, and the state for the next tick.",
+        record=f"{LAWS}:pd_gravity",
+        result="ControlStep",
+        status=True,
+        refuses="``z_next`` is then z, tau zero",
+    ),
+    ModelFunction(
+        "feedforward",
+        "control",
+        "Torques of the desired motion, ``M ddq_d + c + g`` at q_d and dq_d, with ``kp e + kd e' + ki z + f(dq_d)``.",
+        takes="q dq q_d dq_d ddq_d kp kd ki z * width Ts gravity beta Ia friction tau_max",
+        returns="The named tuple (tau, z_next), (..., n) each: the torques to apply, and the state for the next tick.",
+        record=f"{LAWS}:feedforward",
+        result="ControlStep",
+        status=True,
+        refuses="``z_next`` is then z, tau zero",
+    ),
+    ModelFunction(
+        "computed_torque",
+        "control",
+        "Computed torque, ``tau = M (ddq_d + kp e + kd e' + ki z) + c + g + f(dq_d)``. Source: (14.34).",
+        takes="q dq q_d dq_d ddq_d kp kd ki z * width Ts gravity beta Ia friction tau_max",
+        where=(like("kp", unit="1/s^2"), like("kd", unit="1/s"), like("ki", unit="1/s^3")),
+        returns="The named tuple (tau, z_next), (..., n) each: the torques to apply, and the state for the next tick.",
+        record=f"{LAWS}:computed_torque",
+        result="ControlStep",
+        status=True,
+        refuses="``z_next`` is then z, tau zero",
+    ),
+    ModelFunction(
+        "slotine_li",
+        "control",
+        "Passivity-based tracking with adaptation of the base parameters (Slotine and Li 1987).",
+        takes="q dq q_d dq_d ddq_d lam k beta * width gamma beta_min beta_max Ts gravity Ia friction tau_max",
+        where=(
+            Quantity("lam", "n", "1/s", "bandwidth of the error on s = 0", constant=True),
+            Quantity("k", "n", "N m s/rad | N s/m", "gains of s", constant=True),
+            like(
+                "beta",
+                note=": at the start an estimate, then ``beta_next`` of the last tick",
+                constant=False,
+                from_file="",
+            ),
+            Quantity(
+                "gamma",
+                "b",
+                "(unit of beta)^2/J",
+                "adaptation gains",
+                note="; zero for parameters to keep. Drive inertias are kept",
+                constant=True,
+                for_drives=0.0,
+            ),
+            Quantity("beta_min", "b", "SI", "lower bounds of beta", constant=True, for_drives=-math.inf),
+            Quantity("beta_max", "b", "SI", "upper bounds of beta", constant=True, for_drives=math.inf),
+        ),
+        returns="The named tuple (tau, beta_next), (..., n) and (..., b).",
+        record=f"{LAWS}:slotine_li",
+        details="``tau = M a + C(q, dq) v + g - k s + f(dq_d)`` and ``beta_next = beta - Ts gamma Y' s``, "
+        "with ``v = dq_d + lam e``, ``a = ddq_d + lam e'``, ``s = dq - v``; beta stays as it is "
+        "while a joint is at its limit.",
+        result="AdaptiveStep",
+        links_only="beta_next",
+        status=True,
+        refuses="``beta_next`` is then beta, tau zero",
+    ),
+    ModelFunction(
+        "impedance",
+        "control",
+        "Impedance control of the tip, ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``.",
+        takes="q dq T_d V_d stiffness damping * gravity beta tau_max",
+        where=(
+            Quantity("stiffness", "6", "N/m, N m/rad", "spring along and about the axes of the base", constant=True),
+            Quantity("damping", "6", "N s/m, N m s/rad", "damper along and about these axes", constant=True),
+        ),
+        returns="tau, (..., n), N m or N, within ``tau_max``.",
+        record=f"{LAWS}:impedance",
+        details="The error e_x (6,) is that of the position (m), then the axis of the rotation from the "
+        "actual to the desired orientation, times the sine of its angle.",
+        status=True,
+        refuses="tau is then zero",
+    ),
+    ModelFunction(
+        "operational_space",
+        "control",
+        "Operational-space control of the pose of the tip (Khatib 1987), damped near singular configurations.",
+        takes="q dq T_d V_d A_d kp kd ki z tau_0 damping * tau_add Ts gravity beta Ia tau_max",
+        where=(
+            Quantity("A_d", "6", "m/s^2, rad/s^2", "desired acceleration of the tip", note=", base frame"),
+            like("kp", shape="6", unit="1/s^2", meaning="gains of the error of the tip"),
+            like("kd", shape="6", unit="1/s", meaning="gains of the error of its velocity"),
+            like("ki", shape="6", unit="1/s^3"),
+            like("z", shape="6", unit="m s, rad s"),
+        ),
+        returns="The named tuple (tau, z_next), (..., n) and (..., 6): torques to apply and the state for "
+        "the next tick. The status, (...), is 1 where damping acts; the tip then follows only where "
+        "it can move.",
+        record=f"{OPERATIONAL}:OPERATIONAL_SPACE",
+        details="``tau = J' L (a - (dJ/dt) dq - J inv(M) tau_0) + c + g + tau_0 + tau_add`` with ``L = inv(J "
+        "inv(M) J')`` and ``a = A_d + kp e_x + kd (V_d - J dq) + ki z``. The error e_x (6,) is that "
+        "of the position (m), then the axis of the rotation from the actual to the desired "
+        "orientation, times the sine of its angle.",
+        raises=(
+            ("numpy.linalg.LinAlgError", "damping acts at some state, and ``with_status`` is False."),
+            ("ValueError", "the robot has fewer than six joints."),
+        ),
+        result="OperationalStep",
+        status=True,
+        more_joints_than=5,
+        needs=Needs.TIP_POSE,
+        refuses="``z_next`` is then z, tau zero",
+    ),
+    ModelFunction(
+        "position_operational_space",
+        "control",
+        "Operational-space control of the position of the tip (Khatib 1987), damped near singular configurations.",
+        takes="q dq p_d V_d A_d kp kd ki z tau_0 damping * tau_add Ts gravity beta Ia tau_max",
+        where=(
+            Quantity("p_d", "3", "m", "desired position of the tip in the base frame"),
+            like("V_d", shape="3", unit="m/s"),
+            Quantity("A_d", "3", "m/s^2", "desired acceleration of the tip", note=", base frame"),
+            like("kp", shape="3", unit="1/s^2", meaning="gains of the error of the tip"),
+            like("kd", shape="3", unit="1/s", meaning="gains of the error of its velocity"),
+            like("ki", shape="3", unit="1/s^3"),
+            like("z", shape="3", unit="m s"),
+        ),
+        returns="The named tuple (tau, z_next), (..., n) and (..., 3): torques to apply and the state for "
+        "the next tick. The status, (...), is 1 where damping acts; the tip then follows only where "
+        "it can move.",
+        record=f"{OPERATIONAL}:POSITION_OPERATIONAL_SPACE",
+        details="``tau = J' L (a - (dJ/dt) dq - J inv(M) tau_0) + c + g + tau_0 + tau_add`` with ``L = inv(J "
+        "inv(M) J')`` and ``a = A_d + kp e_x + kd (V_d - J dq) + ki z``, J the first three rows of "
+        "the Jacobian, e_x the position error (m).",
+        raises=(
+            ("numpy.linalg.LinAlgError", "damping acts at some state, and ``with_status`` is False."),
+            ("ValueError", "the robot has fewer than three joints."),
+        ),
+        result="OperationalStep",
+        status=True,
+        more_joints_than=2,
+        needs=Needs.TIP_POSITION,
+        refuses="``z_next`` is then z, tau zero",
+    ),
+    ModelFunction(
+        "momentum_observer_start",
+        "observer",
+        "Initial state of the momentum observer (:meth:`momentum_observer`) for its first period.",
+        takes="q dq * width gravity beta Ia friction",
+        returns="The named tuple (p, u), (..., n) each: ``p = M dq`` and ``u = C' dq - g - f(dq)``.",
+        record=f"{OBSERVERS}:momentum_observer_start",
+        result="ObserverState",
+        status=True,
+        refuses="p and u are then zero, and no state to start with",
+    ),
+    ModelFunction(
+        "momentum_observer",
+        "observer",
+        "One period of the momentum observer, which estimates the torques r that the environment exerts, low-passed.",
+        takes="q dq tau * width p_last u_last r_last gain Ts gravity beta Ia friction",
+        where=(
+            like("tau", meaning="torques applied since the last tick"),
+            Quantity("p_last", "n", "N m s | N s", "momentum at the last tick"),
+            Quantity("u_last", "n", "N m | N", "torques u at the last tick"),
+            Quantity("r_last", "n", "N m | N", "estimate of the last tick", note="; zero at the start"),
+            Quantity("gain", "", "1/s", "pole of the observer"),
+        ),
+        returns="The named tuple (r, p, u), (..., n) each: the estimate, and the state for the next tick.",
+        record=f"{OBSERVERS}:momentum_observer",
+        result="ObserverStep",
+        status=True,
+        refuses="the results are then those of the last tick",
+    ),
+    ModelFunction(
+        "contact",
+        "observer",
+        "One period of contact detection: compare estimated external torques and their changes with thresholds.",
+        takes="r r_last change_last gain Ts threshold change_threshold",
+        where=(
+            Quantity("r_last", "n", "N m | N", "those of the last tick", note="; zero at the start"),
+            Quantity("change_last", "n", "N m | N", "change of the last tick", note="; zero at the start"),
+            Quantity("gain", "", "1/s", "pole of the momentum observer"),
+            Quantity(
+                "threshold",
+                "n",
+                "N m | N",
+                "thresholds of r",
+                note=", of ``rrrgen contact-thresholds``; inf for none",
+                constant=True,
+            ),
+            Quantity(
+                "change_threshold",
+                "n",
+                "N m | N",
+                "thresholds of the change",
+                note=", of the same command; inf for none",
+                constant=True,
+            ),
+        ),
+        returns="The named tuple (ratio, touches, change): the larger of ``|r|/threshold`` and "
+        "``|h|/change_threshold``, (..., n), 1 where one of them exceeds 1, (...), and the change h "
+        "for the next tick, (..., n).",
+        record=f"{CONTACT}:contact",
+        details="The change ``h = alpha^2 change_last + alpha (r - r_last)``, alpha = exp(-gain Ts), is what "
+        "an observer with twice the pole would estimate, minus r: a contact shows in it although the "
+        "model errors in r are larger.",
+        result="Contact",
+        status=True,
+        refuses="``change`` is then the last one, ``touches`` 1",
+    ),
+    ModelFunction(
+        "external_wrench",
+        "observer",
+        "Estimate the wrench F on the robot that causes the external torques r: ``F = P J inv(S) r``.",
+        takes="J r covariance",
+        returns="The named tuple (F, P, condition): the wrench in base axes, (..., 6), N and N m, its "
+        "covariance, (..., 6, 6), and a condition number, (...), that is 1 at best and large near "
+        "singular configurations.",
+        record=f"{CONTACT}:EXTERNAL_WRENCH",
+        details="It is a weighted least-squares estimate: ``P = inv(J inv(S) J')`` with the covariance S of "
+        "the errors of r and the Jacobian J of the point where the wrench acts.",
+        raises=(
+            (
+                "numpy.linalg.LinAlgError",
+                "the torques do not determine it at some state, and ``with_status`` is False.",
+            ),
+            ("ValueError", "the robot has fewer than six joints."),
+        ),
+        result="ExternalLoad",
+        status=True,
+        more_joints_than=5,
+    ),
+    ModelFunction(
+        "external_force",
+        "observer",
+        "Estimate the force F, without a moment, that causes the external torques r: ``F = P J inv(S) r``.",
+        takes="J r covariance",
+        returns="The named tuple (F, P, condition): the force in base axes, (..., 3), N, its covariance, "
+        "(..., 3, 3), and a condition number, (...), that is 1 at best and large near singular "
+        "configurations.",
+        record=f"{CONTACT}:EXTERNAL_FORCE",
+        details="It is a weighted least-squares estimate: ``P = inv(J inv(S) J')`` with the covariance S of "
+        "the errors of r and J the first three rows of the Jacobian of the point where the force "
+        "acts.",
+        raises=(
+            (
+                "numpy.linalg.LinAlgError",
+                "the torques do not determine it at some state, and ``with_status`` is False.",
+            ),
+            ("ValueError", "the robot has fewer than three joints."),
+        ),
+        result="ExternalLoad",
+        status=True,
+        more_joints_than=2,
+    ),
+    ModelFunction(
+        "elastic_forward_dynamics",
+        "elastic",
+        "Accelerations of links and rotors under torques on the rotors.",
+        takes="q dq theta dtheta tau beta * gravity rotor_inertia stiffness damping",
+        where=(
+            like("q", meaning="positions of the links"),
+            like("dq", meaning="velocities of the links"),
+            like("theta", meaning="positions of the rotors, seen at the joints"),
+            like("dtheta", meaning="velocities of the rotors"),
+            like("tau", meaning="torques on the rotors, friction subtracted"),
+            Quantity(
+                "damping",
+                "n",
+                "N m s/rad | N s/m",
+                "dampings",
+                constant=True,
+                from_file="those of the robot file, else zero",
+            ),
+        ),
+        returns="The named tuple (ddq, ddtheta), (..., n) each, rad/s^2 or m/s^2. The status, (...), is 1 "
+        "where the mass matrix is not positive definite; ddq is zero there.",
+        record=f"{ELASTIC}:elastic_forward_dynamics",
+        raises=(
+            ("numpy.linalg.LinAlgError", "the mass matrix is not positive definite, and ``with_status`` is False."),
+        ),
+        result="ElasticAccelerations",
+        status=True,
+    ),
+    ModelFunction(
+        "elastic_inverse_dynamics",
+        "elastic",
+        "Torques of the motors and motion of the rotors for a motion of the links, without damping and friction.",
+        takes="q dq ddq d3q d4q beta * gravity rotor_inertia stiffness",
+        where=(
+            like("q", meaning="positions of the links"),
+            like("dq", meaning="their velocities"),
+            like("ddq", meaning="their accelerations"),
+            Quantity("d3q", "n", "rad/s^3 | m/s^3", "their third derivatives"),
+            Quantity("d4q", "n", "rad/s^4 | m/s^4", "their fourth derivatives"),
+        ),
+        returns="The named tuple (tau, theta, dtheta), (..., n) each: torques, N m or N, positions and "
+        "velocities of rotors.",
+        record=f"{ELASTIC}:ELASTIC_INVERSE_DYNAMICS",
+        combine=f"{ELASTIC}:elastic_inverse_dynamics",
+        of=("inverse_dynamics",),
+        details="``tau = J theta'' + tau_l``, ``theta = q + tau_l/K``, with the torques tau_l of the links.",
+        result="RotorMotion",
+    ),
+    ModelFunction(
+        "elastic_feedforward",
+        "elastic",
+        "Feed-forward of a motion of the links, and PD control of the rotors, where the encoders are.",
+        takes="theta dtheta q_d dq_d ddq_d d3q_d d4q_d kp kd * width gravity beta rotor_inertia stiffness "
+        "friction tau_max",
+        where=(like("q_d", meaning="desired positions of the links"),),
+        returns="The torques to apply, (..., n), N m or N.",
+        record=f"{ELASTIC}:ELASTIC_FEEDFORWARD",
+        combine=f"{ELASTIC}:elastic_feedforward",
+        of=("inverse_dynamics",),
+        details="``tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d)``, "
+        "where theta_d are the rotor positions and tau_l the torques of the links that belong to the "
+        "desired motion.",
+        status=True,
+        refuses="tau is then zero",
+    ),
+    ModelFunction(
+        "elastic_feedback_linearization",
+        "elastic",
+        "Feedback linearisation with elastic joints (Spong 1987): errors of the links decay with four poles at -w.",
+        takes="q dq theta dtheta q_d dq_d ddq_d d3q_d d4q_d w * width gravity beta rotor_inertia stiffness "
+        "friction tau_max",
+        where=(
+            like("q", meaning="measured positions of the links"),
+            like("dq", meaning="measured velocities of the links"),
+            like("q_d", meaning="desired positions of the links"),
+            Quantity("w", "n", "rad/s", "bandwidths of the loops", constant=True),
+        ),
+        returns="The torques to apply, (..., n), N m or N. The status, (...), is 1 where the mass matrix is "
+        "not positive definite.",
+        record=f"{ELASTIC}:ELASTIC_FEEDBACK_LINEARIZATION",
+        combine=f"{ELASTIC}:elastic_feedback_linearization",
+        of=("inverse_dynamics",),
+        raises=(
+            ("numpy.linalg.LinAlgError", "the mass matrix is not positive definite, and ``with_status`` is False."),
+        ),
+        status=True,
+        refuses="tau is then zero",
+    ),
+    ModelFunction(
+        "path_dynamics",
+        "timing",
+        "Joint torques along a path, linear in u = d2s/dt2 and x = (ds/dt)^2: ``tau = a u + b x + g``.",
+        takes="q q_s q_ss beta * Ia gravity",
+        where=(
+            Quantity("q_s", "n", "rad per unit of s | m per unit of s", "their derivatives dq/ds"),
+            Quantity("q_ss", "n", "rad per unit of s^2 | m per unit of s^2", "their second derivatives d2q/ds2"),
+        ),
+        returns="The named tuple (a, b, g), (..., n) each, N m or N per unit of u, of x, and N m or N.",
+        record=f"{PATHS}:path_dynamics",
+        details="``a = M q_s``, ``b = M q_ss + c(q, q_s)``, without friction.",
+        result="PathDynamics",
+    ),
+    ModelFunction(
+        "quintic",
+        "trajectory",
+        "Motion at the time t along quintic polynomials that connect two states (position, velocity, acceleration).",
+        takes="t T q_0 dq_0 ddq_0 q_1 dq_1 ddq_1",
+        where=(
+            Quantity("t", "", "s", "time since the start", note="; before 0 and after T the nearer end is returned"),
+            like("T", shape="", unit="s", meaning="duration"),
+            Quantity("dq_0", "n", "rad/s | m/s", "velocities at the start"),
+            Quantity("ddq_0", "n", "rad/s^2 | m/s^2", "accelerations at the start"),
+            Quantity("dq_1", "n", "rad/s | m/s", "velocities at the end"),
+            Quantity("ddq_1", "n", "rad/s^2 | m/s^2", "accelerations at the end"),
+        ),
+        returns="The named tuple (q_d, dq_d, ddq_d), (..., n) each.",
+        record=f"{MOTIONS}:quintic",
+        result="Motion",
+        status=True,
+        refuses="the motion is then zero",
+    ),
+    ModelFunction(
+        "trapezoidal",
+        "trajectory",
+        "Fastest straight motion in joint space with trapezoidal speed and all joints in phase, at the time t.",
+        takes="t q_0 q_1 dq_max ddq_max",
+        where=(
+            Quantity("t", "", "s", "time since the start"),
+            Quantity("dq_max", "n", "rad/s | m/s", "largest speeds", note="; positive", constant=True),
+            Quantity("ddq_max", "n", "rad/s^2 | m/s^2", "largest accelerations", note="; positive", constant=True),
+        ),
+        returns="The named tuple (q_d, dq_d, ddq_d, T): (..., n) each, and the duration, (...), s.",
+        record=f"{MOTIONS}:trapezoidal",
+        result="TimedMotion",
+        status=True,
+        refuses="the motion is then zero",
+    ),
+    ModelFunction(
+        "friction",
+        "friction",
+        "Friction torques of the laws of the robot file, such as ``tau_f = fv dq + fc sgn(dq) + offset``.",
+        takes="dq tau_load",
+        where=(like("tau_load", note=", as of :meth:`inverse_dynamics`; needed where a law depends on the load"),),
+        returns="tau_f, (..., n), N m or N; zero where the file states no friction.",
+        record=f"{FRICTION}:friction",
+        details="They add to the torques of the rigid body. Laws with a state are taken in steady sliding. "
+        "Coupled motors add ``S^-T tau_fm(S^-1 dq)``, the laws at their shafts. Source: "
+        "(14.11)-(14.14).",
+        raises=(("ValueError", "a law depends on the load and ``tau_load`` is missing."),),
+        needs=Needs.FRICTION,
+        by_hand=True,
+    ),
+    ModelFunction(
+        "friction_step",
+        "friction",
+        "One period of the friction laws with a state, exact for constant dq: the next state and the torques.",
+        takes="dq z Ts tau_load",
+        where=(
+            Quantity(
+                "z",
+                "s",
+                "rad | m",
+                "states of the laws that have one",
+                note=", zero at first: bristle deflections at those joints and coupled motors, in the order of "
+                "the robot file",
+            ),
+        ),
+        returns="The named tuple (z_next, tau_f): the states after the period, (..., s), rad or m, and the "
+        "friction torques of all joints, (..., n), N m or N.",
+        record=f"{FRICTION}:friction_step",
+        raises=(
+            (
+                "ValueError",
+                "no friction law of this robot has a state, or one depends on the load and ``tau_load`` is missing.",
+            ),
+        ),
+        result="FrictionStep",
+        needs=Needs.FRICTION_STATE,
+        absent="no friction law of this robot has a state: friction(dq) states it all",
+        status=True,
+        refuses="``z_next`` is then z, tau_f zero",
+    ),
+    ModelFunction(
+        "friction_with",
+        "friction",
+        "Friction torques under the laws of the robot file, with their parameters at run time.",
+        takes="dq friction tau_load",
+        where=(like("friction", note=", in the order of ``friction_parameter_names``", from_file=""),),
+        returns="tau_f, (..., n), N m or N.",
+        record=f"{FRICTION}:friction_with",
+        raises=(("ValueError", "a law depends on the load and ``tau_load`` is missing."),),
+    ),
+    ModelFunction(
+        "smooth_friction",
+        "friction",
+        "Friction torques as :meth:`friction_with`, with tanh(s / width) in place of sgn(s).",
+        takes="dq friction width tau_load",
+        where=(like("friction", note=", in the order of ``friction_parameter_names``", from_file=""),),
+        returns="tau_f, (..., n), N m or N.",
+        record=f"{FRICTION}:smooth_friction",
+        raises=(("ValueError", "a law depends on the load and ``tau_load`` is missing."),),
+    ),
 )
-from rrrgen.derive.functions.control import contact, elastic, laws, motions, observers, operational, paths, terms
-from rrrgen.derive.functions.recording import Recorder
+"""All model functions, in the order of emission within their groups."""
 
-FUNCTIONS: dict[str, tuple[Recorder, ...]] = {
-    **kinematic_functions.FUNCTIONS,
-    **dynamic_functions.FUNCTIONS,
-    **derivatives.FUNCTIONS,
-    **regressor_functions.FUNCTIONS,
-    **energy_functions.FUNCTIONS,
-    **parameter_functions.FUNCTIONS,
+FUNCTIONS = {function.name: function for function in TABLE}
+"""All model functions by name."""
+
+GROUPS = {
+    "model": "Kinematics and dynamics: poses, Jacobians, and the equation of motion ``tau = M(q) ddq + c(q, dq) +"
+    " g(q)`` of the rigid body with drive inertia, its regressors, derivatives and energies.",
+    "points": "Velocities, Jacobians and wrenches at any link frame or point, tools at run time, null space,"
+    " manipulability. A point is fixed to a frame with pose T and Jacobian J: those of a link, from link_frames and"
+    " link_jacobians, or those of the tip.",
+    "control": "Control laws, each one tick of a controller that keeps its state itself: ``e = q_d - q``,"
+    " ``e' = dq_d - dq``, f the friction torque at the desired speed. Torques are limited to ``tau_max``; the integral"
+    " z of a joint rests while its torque is at the limit and its error would drive it further. Terms for observers and"
+    " passivity-based control.",
+    "observer": "The momentum observer of external torques, detection of contacts, and the wrench of a contact.",
+    "elastic": "Elastic joints (Spong 1987): a spring K and a damper D between link q and rotor theta of every joint,"
+    " ``M ddq + c + g = K (theta - q) + D (dtheta - dq) = tau - J ddtheta`` with M, c and g of the links alone. Rotor"
+    " positions, torques and the rotor inertia J are seen at the joints.",
+    "timing": "Dynamics along a given path q(s).",
+    "trajectory": "Desired motions from point to point.",
+    "friction": "Friction at the joints and at coupled motors, under the laws of the robot file.",
 }
-"""The functions of the group "model", each with the recorders of one or more equivalent programs."""
+"""The groups of functions, and what they are for."""
 
-GROUPS: dict[str, dict[str, tuple[Recorder, ...]]] = {
-    "model": FUNCTIONS,
-    "points": point_functions.FUNCTIONS,
-    "control": {**terms.FUNCTIONS, **laws.FUNCTIONS, **operational.FUNCTIONS},
-    "observer": {**observers.FUNCTIONS, **contact.FUNCTIONS},
-    "elastic": elastic.FUNCTIONS,
-    "timing": paths.FUNCTIONS,
-    "trajectory": motions.FUNCTIONS,
-}
-"""The functions of each group, by the name of the group."""
+ARGUMENT_ORDER = 2
+"""Version of the order of arguments in emitted code. It is raised with every change of an order, since C accepts many
+old calls: pointers look alike. In version 1 parameters of the robot file stood before gains, width and period."""
 
-MORE_JOINTS_THAN = {
-    **point_functions.MORE_JOINTS_THAN,
-    **operational.MORE_JOINTS_THAN,
-    **contact.MORE_JOINTS_THAN,
-}
-"""Functions that exist only for arms with more joints than this."""
+ALWAYS = ("model", "friction")
+"""The groups that every model has."""
 
 
-def functions_of(group: str, joints: int) -> dict[str, tuple[Recorder, ...]]:
-    """The functions of ``group`` that exist for a robot with this number of ``joints``, by name.
+def functions_of(group: str, joints: int) -> tuple[str, ...]:
+    """Names of the functions of ``group`` for robots with so many ``joints``, whatever else the robot file states."""
+    return tuple(f.name for f in TABLE if f.group == group and joints > f.more_joints_than)
 
-    Several recorders of one function derive equivalent programs, among which the optimizer chooses.
+
+def exists(function: ModelFunction, spec: RobotSpec) -> bool:
+    """Whether the robot ``spec`` has ``function``."""
+    from rrrgen.derive.functions.friction import friction_of
+
+    if function.needs is Needs.FRICTION and not friction_of(spec):
+        return False
+    if function.needs is Needs.FRICTION_STATE and not any(surface.has_state for surface in friction_of(spec)):
+        return False
+    if spec.n <= function.more_joints_than:
+        return False
+    if function.needs in (Needs.TIP_POSITION, Needs.TIP_POSE):
+        from rrrgen.derive.functions.operational import tip_moves
+
+        shifts, turns = tip_moves(spec)
+        return shifts and (turns or function.needs is Needs.TIP_POSITION)
+    return True
+
+
+def functions_for(spec: RobotSpec, groups: Sequence[str]) -> tuple[ModelFunction, ...]:
+    """The functions of ``groups`` that the robot ``spec`` has, in the order of emission."""
+    if "model" in groups:
+        groups = (*(group for group in groups if group != "friction"), "friction")
+    return tuple(f for group in dict.fromkeys(groups) for f in TABLE if f.group == group and exists(f, spec))
+
+
+def ordered(program: Program) -> Program:
+    """The same ``program`` with its inputs in the order of the table.
+
+    It is the same in all languages: what the caller must give, then gravity, then what the robot file can give.
     """
-    return {name: recorders for name, recorders in GROUPS[group].items() if joints > MORE_JOINTS_THAN.get(name, 0)}
+    function = FUNCTIONS[program.function]
+    places = {quantity.name: place for place, quantity in enumerate(function.arguments)}
+    late = {quantity.name: 1 + (quantity.name != "gravity") for quantity in function.arguments if quantity.from_file}
+
+    def place(k: int) -> tuple[int, int]:
+        name = program.inputs[k].name  # closed forms have the constants of the geometry as a further, last input
+        return late.get(name, 0), places.get(name, len(places))
+
+    order = sorted(range(len(program.inputs)), key=place)
+    if order == list(range(len(order))):
+        return program
+    now = {before: after for after, before in enumerate(order)}
+    nodes = [
+        node._replace(value=(now[node.place[0]], node.place[1])) if node.op is Op.INPUT else node
+        for node in program.nodes
+    ]
+    return program.described(inputs=tuple(program.inputs[k] for k in order), nodes=tuple(nodes))
+
+
+@cache
+def recorders(name: str) -> tuple[Recorder, ...]:
+    """The recorders of the function ``name``; none for a function that is combined from programs of others."""
+    loaded = _load(FUNCTIONS[name].record)
+    every: tuple[Recorder, ...] = loaded if isinstance(loaded, tuple) else (loaded,)
+    return tuple(partial(_record, FUNCTIONS[name], recorder) for recorder in every)
+
+
+def _record(function: ModelFunction, recorder: Recorder, recording: Recording) -> Program:
+    recording.function = function
+    return ordered(recorder(recording))
+
+
+def combine(name: str, recording: Recording, programs: Sequence[Program]) -> Program:
+    """Record a program of the function ``name`` from ``programs`` of the functions that it is made ``of``."""
+    recording.function = FUNCTIONS[name]
+    return ordered(_load(recording.function.combine)(recording, *programs))
+
+
+def _load(reference: str) -> Any:
+    """The object that "module:NAME" refers to; () for the empty text."""
+    if not reference:
+        return ()
+    module, _, name = reference.partition(":")
+    return getattr(import_module(module), name)

@@ -26,13 +26,13 @@ from typing import Any
 
 import sympy as sp
 
-from rrrgen.derive.algebra.polynomials import PolynomialRing, to_expression
 from rrrgen.derive.parameters.dependencies import Dependency, find_dependencies
-from rrrgen.derive.recursions.chain import Placement, exact_constants
-from rrrgen.derive.recursions.inertia import PseudoInertia, from_standard
+from rrrgen.derive.recursions.link_frames import Placement, exact_constants
+from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia, from_standard
 from rrrgen.derive.recursions.regressor import Parameter
-from rrrgen.model import RigidTransform, RobotModel
-from rrrgen.model.standard_parameters import STANDARD
+from rrrgen.program.polynomials import PolynomialRing, to_expression
+from rrrgen.robot.model import RigidTransform, RobotModel
+from rrrgen.robot.model.inertial_parameters import STANDARD
 
 CANDIDATES = {
     True: ("Jxx", "Jyy", "Jxy", "Jxz", "Jyz", "hx", "hy"),

@@ -15,9 +15,9 @@ from typing import Any
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
-from rrrgen.derive.algebra.finite_field import PRIME, Residue, row_echelon
-from rrrgen.derive.algebra.polynomials import Polynomial, PolynomialRing, to_expression
-from rrrgen.derive.recursions.chain import (
+from rrrgen.base.errors import InternalError
+from rrrgen.derive.recursions.following_joints import Turning, UnitAngles
+from rrrgen.derive.recursions.link_frames import (
     Chain,
     ResidueConstants,
     build_chain,
@@ -25,10 +25,10 @@ from rrrgen.derive.recursions.chain import (
     residue_chain,
     rotate_quarters,
 )
-from rrrgen.derive.recursions.coupling import Turning, UnitAngles
 from rrrgen.derive.recursions.regressor import Parameter, regressor
-from rrrgen.errors import InternalError
-from rrrgen.model import RobotModel, cosine_sine
+from rrrgen.program.finite_field import PRIME, Residue, row_echelon
+from rrrgen.program.polynomials import Polynomial, PolynomialRing, to_expression
+from rrrgen.robot.model import RobotModel, cosine_sine
 
 STATES = 10
 """Number of sampled states: each gives the first k links k rows for at most 7 k columns, so 7 would be enough."""

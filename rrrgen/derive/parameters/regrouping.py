@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import sympy as sp
 
 from rrrgen.derive.parameters.base_parameters import BaseSet, Regrouping, factored, standard_symbols
-from rrrgen.model import RobotModel
-from rrrgen.model.standard_parameters import STANDARD
+from rrrgen.robot.model import RobotModel
+from rrrgen.robot.model.inertial_parameters import STANDARD
 
 
 def regroupings(
@@ -42,24 +42,25 @@ def _times(factor: sp.Expr, symbol: sp.Symbol) -> str:
 
 
 def _leading_parallel(model: RobotModel, link: int) -> bool:
-    """Whether links 1..link+1 rotate only about axes parallel to the first one (translations allowed)."""
+    """Whether the links up to ``link`` on its branch rotate only about axes parallel to the first (shifts allowed)."""
     axis = None
     direction = sp.Matrix([0, 0, 1])
     R = sp.eye(3)
-    for joint in model.joints[: link + 1]:
+    branch = [model.joints[i] for i in model.path(link)]
+    for k, joint in enumerate(branch):
         R = R * joint.before.R
         if joint.revolute:
             current = R * direction
             if axis is not None and sp.Matrix(axis).cross(current) != sp.zeros(3, 1):
                 return False
             axis = current
-            if any(not j.parallel for j in model.joints[model.joints.index(joint) + 1 : link + 1] if j.revolute):
+            if any(not j.parallel for j in branch[k + 1 :] if j.revolute):
                 return False
     return True
 
 
 def _why_without_effect(model: RobotModel, link: int, kind: str) -> str:
-    if not any(joint.revolute for joint in model.joints[: link + 1]):
+    if not any(model.joints[i].revolute for i in model.path(link)):
         what = "its first moments and inertia have" if kind != "m" else "its mass has"
         return f"link {link + 1} does not rotate, so {what} no effect"
     if _leading_parallel(model, link):
@@ -77,15 +78,16 @@ def _why_without_effect(model: RobotModel, link: int, kind: str) -> str:
 
 def _why_regrouped(model: RobotModel, compiler_set: BaseSet, link: int, kind: str) -> str:
     joint = model.joints[link]
+    carrier = joint.parent + 1  # number of the link, 0 for the base
     extra = any(d.parameter[0] == link and d.combination for d in compiler_set.dependencies)
     if not joint.revolute:
-        reason = f"joint {link + 1} is prismatic: link {link + 1} does not rotate relative to link {link}"
+        reason = f"joint {link + 1} is prismatic: link {link + 1} does not rotate relative to link {carrier}"
     else:
         reason = (
-            f"mass along the axis of joint {link + 1} is regrouped to link {link}: "
-            f"J{link} += X{link + 1} [Jzz, hz, m] X{link + 1}'"
-            if link
-            else "joint 1 rotates about a fixed axis"
+            f"mass along the axis of joint {link + 1} is regrouped to link {carrier}: "
+            f"J{carrier} += X{link + 1} [Jzz, hz, m] X{link + 1}'"
+            if carrier
+            else f"joint {link + 1} rotates about a fixed axis"
         )
     if extra and _leading_parallel(model, link):
         reason += "; further axes parallel to the first one excite no more parameters"

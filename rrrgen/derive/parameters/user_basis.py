@@ -14,13 +14,13 @@ from typing import Any
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
-from rrrgen.derive.algebra.finite_field import Residue, row_echelon
-from rrrgen.derive.algebra.polynomials import Polynomial, PolynomialRing, to_expression
+from rrrgen.base.errors import Fault, InputError
 from rrrgen.derive.parameters.base_parameters import BaseSet, linear_expression, standard_symbols
-from rrrgen.derive.recursions.chain import ResidueConstants
-from rrrgen.errors import Fault, InputError
-from rrrgen.model.standard_parameters import STANDARD
-from rrrgen.robotfile.robot_spec import BasisSpec, RobotSpec
+from rrrgen.derive.recursions.link_frames import ResidueConstants
+from rrrgen.program.finite_field import Residue, row_echelon
+from rrrgen.program.polynomials import Polynomial, PolynomialRing, to_expression
+from rrrgen.robot.model.inertial_parameters import STANDARD
+from rrrgen.robot.robot_spec import BasisSpec, RobotSpec
 
 INERTIA_SIGN = {"Ixy": -1, "Ixz": -1, "Iyz": -1}
 

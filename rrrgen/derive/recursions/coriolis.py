@@ -26,7 +26,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from rrrgen.derive.algebra.vectors import (
+from rrrgen.derive.recursions.link_frames import Chain, ChainJoint
+from rrrgen.derive.recursions.mass_matrix_and_gravity import (
+    BlockVelocity,
+    composites,
+    offset,
+    step_down,
+    unit_wrench,
+    velocities,
+)
+from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
+from rrrgen.derive.recursions.vectors import (
     ZERO3,
     Matrix,
     Vector,
@@ -39,9 +49,6 @@ from rrrgen.derive.algebra.vectors import (
     times,
     transpose,
 )
-from rrrgen.derive.recursions.chain import Chain, ChainJoint
-from rrrgen.derive.recursions.composite import BlockVelocity, composites, offset, step_down, unit_wrench, velocities
-from rrrgen.derive.recursions.inertia import PseudoInertia
 
 
 @dataclass(frozen=True)

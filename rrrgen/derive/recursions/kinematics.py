@@ -6,9 +6,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from rrrgen.derive.algebra.vectors import Matrix, Vector, add, cross, product, rotate_z, rotate_z_back, subtract, times
-from rrrgen.derive.recursions.chain import Chain, ChainJoint, Placement
-from rrrgen.derive.recursions.motion import forward
+from rrrgen.derive.recursions.link_frames import Chain, ChainJoint, Placement
+from rrrgen.derive.recursions.vectors import (
+    Matrix,
+    Vector,
+    add,
+    cross,
+    product,
+    rotate_z,
+    rotate_z_back,
+    subtract,
+    times,
+)
+from rrrgen.derive.recursions.velocities_and_accelerations import forward
 
 IDENTITY: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 

@@ -12,13 +12,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rrrgen.derive.algebra.vectors import dot, is_number
-from rrrgen.derive.recursions.chain import Chain
-from rrrgen.derive.recursions.composite import BlockVelocity, velocities
-from rrrgen.derive.recursions.inertia import ENTRIES, PseudoInertia
 from rrrgen.derive.recursions.kinematics import to_link_frame
-from rrrgen.derive.recursions.motion import LinkMotion, forward
+from rrrgen.derive.recursions.link_frames import Chain
+from rrrgen.derive.recursions.mass_matrix_and_gravity import BlockVelocity, velocities
 from rrrgen.derive.recursions.newton_euler import Wrench, link_wrench, pass_down
+from rrrgen.derive.recursions.pseudo_inertia import ENTRIES, PseudoInertia
+from rrrgen.derive.recursions.vectors import dot, is_number
+from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, forward
 
 Parameter = tuple[int, str]
 """An inertial parameter: (link index from 0, entry of the link's pseudo-inertia in its canonical frame)."""

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from rrrgen.model.dh_rows import NO_TWIST, Twist, dh_rows
+from rrrgen.robot.model.dh_rows import NO_TWIST, Twist, dh_rows
 
 if TYPE_CHECKING:
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
 
 Number = Any
 """A float for computation, or an exact SymPy expression for formulas that people read."""
@@ -222,7 +222,8 @@ def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> Chain:
     """Convert a robot description to a chain of exact SymPy numbers.
 
     The geometric parameters take their nominal values or, with ``nominal=False``, remain symbols. A link ends with the
-    Tx(a) Rx(alpha) of its own row of the DH table or, in the modified convention, with that of the next row.
+    Tx(a) Rx(alpha) of its own row of the DH table or, in the modified convention, with that of the next row. Joints
+    with ``sign: -1`` are turned round (:mod:`rrrgen.robot.model.dh_rows`).
     """
 
     def value(expression: sp.Expr) -> sp.Expr:
@@ -239,7 +240,7 @@ def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> Chain:
         ct, st = (sp.S.One, sp.S.Zero) if row.revolute else _trig(row.theta)
         own = Link(row.d if row.revolute else sp.S.Zero, ct=ct, st=st)
         following = rows[i + 1].before if i + 1 < len(rows) else NO_TWIST
-        links.append(_twisted(own, row.behind if row.behind != NO_TWIST else following))
+        links.append(_twisted(own, row.behind.joined(following)))
     return Chain(spec.name, base, tuple(joints), tuple(links[:-1]), multiply(links[-1].matrix(), tip))
 
 

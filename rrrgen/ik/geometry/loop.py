@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from math import atan2
 
 from rrrgen.ik.geometry.chain import Chain, Joint
-from rrrgen.ik.geometry.rigid import (
+from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
     Rotation,

@@ -12,7 +12,7 @@ from math import cos, sin
 from typing import NamedTuple, Protocol
 
 from rrrgen.ik.geometry.chain import Joint
-from rrrgen.ik.geometry.rigid import Rigid, S, Vector, product, total
+from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector, product, total
 from rrrgen.ik.tolerances import QUARTER
 
 

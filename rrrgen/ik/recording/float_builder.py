@@ -7,7 +7,7 @@ from math import atan2, cos, hypot, pi, sin, sqrt
 from typing import Any
 
 from rrrgen.ik.geometry.chain import Joint
-from rrrgen.ik.geometry.rigid import Rigid, S, Vector, dot
+from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector, dot
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
 from rrrgen.ik.tolerances import BELOW_ZERO, COMPLEX, NO_CONDITION, NO_DIRECTION, SIZE_OF_NOTHING
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
-from rrrgen.ik.geometry.rigid import Rigid, S, Vector
+from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector
 from rrrgen.ik.recording import steps
 from rrrgen.ik.recording.builder import Feasible, Label, Turn
 from rrrgen.ik.recording.scalar import Pool, Scalar

@@ -13,7 +13,7 @@ from functools import cached_property
 from math import prod
 from operator import add, mul, neg, sub, truediv
 
-from rrrgen.ik.geometry.rigid import S
+from rrrgen.ik.geometry.rigid_transforms import S
 from rrrgen.ik.recording.builder import Builder
 from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.ik.recording.solver_text import text_of

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from rrrgen.ik.geometry.chain import Joint
-from rrrgen.ik.geometry.rigid import S, Vector
+from rrrgen.ik.geometry.rigid_transforms import S, Vector
 from rrrgen.ik.recording.builder import Builder, Feasible, Label, Turn
 from rrrgen.ik.recording.scalar import Scalar
 

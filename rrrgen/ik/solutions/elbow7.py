@@ -12,7 +12,7 @@ undefined only at the single direction e = t.
 from __future__ import annotations
 
 from rrrgen.ik.geometry.loop import Loop, apply, rotated_back, turned, unwind
-from rrrgen.ik.geometry.rigid import (
+from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Vector,
     cross,

@@ -25,7 +25,7 @@ from functools import cache
 
 import numpy as np
 
-from rrrgen.errors import DerivationError
+from rrrgen.base.errors import DerivationError
 from rrrgen.ik.geometry.chain import Chain, Joint, Link
 from rrrgen.ik.recording.steps import Stage
 from rrrgen.ik.solutions.elimination import Elimination, eliminations, shallowness

@@ -18,11 +18,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.loop import Closing, Loop, Motion, apply, move, straightened, turned
-from rrrgen.ik.geometry.rigid import Crossing, Rigid, S, Vector, dot, is_zero, product, rotate, rotate_z, screw, total
+from rrrgen.ik.geometry.rigid_transforms import (
+    Crossing,
+    Rigid,
+    S,
+    Vector,
+    dot,
+    is_zero,
+    product,
+    rotate,
+    rotate_z,
+    screw,
+    total,
+)
 from rrrgen.ik.recording.builder import Builder, Feasible, Label, Turn
-from rrrgen.ik.solutions.forms import Moving
+from rrrgen.ik.solutions.joint_functions import Moving
 from rrrgen.ik.solutions.planar import Plane, Triple, anchor, oriented, solve_planar, triple_of
 from rrrgen.ik.solutions.position import UNUSABLE
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.loop import Loop, Motion
-from rrrgen.ik.geometry.rigid import Crossing, Rigid, S, Vector, is_zero, product, rotate_z, screw, total
+from rrrgen.ik.geometry.rigid_transforms import Crossing, Rigid, S, Vector, is_zero, product, rotate_z, screw, total
 from rrrgen.ik.recording.builder import Builder, Label, Turn
 from rrrgen.ik.tolerances import EXACT
 

@@ -17,9 +17,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
-from rrrgen.ik.geometry.rigid import (
+from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
     S,
@@ -34,7 +34,7 @@ from rrrgen.ik.geometry.rigid import (
     total,
 )
 from rrrgen.ik.recording.builder import Builder, Label, Turn
-from rrrgen.ik.solutions.forms import Moving
+from rrrgen.ik.solutions.joint_functions import Moving
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@
 
 from __future__ import annotations
 
-from rrrgen.errors import InternalError
+from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
 from rrrgen.ik.geometry.loop import AnyLink, Closing, Loop, Motion, apply, move, straightened, turned
-from rrrgen.ik.geometry.rigid import (
+from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
     Rotation,
@@ -28,7 +28,7 @@ from rrrgen.ik.geometry.rigid import (
     transposed,
 )
 from rrrgen.ik.recording.builder import Builder, Label, Turn
-from rrrgen.ik.solutions.forms import Form, Moving
+from rrrgen.ik.solutions.joint_functions import Form, Moving
 from rrrgen.ik.solutions.parallel import Frame, finish_plane
 from rrrgen.ik.solutions.planar import triple_of
 from rrrgen.ik.solutions.position import solve_linear

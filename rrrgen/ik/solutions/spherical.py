@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.loop import Closing, Loop, Motion, apply, rotated_back, straightened, turned, unwind
-from rrrgen.ik.geometry.rigid import (
+from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rotation,
     S,

@@ -7,14 +7,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from rrrgen.derive.functions.friction import surfaces_of
 from rrrgen.program import Role, nominal_name
+from rrrgen.robot.model.drive_terms import stated_at_joints
 from rrrgen.runtime.arguments import checked, joined, nominal_values, read_only
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.robotfile.robot_spec import RobotSpec
+    from rrrgen.robot.robot_spec import RobotSpec
     from rrrgen.runtime.engines import Engine
     from rrrgen.runtime.model import Model
 
@@ -73,7 +75,7 @@ class Calls:
             if name in held.derived.programs:
                 held.engine.threads = self.engine.threads
                 return held
-        from rrrgen.derive.functions.table import GROUPS, functions_of
+        from rrrgen.derive.functions.table import ALWAYS, GROUPS, functions_of
 
         for group in GROUPS:
             functions = functions_of(group, self.n)
@@ -81,17 +83,15 @@ class Calls:
             if name in offered and self._compiled is not None and group not in self._groups:
                 self._groups[group] = self._compiled(self.spec, groups=(group,))
                 return self._with(name)
-        others = [each for group in GROUPS if group != "model" for each in functions_of(group, self.n)]
-        known = sorted({*self.derived.programs, *(others if self._compiled is not None else ())})
+        derived = [each for model in self._groups.values() for each in model.derived.programs]
+        further = [group for group in GROUPS if group not in (*ALWAYS, *self._groups)] if self._compiled else []
+        others = [each for group in further for each in functions_of(group, self.n)]
+        known = sorted({*self.derived.programs, *derived, *others})
         raise ValueError(f"no function '{name}'; there are inverse_kinematics, {', '.join(known)}")
 
     def _call(self, name: str, *values: Any) -> Array:
         """Evaluate the function ``name``, which takes no parameters; returns its first result."""
         return self.engine.call(name, values)[0]
-
-    def _call_with(self, name: str, values: tuple[Any, ...], beta: Any, Ia: Any = None, gravity: Any = None) -> Array:
-        """Evaluate the function ``name`` with the given or the nominal parameters; returns its first result."""
-        return self._evaluate(name, values, beta, Ia, gravity)[0]
 
     def _evaluate(
         self, name: str, values: tuple[Any, ...], beta: Any = None, Ia: Any = None, gravity: Any = None
@@ -172,5 +172,53 @@ class Calls:
         return {program.specializes: name for name, program in programs.items() if program.specializes}
 
     def _checked(self, name: str, result: Any, status: Any, with_status: bool) -> Any:
-        """Return ``result``, or raise LinAlgError if a state failed; with ``with_status`` return both instead."""
-        return checked(self.derived.programs[name], result, np.asarray(status), with_status)
+        """Return ``result``, or raise LinAlgError if a state failed, ValueError if its input is refused.
+
+        With ``with_status`` return result and status instead.
+        """
+        return checked(self._with(name).derived.programs[name], result, np.asarray(status), with_status)
+
+    # -- values of the robot file -----------------------------------------------------------------------------------
+
+    def _lengthened(self, function: str, values: Any, further: float) -> Any:
+        """``values`` (..., b), one for each base parameter, with the value ``further`` for every drive inertia."""
+        if self.drive_inertia is None:
+            return values
+        return self._with_drives(function, values, np.full_like(self.drive_inertia, further))
+
+    def _rigid(self, name: str, pose: ArrayLike) -> ArrayLike:
+        """``pose`` (..., 4, 4) as it is; InputError if one is no rigid motion. Other shapes are left to the call."""
+        from rrrgen.ik.inverse_kinematics import real_array, refuse_no_pose
+
+        poses = real_array(name, pose)
+        if poses.shape[-2:] == (4, 4):
+            refuse_no_pose(name, poses)
+        return pose
+
+    def _widths(self, width: ArrayLike) -> Array:
+        """``width`` as an array with one entry for each joint and motor with friction, rad/s or m/s."""
+        wide = np.asarray(width)
+        return wide if wide.ndim else np.full(len(surfaces_of(self.spec)), float(wide))
+
+    def _loads(self, function: str, tau_load: ArrayLike | None) -> tuple[ArrayLike, ...]:
+        """``(tau_load,)`` if a friction law depends on the load, else (); ValueError if it is needed and None."""
+        if all(port.name != "tau_load" for port in self.derived.programs[function].inputs):
+            return ()
+        if tau_load is None:
+            raise ValueError(f"{function} needs tau_load: a friction law of this robot depends on the load")
+        return (tau_load,)
+
+    def _largest_torques(self, tau_max: ArrayLike | None) -> ArrayLike:
+        """``tau_max``, or the torque limits (n,) of the robot file if it is None."""
+        limits = [joint.limits.torque for joint in self.spec.joints]
+        return [float("inf") if limit is None else limit for limit in limits] if tau_max is None else tau_max
+
+    def _drive(self, key: str, given: ArrayLike | None, missing: float | None = None) -> Any:
+        """Return ``given`` or, if it is None, the values ``key`` (n,) of the drives in the robot file."""
+        if given is not None:
+            return given
+        values, absent = stated_at_joints(self.spec, key, missing)
+        if absent:
+            name = {"inertia": "rotor_inertia"}.get(key, key)
+            raise ValueError(f"the robot file states no '{key}' under 'drive' of {', '.join(absent)}: give {name}=")
+        return np.array(values)

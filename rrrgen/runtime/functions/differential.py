@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rrrgen.control.differential_ik import DAMPING, declaration
+from rrrgen.emit.controller.differential_ik import DAMPING, declaration
 from rrrgen.runtime.arguments import prepare
-from rrrgen.runtime.functions.tip import TipFunctions
+from rrrgen.runtime.functions.table_functions import TableFunctions
 
 if TYPE_CHECKING:
-    from rrrgen.runtime.online.differential_ik import Solve
+    from rrrgen.runtime.differential_ik import Solve
 
 
-class DifferentialFunctions(TipFunctions):
+class DifferentialFunctions(TableFunctions):
     """Differential inverse kinematics: joint speeds for a velocity of the tip, within all joint limits."""
 
     _differential: Solve | None = None
@@ -61,7 +61,8 @@ class DifferentialFunctions(TipFunctions):
         Returns:
             dq, (..., n), rad/s or m/s. The status, (...), is 0; 1 where a joint is too fast to keep its limits of speed
             or position, and slows down; 2 where the active set was not found in the steps allowed; 3 for an input that
-            is not a number, a negative weight or damping that is not positive, where the arm slows down.
+            is not finite, limits that contradict each other, a negative weight, and damping or Ts that is not positive:
+            then every joint brakes with ddq_max, and its speed is 0 where even that is not usable.
 
         Raises:
             numpy.linalg.LinAlgError: the status is not 0 at some state, and ``with_status`` is False.
@@ -93,7 +94,7 @@ class DifferentialFunctions(TipFunctions):
 
     def _solver(self) -> Solve:
         if self._differential is None:
-            from rrrgen.runtime.online.differential_ik import compiled_solver, numpy_solver
+            from rrrgen.runtime.differential_ik import compiled_solver, numpy_solver
 
             if self.engine.name == "numpy":
                 self._differential = numpy_solver
@@ -106,7 +107,7 @@ class DifferentialFunctions(TipFunctions):
         if with_status:
             return dq, status
         if np.any(status):
-            from rrrgen.runtime.online.differential_ik import MESSAGES
+            from rrrgen.runtime.differential_ik import MESSAGES
 
             first = int(np.argmax(status != 0))
             place = f"; {np.count_nonzero(status)} of {status.size} states" if status.ndim else ""

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rrrgen.runtime.functions.kinematics import KinematicFunctions
+from rrrgen.runtime.functions.table_functions import TableFunctions
 
 
-class Drawings(KinematicFunctions):
+class Drawings(TableFunctions):
     """Methods that draw or animate the arm; links are drawn as lines along the Denavit-Hartenberg parameters."""
 
     def plot(self, q: ArrayLike, ax: Any = None, frames: bool = True) -> Any:
@@ -28,7 +28,7 @@ class Drawings(KinematicFunctions):
             MissingExtraError: matplotlib is not installed.
             ValueError: ``q`` has another shape.
         """
-        from rrrgen.runtime.display.drawing import corners, plot_arm
+        from rrrgen.runtime.drawing import corners, plot_arm
 
         every = self._configurations(q)
         links, tip = self.link_frames(every), self.forward_kinematics(every)
@@ -50,7 +50,7 @@ class Drawings(KinematicFunctions):
             MissingExtraError: matplotlib is not installed.
             ValueError: ``t`` does not increase, or ``q`` does not have one row for each instant.
         """
-        from rrrgen.runtime.display.drawing import animate_arm, corners
+        from rrrgen.runtime.drawing import animate_arm, corners
 
         instants, every = np.asarray(t, dtype=float), self._configurations(q)
         if instants.shape != (len(every),) or len(every) < 2 or not np.all(np.diff(instants) > 0.0):

@@ -21,19 +21,25 @@ class ParameterFunctions(Calls):
         """Base parameters ``beta = K phi`` of given links; in C and CasADi ``base_parameters``.
 
         Args:
-            phi: standard parameters of all links, (..., 10 n) or (n, 10): per link m, mx, my, mz, Ixx, Ixy, Iyy, Ixz,
-                Iyz, Izz, kg, kg m and kg m^2, first moments and inertia tensor about the origin of the link frame, in
-                its axes.
+            phi: standard parameters of all links, (..., 10 links) or (links, 10): per link m, mx, my, mz, Ixx, Ixy,
+                Iyy, Ixz, Iyz, Izz, kg, kg m and kg m^2, first moments and inertia tensor about the origin of the link
+                frame, in its axes. A mechanism has a link for every row.
 
         Returns:
             beta, (..., b), in SI units.
+
+        Raises:
+            ValueError: phi has another shape.
         """
-        values = np.asarray(phi)
-        if values.shape == (self.n, 10) and self.n > 1:  # of one joint: a batch of one
+        values, links = np.asarray(phi), self.derived.links
+        if values.shape == (links, 10) and links > 1:  # of one link: a batch of one
             values = values.reshape(-1)
+        if values.shape[-1:] != (10 * links,):
+            shapes = f"({links}, 10) or (..., {10 * links})"
+            raise ValueError(f"base_parameters: phi has shape {values.shape}, expected {shapes}: ten values per link")
         if self.drive_inertia is None:
             return self._call("base_parameters", values)
-        sizes = (10 * self.derived.links, self.drive_inertia.size)
+        sizes = (10 * links, self.drive_inertia.size)
         return self._of_links(
             self._call(
                 "base_parameters", joined("base_parameters", self.engine.dtype, values, self.drive_inertia, sizes)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rrrgen.robotfile.robot_spec import FrictionSpec, LawSpec
-from rrrgen.verify.references.chain import Array
+from rrrgen.robot.robot_spec import FrictionSpec, LawSpec
+from rrrgen.verify.references.numeric_robot import Array
 
 
 def sliding(friction: FrictionSpec | None, v: Array, width: float = 0.0, load: Array | float = 0.0) -> Array:

@@ -8,10 +8,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rrrgen.robotfile.importers.importing import Imported
-from rrrgen.robotfile.importers.interface import ImportedChain
-from rrrgen.verify.references.chain import Array, chain_of, nominal_parameters
+from rrrgen.robot.importers.importing import Imported
+from rrrgen.robot.importers.interface import ImportedChain
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array, chain_of, nominal_parameters
 from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 STATES = 20

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rrrgen.verify.references.chain import Array, Chain
+from rrrgen.verify.references.numeric_robot import Array, Chain
 from rrrgen.verify.references.reference import Reference
 
 

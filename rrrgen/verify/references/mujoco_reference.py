@@ -4,12 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrrgen.verify.references.chain import Array, Chain, centre_and_tensor
+from rrrgen.verify.references.numeric_robot import Array, Chain, centre_and_tensor, without_mass
 from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 
 def _text(values: Array) -> str:
     return " ".join(repr(float(v)) for v in np.ravel(values))
+
+
+def _inertial(phi: Array, after: Array) -> str:
+    """The element of a body's inertia, from standard parameters (10,) in the frame ``after`` (4, 4) of the body."""
+    centre, tensor = centre_and_tensor(phi)
+    R = after[:3, :3]
+    moved = R @ tensor @ R.T
+    entries = np.array([moved[0, 0], moved[1, 1], moved[2, 2], moved[0, 1], moved[0, 2], moved[1, 2]])
+    at = _text(after[:3, 3] + R @ centre)
+    return f'<inertial mass="{float(phi[0])!r}" pos="{at}" fullinertia="{_text(entries)}"/>'
 
 
 class MujocoReference:
@@ -25,7 +35,7 @@ class MujocoReference:
             raise ReferenceUnavailableError.at_import(error, "mujoco") from error
         self._mujoco = mujoco
         self.name = f"MuJoCo {mujoco.__version__}"
-        if np.any(phi[:, 0] <= 0.0):
+        if np.any(np.delete(phi, without_mass(chain, phi), axis=0)[:, 0] <= 0.0):
             raise ReferenceUnavailableError("a link has no mass, so it has no centre of mass")
         try:
             self._model = mujoco.MjModel.from_xml_string(self._mjcf(chain, phi))
@@ -35,29 +45,26 @@ class MujocoReference:
         self._data = mujoco.MjData(self._model)
         # MuJoCo's armature is a diagonal matrix; the drive inertia of coupled joints is added to its results
         self._added = chain.drive_inertia - (np.diag(np.diag(chain.drive_inertia)) if chain.plain else 0.0)
-        self._chain = chain
-        self._places = [self._model.joint(f"joint{i}").dofadr[0] for i in range(chain.links)]
+        self._coupling = chain.coupling[chain.moving]
+        self._places = [self._model.joint(f"joint{i}").dofadr[0] for i in chain.moving]
 
     def _mjcf(self, chain: Chain, phi: Array) -> str:
         """The model as MJCF text."""
         around = chain.around_joints()
         behind, bodies = [after for _, after in around], [""] * chain.links
+        moving, bare = chain.moving, without_mass(chain, phi)
         for i in reversed(range(chain.links)):
             before, after = around[i]
-            centre, tensor = centre_and_tensor(phi[i])
-            R = after[:3, :3]
-            moved = R @ tensor @ R.T
-            entries = np.array([moved[0, 0], moved[1, 1], moved[2, 2], moved[0, 1], moved[0, 2], moved[1, 2]])
             kind = "hinge" if chain.revolute[i] else "slide"
             armature = float(chain.drive_inertia[i, i]) if chain.plain else 0.0
             site = f'<site name="tip" {self._place(after @ chain.tool)}/>' if i == chain.tip else ""
             beyond = "".join(bodies[k] for k in range(chain.links) if chain.parents[k] == i)
-            bodies[i] = (
-                f"<body {self._place(chain.behind(behind, i) @ before)}>"
-                f'<joint name="joint{i}" type="{kind}" axis="0 0 1" armature="{armature!r}"/>'
-                f'<inertial mass="{float(phi[i, 0])!r}" pos="{_text(after[:3, 3] + R @ centre)}"'
-                f' fullinertia="{_text(entries)}"/>{site}{beyond}</body>'
+            joint = (
+                f'<joint name="joint{i}" type="{kind}" axis="0 0 1" armature="{armature!r}"/>' if i in moving else ""
             )
+            inertial = "" if i in bare else _inertial(phi[i], after)
+            place = self._place(chain.behind(behind, i) @ before)
+            bodies[i] = f"<body {place}>{joint}{inertial}{site}{beyond}</body>"
         roots = "".join(body for body, parent in zip(bodies, chain.parents, strict=True) if parent < 0)
         head = f'<compiler angle="radian"/><option gravity="{_text(chain.gravity)}"/>'
         return f"<mujoco>{head}<worldbody>{roots}</worldbody></mujoco>"
@@ -68,16 +75,16 @@ class MujocoReference:
         return f'pos="{_text(T[:3, 3])}" quat="{_text(quaternion)}"'
 
     def _at(self, q: Array) -> None:
-        self._data.qpos[self._places], self._data.qvel[:] = self._chain.coupling @ q, 0.0
+        self._data.qpos[self._places], self._data.qvel[:] = self._coupling @ q, 0.0
         self._mujoco.mj_forward(self._model, self._data)
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """The joint torques tau (n,), computed by ``mj_inverse``."""
         for store, value in zip((self._data.qpos, self._data.qvel, self._data.qacc), (q, dq, ddq), strict=True):
-            store[self._places] = self._chain.coupling @ value
+            store[self._places] = self._coupling @ value
         self._mujoco.mj_inverse(self._model, self._data)
         tau = np.array(self._data.qfrc_inverse)[self._places]
-        return np.asarray(tau @ self._chain.coupling + self._added @ ddq)
+        return np.asarray(tau @ self._coupling + self._added @ ddq)
 
     def mass_matrix(self, q: Array) -> Array:
         """The mass matrix M (n, n), column by column by ``mj_mulM``, whose signature is the same in all versions."""
@@ -87,7 +94,7 @@ class MujocoReference:
         for row, unit in zip(columns, np.eye(n), strict=True):
             self._mujoco.mj_mulM(self._model, self._data, row, unit)
         M = columns.T[np.ix_(self._places, self._places)]
-        return np.asarray(self._chain.coupling.T @ M @ self._chain.coupling + self._added)
+        return np.asarray(self._coupling.T @ M @ self._coupling + self._added)
 
     def forward_kinematics(self, q: Array) -> Array:
         """Pose (4, 4) of the tip in the base frame, from a MuJoCo site."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrrgen.verify.references.chain import Array, Chain, inertia_tensor
+from rrrgen.verify.references.numeric_robot import Array, Chain, inertia_tensor
 
 FUNCTIONS_OF_POSITION = ("forward_kinematics", "link_frames", "jacobian", "link_jacobians")
 """Methods that verification compares with the model's methods of the same name, at the same positions."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrrgen.verify.references.chain import Array, Chain, centre_and_tensor
+from rrrgen.verify.references.numeric_robot import Array, Chain, centre_and_tensor, without_mass
 from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 
@@ -19,7 +19,8 @@ class PinocchioReference:
             import pinocchio as pin
         except ImportError as error:
             raise ReferenceUnavailableError.at_import(error, "pin") from error
-        if np.any(phi[:, 0] <= 0.0):
+        bare = without_mass(chain, phi)
+        if np.any(np.delete(phi, bare, axis=0)[:, 0] <= 0.0):
             raise ReferenceUnavailableError("a link has no mass, so it has no centre of mass")
         self._pin = pin
         self.name = f"Pinocchio {pin.__version__}"
@@ -33,6 +34,8 @@ class PinocchioReference:
             place = pin.SE3(chain.behind(behind, i) @ before)
             joint = self._model.addJoint(joints[chain.parents[i]], kind, place, f"joint{i + 1}")
             joints[i] = joint
+            if i in bare:
+                continue
             centre, tensor = centre_and_tensor(phi[i])
             try:
                 body = pin.Inertia(float(phi[i, 0]), centre, tensor)

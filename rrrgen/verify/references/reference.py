@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from rrrgen.verify.references.chain import Array
+from rrrgen.verify.references.numeric_robot import Array
 
 
 class Reference(Protocol):

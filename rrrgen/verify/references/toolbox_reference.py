@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rrrgen.verify.references.chain import Array, Chain, centre_and_tensor
+from rrrgen.verify.references.numeric_robot import Array, Chain, centre_and_tensor
 from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 
@@ -50,14 +50,16 @@ class ToolboxReference:
         # a rotor of the toolbox belongs to one joint; the off-diagonal drive inertia is added to its results
         self._coupling = chain.drive_inertia - np.diag(np.diag(chain.drive_inertia))
         self._base, self._tool, self._n = chain.base, chain.tool, chain.n
+        self._signs = np.diag(chain.coupling)
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Joint torques tau (n,) by the toolbox's recursive Newton-Euler in Python, plus coupled drive inertia."""
         return self._rne(q, dq, ddq, self._gravity)
 
     def _rne(self, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
-        tau = np.asarray(self._arm.rne_python(q, dq, ddq, gravity=gravity), dtype=np.float64).reshape(-1)
-        return tau + self._coupling @ ddq
+        q_row, dq_row, ddq_row = (self._signs * x for x in (q, dq, ddq))
+        tau = np.asarray(self._arm.rne_python(q_row, dq_row, ddq_row, gravity=gravity), dtype=np.float64).reshape(-1)
+        return self._signs * tau + self._coupling @ ddq
 
     def mass_matrix(self, q: Array) -> Array:
         """Mass matrix M (n, n), column by column, from the torques for unit accelerations."""
@@ -66,4 +68,4 @@ class ToolboxReference:
 
     def forward_kinematics(self, q: Array) -> Array:
         """The pose (4, 4) of the tip in the base frame."""
-        return np.asarray(self._base @ np.asarray(self._arm.fkine(q).A) @ self._tool)
+        return np.asarray(self._base @ np.asarray(self._arm.fkine(self._signs * q).A) @ self._tool)

@@ -2,8 +2,8 @@
  * Needs refine.c and general6r.c. */
 #include "kernel.h"
 /* Lists the candidate solutions of all branches in `found` and returns their number; *stage is set to 1 if there are none.
- * residual holds -1, which means that the caller has to compute it. ref, slack and least have no effect in this solver: it
- * has no discriminants and no joints that a target leaves free. */
+ * residual holds -1, which means that the caller has to compute it. Where solutions may be missing, IK_DOUBT is added to *stage. slack
+ * and least have no effect in this solver: it has no discriminants. */
 LOCAL int ik_branches(
     const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage)
 {
@@ -17,8 +17,8 @@ LOCAL int ik_branches(
 #if DH_SHIFTED
     static const REAL shift[6] = DH_SHIFTS;
 #endif
-    REAL pose[16] = {(REAL)0}, x[16][6];
-    int multiplicity[16], i, k;
+    REAL pose[16] = {(REAL)0}, at[6], x[16][6];
+    int certain, i, k;
 #if LOCKED
     const REAL raw = lock LOCKED_OFFSET;
 #if LOCKED_SLIDES
@@ -45,10 +45,21 @@ LOCAL int ik_branches(
     ik_advance(pose, back);
     ik_advance(pose, link);
 #endif
-    rows = ik_solve6r(pose, x, multiplicity);
+    for (k = 0; k < 6; ++k) {
+#if DH_SHIFTED
+        at[k] = ref[FREE_K] - shift[k];
+#else
+        at[k] = ref[FREE_K];
+#endif
+#if DH_SLIDES
+        at[k] *= k == DH_SLIDE ? (REAL)PER_LENGTH : (REAL)1;
+#endif
+    }
+    rows = ik_solve6r(pose, at, x, found->flags, &certain);
     if (rows == 0) {
         *stage = *stage < 1 ? 1 : *stage;
     }
+    *stage |= certain ? 0 : IK_DOUBT;
     for (i = 0; i < rows; ++i) {
         for (k = 0; k < 6; ++k) {
 #if DH_SHIFTED && DH_SLIDES
@@ -64,13 +75,11 @@ LOCAL int ik_branches(
 #if LOCKED
         found->q[i][LOCKED_JOINT] = lock;
 #endif
-        found->flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
         found->branch[i] = 0u;
         found->residual[i] = (REAL)-1; /* checked and refined by the caller */
     }
 
     (void)T;
-    (void)ref;
     (void)slack;
     (void)least;
     (void)stage;

@@ -22,6 +22,9 @@
 #define IK_TOL_LIMIT (REAL)VALUE_LIMIT
 #define IK_PUBLIC 15u /* mask of the flags that the caller sees; the others are internal */
 #define IK_NEAR 16u /* internal flag: a root of this solution may be double */
+#if GENERAL
+#define IK_DOUBT 256 /* added to the stage by ik_branches: solutions may be missing */
+#endif
 #if OPENED
 #define IK_OPEN OPEN_BITS /* internal flags, 256 << joint: the vector that determines the joint is short; 65536 << joint: it is free */
 #define IK_HELD(flags) (((flags) >> 16) & 0x7fu) /* bit mask of the joints that are free */

@@ -11,9 +11,11 @@
  * (ik_6r_scan), and its null vector at a root gives the two eliminated angles (ik_6r_pairs). */
 #include "kernel.h"
 #define IK_6R_MAX 16
+#define IK_6R_WIDE 8 /* most solutions that share a root of the kept angle */
 #define IK_6R_STEPS VALUE_6R_STEPS /* most Newton steps for a solution; six times as many in a patient search, which is used near a singular pose */
 #define IK_6R_ZONES VALUE_6R_ZONES /* most zones: the whole circle, and arcs of it that are magnified to separate close roots */
 #define IK_6R_PATIENCE VALUE_6R_PATIENCE /* most Newton steps of all patient searches of one elimination together */
+#define IK_6R_EDGE (REAL)-0.3847 /* cosine of the angle x at the edge of what a zone resolves: tan(x/2) = 1.5 */
 #define IK_6R_EPS (REAL)VALUE_EPS
 #define IK_6R_TINY (REAL)VALUE_6R_TINY
 #define IK_6R_DONE (REAL)VALUE_6R_DONE /* error of an entry of the pose below which a solution is not refined further */
@@ -568,33 +570,53 @@ LOCAL REAL ik_6r_tangent(const REAL x[2], const REAL y[2])
 }
 
 /* Finds the roots y of the 12 x 12 determinant on the magnified circle of a zone. The determinant is a trigonometric polynomial of
- * degree 8 in x; times the 8th power of the value that ik_6r_magnify returns it is one of degree 8 in y, which is interpolated from
- * 17 samples. Its noise is relative to its size on the zone. order: 1 for a simple root, 2 for an unresolved one. */
-LOCAL int ik_6r_scan(REAL h[3][6][10], const REAL zone[3], REAL noise, REAL root[24][3], int order[24])
+ * degree 8 in x; times the 8th power of the value that ik_6r_magnify returns it is one of degree 8 in y, p[0] (cosines) and p[1]
+ * (sines), which is interpolated from 17 samples. Its noise, *level, is measured: it is the largest of the usual relative noise, of
+ * four times the difference between polynomial and determinant at three angles between the samples, and of the rounding errors of
+ * the samples, which grow as the smallest pivot shrinks. order: 1 for a simple root, 2 for an unresolved one. */
+LOCAL int ik_6r_scan(REAL h[3][6][10], const REAL zone[3], REAL noise, REAL p[2][9], REAL *level, REAL root[24][3], int order[24])
 {
-    REAL value[17], ca[9], sa[9], level = (REAL)0;
+    REAL value[20], size = (REAL)0, rounding = (REAL)0;
     int j, k;
-    for (j = 0; j < 17; ++j) {
-        REAL work[3][6][10], cs[2], weight;
-        weight = ik_6r_magnify(zone, ik_6r_wave[j], cs);
+    for (j = 0; j < 20; ++j) { /* 17 .. 19: the angles opposite to samples 4, 9 and 15 lie in the middle between two samples */
+        REAL work[3][6][10], cs[2], weight, least = (REAL)1;
+        const REAL *const wave = ik_6r_wave[j < 17 ? j : (11 * j + 4) % 17];
+        const REAL y[2] = {j < 17 ? wave[0] : -wave[0], j < 17 ? wave[1] : -wave[1]};
+        weight = ik_6r_magnify(zone, y, cs);
         weight *= weight;
         weight *= weight;
         value[j] = weight * weight * ik_6r_reduce(h, cs, work);
         value[j] *= ik_6r_lu(work[2], 6);
+        for (k = 0; k < 6; ++k) {
+            const REAL inner = FABS(work[2][k][k]), outer = FABS(work[k / 3][k % 3][k % 3]);
+            least = inner < least ? inner : least;
+            least = outer < least ? outer : least;
+        }
+        rounding += (REAL)VALUE_6R_ROUNDING * IK_6R_EPS * FABS(value[j]) / (least + IK_6R_TINY);
     }
     for (k = 0; k <= 8; ++k) {
         int at = 0;
-        ca[k] = (REAL)0;
-        sa[k] = (REAL)0;
+        p[0][k] = (REAL)0;
+        p[1][k] = (REAL)0;
         for (j = 0; j < 17; ++j) {
-            ca[k] += value[j] * ik_6r_wave[at][0];
-            sa[k] += value[j] * ik_6r_wave[at][1];
+            p[0][k] += value[j] * ik_6r_wave[at][0];
+            p[1][k] += value[j] * ik_6r_wave[at][1];
             at += (at + k < 17) ? k : k - 17;
         }
-        level += FABS(ca[k]) + FABS(sa[k]);
+        p[0][k] *= (REAL)(2.0 / 17.0);
+        p[1][k] *= (REAL)(2.0 / 17.0);
+        size += FABS(p[0][k]) + FABS(p[1][k]);
     }
-    ca[0] *= (REAL)0.5;
-    return ik_trig_roots_8(ca, sa, level * noise, root, order);
+    p[0][0] *= (REAL)0.5;
+    *level = size * noise > rounding ? size * noise : rounding;
+    for (j = 17; j < 20; ++j) {
+        const REAL *const y = ik_6r_wave[(11 * j + 4) % 17];
+        REAL v[2], off;
+        ik_trig8_value(p[0], p[1], -y[1] / ((REAL)1 - y[0]), v);
+        off = (REAL)VALUE_6R_MISMATCH * FABS(v[0] - value[j]);
+        *level = off > *level ? off : *level;
+    }
+    return ik_trig_roots_8(p[0], p[1], *level, root, order);
 }
 
 /* Inner products of parts of two null vectors. Their entries belong to powers of the two tangents; the low part omits the highest
@@ -633,87 +655,282 @@ LOCAL REAL ik_6r_factor(const REAL w[12], REAL angle[2][2])
     return far;
 }
 
-/* Finds the two vectors in the span of u and v that have the form of a null vector (see ik_6r_factor), as coefficients mix of u and
- * v. The tangents of their half angles are the eigenvalues of a 2 x 2 matrix. Returns the gap between the eigenvalues, negative
- * where they are complex. */
-LOCAL REAL ik_6r_divide(const REAL u[12], const REAL v[12], int by, REAL mix[2][2])
-{
-    REAL a[4], b[4], d[4], det, m01, m10, h, disc, root;
-    ik_6r_shift(u, u, by, a);
-    ik_6r_shift(u, v, by, b);
-    ik_6r_shift(v, v, by, d);
-    det = (REAL)1 / (a[0] * d[0] - b[0] * b[0] + IK_6R_TINY);
-    m01 = (d[0] * b[1] - b[0] * d[1]) * det;
-    m10 = (a[0] * b[2] - b[0] * a[1]) * det;
-    h = (REAL)0.5 * (d[0] * a[1] - b[0] * b[2] - a[0] * d[1] + b[0] * b[1]) * det;
-    disc = h * h + m01 * m10;
-    root = SQRT(FABS(disc));
-    mix[0][0] = m01; /* (M - eigenvalue) x = 0, from the larger row */
-    mix[1][0] = m01;
-    mix[0][1] = root - h;
-    mix[1][1] = -root - h;
-    if (FABS(m01) < FABS(m10)) {
-        mix[0][0] = h + root;
-        mix[1][0] = h - root;
-        mix[0][1] = m10;
-        mix[1][1] = m10;
-    }
-    return disc / ((REAL)1 + h * h + m01 * m01 + m10 * m10);
-}
-
-/* Computes two vectors x that span the null space of the 12 x 12 matrix at a kept angle if its dimension is two, and the
- * combination w of them that is the null vector if its dimension is one. */
-LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL x[2][12], REAL w[12])
+/* Computes the null vector v of the 12 x 12 matrix at a kept angle if its null space has dimension one. */
+LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL v[12])
 {
     REAL work[3][6][10];
     REAL(*const low)[10] = work[0], (*const high)[10] = work[1], (*const s)[10] = work[2];
-    int i, j, k;
+    int i, j;
     (void)ik_6r_reduce(h, cs, work);
     (void)ik_6r_lu(s, 5);
-    for (k = 0; k < 2; ++k) {
-        REAL *const v = x[k];
-        v[8] = (k == 0) ? (REAL)1 : (REAL)0;
-        v[7] = (REAL)1 - v[8];
-        for (i = 3; i >= 0; --i) {
-            v[3 + i] = (REAL)0;
-            for (j = i + 1; j < 6; ++j) {
-                v[3 + i] -= s[i][j] * v[3 + j];
-            }
-            v[3 + i] /= s[i][i] + IK_6R_TINY;
+    v[8] = s[4][4];
+    v[7] = -s[4][5];
+    for (i = 3; i >= 0; --i) {
+        v[3 + i] = (REAL)0;
+        for (j = i + 1; j < 6; ++j) {
+            v[3 + i] -= s[i][j] * v[3 + j];
         }
-        for (i = 2; i >= 0; --i) {
-            v[i] = (REAL)0;
-            v[9 + i] = (REAL)0;
-            for (j = i + 1; j < 9; ++j) {
-                v[i] -= low[i][j] * v[j];
-                v[9 + i] -= high[i][j] * v[j < 3 ? 9 + j : j];
-            }
-            v[i] /= low[i][i] + IK_6R_TINY;
-            v[9 + i] /= high[i][i] + IK_6R_TINY;
-        }
+        v[3 + i] /= s[i][i] + IK_6R_TINY;
     }
-    for (i = 0; i < 12; ++i) {
-        w[i] = x[0][i] * s[4][4] - x[1][i] * s[4][5];
+    for (i = 2; i >= 0; --i) {
+        v[i] = (REAL)0;
+        v[9 + i] = (REAL)0;
+        for (j = i + 1; j < 9; ++j) {
+            v[i] -= low[i][j] * v[j];
+            v[9 + i] -= high[i][j] * v[j < 3 ? 9 + j : j];
+        }
+        v[i] /= low[i][i] + IK_6R_TINY;
+        v[9 + i] /= high[i][i] + IK_6R_TINY;
     }
 }
 
-/* Computes the pairs (shifted, other) of eliminated angles at a root: one pair from a null space of dimension one, two from one of
- * dimension two. Returns their number. */
-LOCAL int ik_6r_pairs(REAL h[3][6][10], const REAL root[2], int order, REAL pair[3][2][2])
+/* Computes a basis of the null space of the n x n matrix a by Gaussian elimination with complete pivoting: pivots below the first
+ * one times VALUE_6R_RANK count as zero, and so do the last `least` ones. Returns the dimension, or 0 if it exceeds IK_6R_WIDE. */
+LOCAL int ik_6r_kernel(REAL a[12][12], int n, int least, REAL basis[IK_6R_WIDE][12])
 {
-    REAL x[2][12], w[12], mix[2][2][2];
-    int i, k, best, count;
-    ik_6r_null(h, root, x, w);
-    count = ik_6r_factor(w, pair[0]) < (REAL)VALUE_6R_SHAPE;
-    if (order == 2) {
-        best = ik_6r_divide(x[0], x[1], 3, mix[0]) < ik_6r_divide(x[0], x[1], 1, mix[1]);
-        for (k = 0; k < 2; ++k) {
-            for (i = 0; i < 12; ++i) {
-                w[i] = mix[best][k][0] * x[0][i] + mix[best][k][1] * x[1][i];
+    int column[12], i, j, k, m;
+    REAL first = (REAL)0;
+    for (j = 0; j < n; ++j) {
+        column[j] = j;
+    }
+    for (k = 0; k < n - least; ++k) {
+        REAL best = (REAL)-1;
+        int row = k, at = k;
+        for (i = k; i < n; ++i) {
+            for (j = k; j < n; ++j) {
+                if (FABS(a[i][j]) > best) {
+                    best = FABS(a[i][j]);
+                    row = i;
+                    at = j;
+                }
             }
-            (void)ik_6r_factor(w, pair[count]);
-            ++count;
         }
+        first = k == 0 ? best : first;
+        if (!(best > (REAL)VALUE_6R_RANK * first)) {
+            break;
+        }
+        for (i = 0; i < n; ++i) {
+            const REAL x = a[i][at];
+            a[i][at] = a[i][k];
+            a[i][k] = x;
+        }
+        j = column[at];
+        column[at] = column[k];
+        column[k] = j;
+        for (j = 0; j < n; ++j) {
+            const REAL x = a[row][j];
+            a[row][j] = a[k][j];
+            a[k][j] = x;
+        }
+        for (i = k + 1; i < n; ++i) {
+            const REAL factor = a[i][k] / a[k][k];
+            for (j = k; j < n; ++j) {
+                a[i][j] -= factor * a[k][j];
+            }
+        }
+    }
+    if (n - k > IK_6R_WIDE) {
+        return 0;
+    }
+    for (m = 0; m < n - k; ++m) {
+        REAL x[12];
+        for (i = n - 1; i >= 0; --i) {
+            x[i] = i == k + m ? (REAL)1 : (REAL)0;
+            for (j = i + 1; i < k && j < n; ++j) {
+                x[i] -= a[i][j] / a[i][i] * x[j];
+            }
+            basis[m][column[i]] = x[i];
+        }
+    }
+    return m;
+}
+
+/* Makes m vectors orthonormal. */
+LOCAL void ik_6r_orthonormalize(int m, REAL v[IK_6R_WIDE][12])
+{
+    int pass, i, j, k;
+    for (k = 0; k < m; ++k) {
+        for (pass = 0; pass < 2; ++pass) { /* the second time against rounding errors of the first */
+            REAL norm = IK_6R_TINY;
+            for (j = 0; j < k; ++j) {
+                REAL dot = (REAL)0;
+                for (i = 0; i < 12; ++i) {
+                    dot += v[j][i] * v[k][i];
+                }
+                for (i = 0; i < 12; ++i) {
+                    v[k][i] -= dot * v[j][i];
+                }
+            }
+            for (i = 0; i < 12; ++i) {
+                norm += v[k][i] * v[k][i];
+            }
+            norm = (REAL)1 / SQRT(norm);
+            for (i = 0; i < 12; ++i) {
+                v[k][i] *= norm;
+            }
+        }
+    }
+}
+
+/* Adds `weight` times the matrix by which, in the span of m null vectors, the tangent of an eliminated half angle (by = 3: of the
+ * shifted angle, 1: of the other one) multiplies them: the least-squares solution of L X = H, where L and H are the parts of the
+ * vectors without the highest and without the lowest power of the tangent. The half angle is turned first, by an
+ * angle with the cosine 5/13: L is singular where a turned angle is pi, which must not be a round value of the joint. Returns the squared error:
+ * the span is not mapped into itself where the solutions that share the root are a continuum. */
+LOCAL REAL ik_6r_multiply(int m, REAL v[IK_6R_WIDE][12], int by, REAL weight, REAL sum[12][12])
+{
+    REAL g[IK_6R_WIDE][16], part[IK_6R_WIDE][IK_6R_WIDE], error = (REAL)0; /* g: 2 IK_6R_WIDE */
+    int i, j, k;
+    for (i = 0; i < m; ++i) {
+        for (j = 0; j < m; ++j) {
+            REAL s[4];
+            ik_6r_shift(v[i], v[j], by, s);
+            g[i][j] = (REAL)(25.0 / 169.0) * s[0] + (REAL)(60.0 / 169.0) * (s[1] + s[2]) + (REAL)(144.0 / 169.0) * s[3];
+            g[i][m + j] = (REAL)(60.0 / 169.0) * (s[3] - s[0]) + (REAL)(25.0 / 169.0) * s[1] - (REAL)(144.0 / 169.0) * s[2];
+            part[i][j] = g[i][m + j];
+            error += (i == j) ? (REAL)(144.0 / 169.0) * s[0] - (REAL)(120.0 / 169.0) * s[1] + (REAL)(25.0 / 169.0) * s[3] : (REAL)0;
+        }
+    }
+    for (k = 0; k < m; ++k) { /* L'L is positive definite: no pivoting */
+        const REAL pivot = (REAL)1 / (g[k][k] + IK_6R_TINY);
+        for (j = k; j < 2 * m; ++j) {
+            g[k][j] *= pivot;
+        }
+        for (i = 0; i < m; ++i) {
+            const REAL factor = g[i][k];
+            for (j = k; j < 2 * m && i != k; ++j) {
+                g[i][j] -= factor * g[k][j];
+            }
+        }
+    }
+    for (i = 0; i < m; ++i) {
+        for (j = 0; j < m; ++j) {
+            sum[i][j] += weight * g[i][m + j];
+            error -= part[i][j] * g[i][m + j];
+        }
+    }
+    return error;
+}
+
+/* Computes the m eigenvalues (real and imaginary part) of a matrix: the roots, by Aberth's iteration, of its characteristic
+ * polynomial, by the recursion of Faddeev and LeVerrier. */
+LOCAL void ik_6r_eigenvalues(int m, REAL a[12][12], REAL z[IK_6R_WIDE][2])
+{
+    REAL c[IK_6R_WIDE + 1], b[IK_6R_WIDE][IK_6R_WIDE], size = (REAL)0;
+    int i, j, k, it;
+    for (i = 0; i < m; ++i) {
+        for (j = 0; j < m; ++j) {
+            b[i][j] = (REAL)(i == j);
+        }
+    }
+    c[0] = (REAL)1;
+    for (k = 1; k <= m; ++k) {
+        REAL ab[IK_6R_WIDE][IK_6R_WIDE], trace = (REAL)0;
+        for (i = 0; i < m; ++i) {
+            for (j = 0; j < m; ++j) {
+                REAL sum = (REAL)0;
+                for (it = 0; it < m; ++it) {
+                    sum += a[i][it] * b[it][j];
+                }
+                ab[i][j] = sum;
+                size += (k == 1) ? FABS(sum) : (REAL)0;
+            }
+            trace += ab[i][i];
+        }
+        c[k] = -trace / (REAL)k;
+        for (i = 0; i < m; ++i) {
+            for (j = 0; j < m; ++j) {
+                b[i][j] = ab[i][j] + (i == j ? c[k] : (REAL)0);
+            }
+        }
+    }
+    for (i = 0; i < m; ++i) {
+        const REAL *const start = ik_6r_wave[(1 + 17 * i / m) % 17];
+        z[i][0] = (REAL)0.5 * size * start[0];
+        z[i][1] = (REAL)0.5 * size * start[1];
+    }
+    for (it = 0; it < VALUE_6R_ABERTH; ++it) {
+        for (i = 0; i < m; ++i) {
+            const REAL x = z[i][0], y = z[i][1];
+            REAL p = (REAL)1, q = (REAL)0, dp = (REAL)0, dq = (REAL)0, u, v, w;
+            for (k = 1; k <= m; ++k) { /* Horner: p + i q, and its derivative */
+                w = dp * x - dq * y + p;
+                dq = dp * y + dq * x + q;
+                dp = w;
+                w = p * x - q * y + c[k];
+                q = p * y + q * x;
+                p = w;
+            }
+            u = dp; /* p' / p - sum 1 / (z - z_j), times p */
+            v = dq;
+            for (j = 0; j < m; ++j) {
+                const REAL dx = x - z[j][0], dy = y - z[j][1], d = (REAL)1 / (dx * dx + dy * dy + IK_6R_TINY);
+                if (j != i) {
+                    u -= (p * dx + q * dy) * d;
+                    v -= (q * dx - p * dy) * d;
+                }
+            }
+            w = (REAL)1 / (u * u + v * v + IK_6R_TINY);
+            z[i][0] -= (p * u + q * v) * w;
+            z[i][1] -= (q * u - p * v) * w;
+        }
+    }
+}
+
+/* Computes the pairs (shifted, other) of eliminated angles of all solutions that share an unresolved root: in the null space they are
+ * the vectors that both tangents multiply by a number, the eigenvectors of a weighted sum of the two multiplications. Returns their
+ * number; *unreal counts the solutions with complex angles, as far as two different weights agree on them. */
+LOCAL int ik_6r_shared(REAL h[3][6][10], const REAL cs[2], REAL pair[IK_6R_WIDE + 1][2][2], int *unreal)
+{
+    static const REAL weight[2][2] = {{(REAL)0.8, (REAL)-0.6}, {(REAL)0.47, (REAL)0.88}};
+    REAL a[12][12], v[IK_6R_WIDE][12], z[IK_6R_WIDE][2], error = (REAL)0;
+    int i, j, k, m, way, count = 0;
+    for (i = 0; i < 12; ++i) {
+        for (j = 0; j < 12; ++j) {
+            const int row = i % 6, at = i < 6 ? j : j - 3;
+            a[i][j] = at < 0 || at > 8 ? (REAL)0 : h[0][row][at] + cs[0] * h[1][row][at] + cs[1] * h[2][row][at];
+        }
+    }
+    m = ik_6r_kernel(a, 12, 2, v);
+    ik_6r_orthonormalize(m, v);
+    *unreal = m;
+    for (way = 1; way >= 0; --way) {
+        int unlike = 0;
+        for (i = 0; i < m; ++i) {
+            for (j = 0; j < m; ++j) {
+                a[i][j] = (REAL)0;
+            }
+        }
+        error += ik_6r_multiply(m, v, 3, weight[way][0], a);
+        error += ik_6r_multiply(m, v, 1, weight[way][1], a);
+        ik_6r_eigenvalues(m, a, z);
+        for (k = 0; k < m; ++k) {
+            unlike += FABS(z[k][1]) > (REAL)VALUE_6R_UNREAL * ((REAL)1 + FABS(z[k][0]));
+        }
+        *unreal = unlike < *unreal ? unlike : *unreal;
+        *unreal = error < (REAL)VALUE_6R_MAPPED ? *unreal : 0;
+    }
+    for (k = 0; k < m; ++k) {
+        REAL less[12][12], mix[IK_6R_WIDE][12], w[12];
+        if (FABS(z[k][1]) > (REAL)VALUE_6R_UNREAL * ((REAL)1 + FABS(z[k][0]))) {
+            continue;
+        }
+        for (i = 0; i < m; ++i) {
+            for (j = 0; j < m; ++j) {
+                less[i][j] = a[i][j] - (i == j ? z[k][0] : (REAL)0);
+            }
+        }
+        if (ik_6r_kernel(less, m, 1, mix) == 0) {
+            continue;
+        }
+        for (i = 0; i < 12; ++i) {
+            w[i] = (REAL)0;
+            for (j = 0; j < m; ++j) {
+                w[i] += mix[0][j] * v[j][i];
+            }
+        }
+        (void)ik_6r_factor(w, pair[count]);
+        ++count;
     }
     return count;
 }
@@ -871,6 +1088,29 @@ LOCAL void ik_6r_step(REAL jac[6][6], const REAL r[6], REAL damping, REAL step[6
     }
 }
 
+/* Moves the joints by a step, scaled down where a joint would move by more than half. Angles turn by 2 atan(step / 2), which is the step
+ * up to third order and needs no sine and cosine. */
+LOCAL void ik_6r_move(REAL cs[6][2], const REAL step[6])
+{
+    REAL largest = (REAL)1;
+    int i;
+    for (i = 0; i < 6; ++i) {
+        largest = ((REAL)2 * FABS(step[i]) > largest) ? (REAL)2 * FABS(step[i]) : largest;
+    }
+    for (i = 0; i < 6; ++i) {
+        const REAL t = (REAL)0.5 * step[i] / largest;
+        const REAL c = cs[i][0], s = cs[i][1], w = (REAL)1 / ((REAL)1 + t * t);
+        cs[i][0] = (c * ((REAL)1 - t * t) - (REAL)2 * s * t) * w;
+        cs[i][1] = (s * ((REAL)1 - t * t) + (REAL)2 * c * t) * w;
+#if DH_SLIDES
+        if (i == DH_SLIDE) {
+            cs[i][0] = c + step[i] / largest;
+            cs[i][1] = (REAL)0;
+        }
+#endif
+    }
+}
+
 /* Refines a trial solution on the pose by Newton steps damped by the squared residual; the result is cs. A patient search, near
  * a singular pose, takes up to *left more steps; where it stalls it restarts at a distance of the square root of the error from
  * the best solution so far, which is the order of the distance to the solution where the Jacobian is singular. Returns 0 if the
@@ -880,7 +1120,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
     REAL best = (REAL)10, begin = (REAL)0, before = (REAL)10;
     int it, i;
     for (it = 0; it <= IK_6R_STEPS || (patient && *left > 0 && it <= 6 * IK_6R_STEPS); ++it) {
-        REAL r[6], jac[6][6], step[6], damping = (REAL)0, largest = (REAL)1, (*from)[2] = trial;
+        REAL r[6], jac[6][6], step[6], damping = (REAL)0, (*from)[2] = trial;
         const REAL err = ik_6r_residual(pose, trial, r, jac);
         const int better = err < best;
         const int stalled = !(patient ? FABS(err - before) > (REAL)0.01 * err : err < (REAL)0.5 * before);
@@ -910,53 +1150,49 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
             before = (REAL)10;
         }
         for (i = 0; i < 6; ++i) {
-            largest = ((REAL)2 * FABS(step[i]) > largest) ? (REAL)2 * FABS(step[i]) : largest;
+            trial[i][0] = from[i][0];
+            trial[i][1] = from[i][1];
         }
-        for (i = 0; i < 6; ++i) { /* rotate by 2 atan(step / 2): equal to step up to third order, and needs no sin and cos */
-            const REAL t = (REAL)0.5 * step[i] / largest;
-            const REAL c = from[i][0], s = from[i][1], w = (REAL)1 / ((REAL)1 + t * t);
-            trial[i][0] = (c * ((REAL)1 - t * t) - (REAL)2 * s * t) * w;
-            trial[i][1] = (s * ((REAL)1 - t * t) + (REAL)2 * c * t) * w;
-#if DH_SLIDES
-            if (i == DH_SLIDE) {
-                trial[i][0] = c + step[i] / largest;
-                trial[i][1] = (REAL)0;
-            }
-#endif
-        }
+        ik_6r_move(trial, step);
     }
     return best < IK_6R_ACCEPT ? 1 + (begin < (REAL)VALUE_6R_CLOSE) : 0;
+}
+
+/* Sum of the differences of the cosines and sines (or displacements) of two solutions. */
+LOCAL REAL ik_6r_apart(REAL a[6][2], REAL b[6][2])
+{
+    REAL apart = (REAL)0;
+    int i;
+    for (i = 0; i < 12; ++i) {
+        apart += FABS(a[i / 2][i % 2] - b[i / 2][i % 2]);
+    }
+    return apart;
 }
 
 /* Index of the earlier solution that equals solution number count; count itself if it is new. */
 LOCAL int ik_6r_place(REAL rows[IK_6R_MAX + 1][6][2], int count)
 {
-    int i, k;
-    for (k = 0; k < count; ++k) {
-        REAL apart = (REAL)0;
-        for (i = 0; i < 12; ++i) {
-            apart += FABS(rows[k][i / 2][i % 2] - rows[count][i / 2][i % 2]);
-        }
-        if (apart < IK_6R_SAME) {
-            break;
-        }
+    int k;
+    for (k = 0; k < count && ik_6r_apart(rows[k], rows[count]) >= IK_6R_SAME; ++k) {
     }
     return k;
 }
 
-/* Adds the solutions of one root of the kept angle. Returns 1 if the root is simple and yields a solution close to it (see
- * ik_6r_polish) or one of the first `old` solutions, which stem from earlier eliminations; 0 otherwise. A solution found from two
- * simple roots, or the only one of an unresolved root, is marked as double. */
+/* Adds the solutions of one root of the kept angle. A simple root has one of its own: where its null vector leads to none, or to one
+ * that is among `taken` (bits) by other roots, the solutions that share it are sought as for an unresolved root. Returns the number
+ * of complex solutions at the root. */
 LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][12], REAL h[3][6][10],
-    const REAL root[2], int order, int old, int *left, REAL rows[IK_6R_MAX + 1][6][2], int mult[IK_6R_MAX], int *count)
+    const REAL root[2], int order, int *left, unsigned *taken, REAL rows[IK_6R_MAX + 1][6][2], int *count)
 {
-    const int before = *count;
-    int attempt, shared = -1, single = 1;
-    /* attempt 1: null space of one dimension; 2: of two dimensions, also tried if 1 finds nothing */
-    for (attempt = order; attempt <= 2 && *count == before && *left > 0; ++attempt) {
-        REAL pair[3][2][2];
-        const int pairs = ik_6r_pairs(h, root, attempt, pair);
-        int i, j;
+    int unreal = 0, attempt, met = 0;
+    for (attempt = order; attempt <= 2 && !met && *left > 0; ++attempt) {
+        REAL pair[IK_6R_WIDE + 1][2][2], w[12];
+        int i, j, pairs = 0;
+        ik_6r_null(h, root, w);
+        pairs = ik_6r_factor(w, pair[0]) < (REAL)VALUE_6R_SHAPE;
+        if (attempt == 2) {
+            pairs += ik_6r_shared(h, root, pair + pairs, &unreal);
+        }
         for (j = 0; j < pairs && *count < IK_6R_MAX; ++j) {
             REAL t[6][2], cs[6][2];
             int place, near, joint;
@@ -990,17 +1226,13 @@ LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][1
             near = ik_6r_polish(pose, pass[5] != 0 || attempt == 2, left, cs, rows[*count]);
             if (near > 0) {
                 place = ik_6r_place(rows, *count);
-                mult[place] = (place == *count) ? 1 : mult[place];
+                met |= order == 1 && near + (pass[5] != 0) >= 2 && ((*taken >> place) & 1u) == 0u;
+                *taken |= order == 1 ? 1u << place : 0u;
                 *count += place == *count;
-                single &= shared < 0 || shared == place;
-                shared = (order + near > 2 || place < old) ? place : shared;
             }
         }
     }
-    if (shared >= old && (order == 2 ? single : *count == before)) {
-        mult[shared] = 2;
-    }
-    return order == 1 && shared >= 0;
+    return unreal;
 }
 
 /* Defines a zone (an arc to be magnified) around n unresolved roots of the zone `outer`. Returns 1, or 0 if it would not be much
@@ -1025,14 +1257,66 @@ LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
     return zone[2] < (REAL)VALUE_6R_NARROWER * outer[2];
 }
 
-/* One elimination: adds its solutions. Returns 1 if the result is consistent: every root has its solution, and their number
- * is even. */
-LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL noise,
-    REAL rows[IK_6R_MAX + 1][6][2], int mult[IK_6R_MAX], int *count)
+/* Counts the roots of a polynomial (see ik_6r_scan) in a circle of the complex plane around the point z = exp(i y) of the unit circle,
+ * by the integral of its logarithmic derivative. The radius is doubled until the polynomial exceeds its noise on all of the circle.
+ * Returns -1 if it does not. Of the roots inside, middle is the mean: it is accurate even where noise scatters a multiple root. */
+LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, REAL middle[2])
 {
-    REAL e[6][12], h[3][6][10], zone[IK_6R_ZONES][3], seen[12];
-    const int old = *count;
-    int zones = 1, at, k, fine = 1, total = 0, left = IK_6R_PATIENCE;
+    for (; *radius < (REAL)VALUE_6R_WIDEST; *radius *= (REAL)2) {
+        REAL c = (REAL)1, s = (REAL)0, turns[2] = {(REAL)0, (REAL)0}, first[2] = {(REAL)0, (REAL)0};
+        int clear = 1, count, i, k;
+        for (i = 0; i < 48 && clear; ++i) {
+            const REAL dx = *radius * c, dy = *radius * s, x = at[0] + dx, y = at[1] + dy, next = c;
+            REAL re = p[0][8], im = -p[1][8], dr = (REAL)0, di = (REAL)0, size = x * x + y * y, u, v;
+            REAL least = (REAL)(2 * VALUE_6R_CLEAR) * noise;
+            for (k = 7; k >= -8; --k) { /* f = 2 z^8 p and its derivative by Horner's rule */
+                u = dr * x - di * y + re;
+                di = dr * y + di * x + im;
+                dr = u;
+                u = re * x - im * y + (k == 0 ? (REAL)2 : (REAL)1) * p[0][k < 0 ? -k : k];
+                im = re * y + im * x + (k < 0 ? p[1][-k] : (REAL)0) - (k > 0 ? p[1][k] : (REAL)0);
+                re = u;
+            }
+            size *= size;
+            size *= size;
+            least *= size > (REAL)1 ? size * size : (REAL)1;
+            size = re * re + im * im;
+            clear = size > least * least;
+            size = (REAL)(1.0 / 48.0) / (size + IK_6R_TINY);
+            u = (dr * re + di * im) * size; /* f' / f */
+            v = (di * re - dr * im) * size;
+            re = u * dx - v * dy; /* times z - at, which is dz / (i dy) */
+            im = u * dy + v * dx;
+            turns[0] += re;
+            turns[1] += im;
+            first[0] += re * dx - im * dy;
+            first[1] += re * dy + im * dx;
+            c = (REAL)0.9914448613738104 * c - (REAL)0.13052619222005157 * s;
+            s = (REAL)0.9914448613738104 * s + (REAL)0.13052619222005157 * next;
+        }
+        count = (int)(turns[0] + (REAL)0.5);
+        if (clear && FABS(turns[0] - (REAL)count) + FABS(turns[1]) < (REAL)VALUE_6R_WHOLE) {
+            const REAL share = (REAL)1 / (REAL)(count > 0 ? count : 1);
+            REAL scale;
+            middle[0] = at[0] + first[0] * share;
+            middle[1] = at[1] + first[1] * share;
+            scale = (REAL)1 / SQRT(middle[0] * middle[0] + middle[1] * middle[1]);
+            middle[0] *= scale;
+            middle[1] *= scale;
+            return count;
+        }
+    }
+    return -1;
+}
+
+/* One elimination: adds its solutions. Returns how many solutions there are by its roots, a double one counting twice; -1 if that is
+ * not known. The count is exact for simple roots. Unresolved ones are counted together by the winding number of the polynomial around
+ * them, from which the complex solutions that share them are subtracted. */
+LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL noise, REAL rows[IK_6R_MAX + 1][6][2], int *count, int *plain)
+{
+    REAL e[6][12], h[3][6][10], zone[IK_6R_ZONES][3], seen[12], simple[24][2], circle[24][3];
+    int zones = 1, singles = 0, circles = 0, total = 0, known = 1, at, k, left = IK_6R_PATIENCE, of[24];
+    unsigned taken = 0u;
     zone[0][0] = (REAL)1;
     zone[0][1] = (REAL)0;
     zone[0][2] = (REAL)1;
@@ -1040,13 +1324,17 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
     ik_6r_loop(seen, pass[0], pass[1], e);
     ik_6r_pencil(e, pass, h);
     for (at = 0; at < zones; ++at) {
-        REAL root[24][3];
-        const int mine = zones;
-        int order[24], begin = -1, empty = 1, roots = ik_6r_scan(h, zone[at], noise, root, order);
+        REAL root[25][3], p[2][9], level;
+        int order[25], begin = -1, empty = 1, roots = ik_6r_scan(h, zone[at], noise, p, &level, root, order);
+        known &= roots < 24; /* otherwise some may have been left out */
+        for (k = 0; k < roots && root[k][2] > (REAL)0.8; ++k) {
+        }
+        *plain = at == 0 && roots > 0 && k == roots && pass[5] == 0 ? -1 : *plain; /* zero all round: a continuum */
         for (k = 0; k < roots; ++k) { /* clusters of unresolved roots become zones, magnified and solved again */
             int joined = 0;
-            if (order[k] == 1 || zone[at][2] < (REAL)VALUE_6R_NARROWEST || zones == IK_6R_ZONES) {
-                continue;
+            const REAL blur = root[k][2], reaches = root[k][0] + FABS(root[k][1]) * blur + (REAL)0.5 * blur * blur;
+            if (order[k] == 1 || (at > 0 && reaches < IK_6R_EDGE) || zone[at][2] < (REAL)VALUE_6R_NARROWEST || zones == IK_6R_ZONES) {
+                continue; /* simple; beyond the edge of this zone; or as narrow as can be */
             }
             begin = (begin < 0) ? k : begin;
             if (k + 1 < roots && order[k + 1] == 2) {
@@ -1058,47 +1346,226 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
                 begin = -1;
             }
         }
-        for (k = 0; k <= roots; ++k) { /* in a zone without a real root try its centre: its roots may be complex only by rounding */
-            const int middle = k == roots;
-            REAL cs[2] = {zone[at][0], zone[at][1]};
-            int m, here = middle ? at > 0 && empty : at == 0 || root[k][0] > (REAL)-0.3847; /* tan(x/2) < 1.5 */
-            if (!middle) {
-                (void)ik_6r_magnify(zone[at], root[k], cs);
+        root[roots][0] = (REAL)1; /* in a zone without a real root try its centre: its roots may be complex only by rounding */
+        root[roots][1] = (REAL)0;
+        root[roots][2] = (REAL)0;
+        order[roots] = 2;
+        for (k = 0; k <= roots; ++k) {
+            const int middle = k == roots, before = *count;
+            int m, inside, here = middle ? at > 0 && empty : at == 0 || root[k][0] > IK_6R_EDGE;
+            REAL cs[2];
+            (void)ik_6r_magnify(zone[at], root[k], cs);
+            for (m = 1; m < zones; ++m) { /* a root inside a narrower zone is left to that zone, which resolves it better */
+                here &= !(zone[m][2] < zone[at][2] && FABS(ik_6r_tangent(zone[m], cs)) <= (REAL)VALUE_6R_INSIDE * zone[m][2]);
             }
-            for (m = mine; m < zones; ++m) { /* a root inside a narrower zone is left to that zone, which resolves it better */
-                here &= FABS(ik_6r_tangent(zone[m], cs)) > (REAL)VALUE_6R_INSIDE * zone[m][2];
+            if (!here) {
+                continue;
             }
-            if (here) {
-                empty = 0;
-                fine &= ik_6r_rows(pose, pass, e, h, cs, middle ? 2 : order[k], old, &left, rows, mult, count);
+            empty = 0;
+            if (order[k] == 1) {
+                (void)ik_6r_rows(pose, pass, e, h, cs, 1, &left, &taken, rows, count);
+                known &= singles < 24;
+                simple[singles % 24][0] = cs[0];
+                simple[singles % 24][1] = cs[1];
+                ++singles;
+                continue;
+            }
+            *plain = *plain < 0 ? -1 : 0;
+            for (m = 0, inside = 0; m < circles; ++m) { /* counted with an earlier one? */
+                const REAL x = root[k][0] - circle[m][0], y = root[k][1] - circle[m][1], r = circle[m][2] - root[k][2];
+                inside |= of[m] == at && r > (REAL)0 && x * x + y * y < r * r;
+            }
+            (void)ik_6r_rows(pose, pass, e, h, cs, 2, &left, &taken, rows, count);
+            if (!inside && (!middle || *count > before)) {
+                REAL mean[2], *const radius = circle[circles % 24] + 2;
+                int turns;
+                *radius = (REAL)1.5 * root[k][2] > (REAL)VALUE_6R_CIRCLE ? (REAL)1.5 * root[k][2] : (REAL)VALUE_6R_CIRCLE;
+                turns = circles < 24 ? ik_6r_wind(p, level, root[k], radius, mean) : -1;
+                if (turns > 0) {
+                    circle[circles][0] = root[k][0];
+                    circle[circles][1] = root[k][1];
+                    of[circles] = at;
+                    (void)ik_6r_magnify(zone[at], mean, mean);
+                    total += turns - ik_6r_rows(pose, pass, e, h, mean, 2, &left, &taken, rows, count);
+                    ++circles;
+                }
+                known &= turns >= 0;
             }
         }
     }
-    for (k = 0; k < *count; ++k) {
-        total += mult[k];
+    for (k = 0; k < singles && known; ++k) {
+        int inside = 0, m;
+        for (m = 0; m < circles; ++m) {
+            const REAL t = ik_6r_tangent(zone[of[m]], simple[k]) / zone[of[m]][2], w = (REAL)1 / ((REAL)1 + t * t);
+            const REAL x = ((REAL)1 - t * t) * w - circle[m][0], y = (REAL)2 * t * w - circle[m][1];
+            inside |= x * x + y * y < circle[m][2] * circle[m][2];
+        }
+        total += !inside;
     }
-    return fine && total > 0 && total % 2 == 0;
+    return known && total >= 0 && total % 2 == 0 ? total : -1;
+}
+
+/* Lower bound of the smallest singular value of the Jacobian at a solution (lengths scaled), at least a third of it: the inverse of the
+ * norm of its inverse. joint: the one that moves most in the direction in which the tip moves least. */
+LOCAL REAL ik_6r_gain(const REAL pose[12], REAL cs[6][2], int *joint)
+{
+    REAL r[6], jac[6][6], a[6][12], norm = (REAL)0, most = (REAL)0;
+    int i, j, k;
+    (void)ik_6r_residual(pose, cs, r, jac);
+    for (i = 0; i < 6; ++i) {
+        for (j = 0; j < 6; ++j) {
+            a[i][j] = jac[i][j];
+            a[i][6 + j] = (REAL)(i == j);
+        }
+    }
+    for (k = 0; k < 6; ++k) {
+        int pivot = k;
+        REAL scale;
+        for (i = k + 1; i < 6; ++i) {
+            pivot = FABS(a[i][k]) > FABS(a[pivot][k]) ? i : pivot;
+        }
+        for (j = 0; j < 12; ++j) {
+            const REAL x = a[pivot][j];
+            a[pivot][j] = a[k][j];
+            a[k][j] = x;
+        }
+        scale = a[k][k];
+        scale = FABS(scale) > IK_6R_EPS * IK_6R_EPS ? scale : IK_6R_EPS * IK_6R_EPS;
+        for (j = 0; j < 12; ++j) {
+            a[k][j] /= scale;
+        }
+        for (i = 0; i < 6; ++i) {
+            const REAL factor = a[i][k];
+            for (j = 0; j < 12 && i != k; ++j) {
+                a[i][j] -= factor * a[k][j];
+            }
+        }
+    }
+    for (j = 0; j < 6; ++j) {
+        REAL moved = (REAL)0;
+        for (i = 0; i < 6; ++i) {
+            moved += a[i][6 + j] * a[i][6 + j];
+        }
+        norm += moved;
+        *joint = moved > most ? j : *joint;
+        most = moved > most ? moved : most;
+    }
+    return (REAL)1 / SQRT(norm);
+}
+
+/* Moves one joint of a solution by `by` (rad or scaled length) and the others after it, such that the pose is met to within twice the
+ * rounding error. Returns 0 if it cannot be. */
+LOCAL int ik_6r_follow(const REAL pose[12], int joint, REAL by, REAL cs[6][2])
+{
+    REAL step[6] = {(REAL)0}, r[6], jac[6][6];
+    int it, i;
+#if DH_SLIDES
+    if (joint == DH_SLIDE) {
+        cs[joint][0] += by;
+    } else
+#endif
+    {
+        const REAL x = cs[joint][0], y = cs[joint][1], c = COS(by), s = SIN(by);
+        cs[joint][0] = x * c - y * s;
+        cs[joint][1] = y * c + x * s;
+    }
+    for (it = 0; it <= IK_6R_STEPS; ++it) {
+        ik_6r_move(cs, step);
+        if (ik_6r_residual(pose, cs, r, jac) < (REAL)2 * IK_6R_DONE) {
+            return 1;
+        }
+        for (i = 0; i < 6; ++i) {
+            jac[joint][i] = (REAL)0;
+        }
+        ik_6r_step(jac, r, IK_6R_EPS, step);
+    }
+    return 0;
+}
+
+/* Whether a singular solution is one of a continuum, in which a joint can turn freely. If so it becomes the one with that joint at its
+ * reference (of all six joints: rad or scaled length), if a path of solutions leads there. */
+LOCAL int ik_6r_free(const REAL pose[12], int joint, const REAL ref[6], REAL cs[6][2])
+{
+    REAL x[6][2], by = (REAL)0.01;
+    int side, i;
+    for (side = 0; side < 2; ++side) {
+        for (i = 0; i < 12; ++i) {
+            x[i / 2][i % 2] = cs[i / 2][i % 2];
+        }
+        if (ik_6r_follow(pose, joint, by, x)) {
+            break;
+        }
+        by = -by;
+    }
+    if (side == 2) {
+        return 0;
+    }
+    for (i = 0; i < 12; ++i) {
+        x[i / 2][i % 2] = cs[i / 2][i % 2];
+    }
+#if DH_SLIDES
+    by = joint == DH_SLIDE ? ref[joint] - cs[joint][0] : ik_wrap(ref[joint] - ik_atan2(cs[joint][1], cs[joint][0]));
+#else
+    by = ik_wrap(ref[joint] - ik_atan2(cs[joint][1], cs[joint][0]));
+#endif
+    for (side = 0; side < VALUE_PATH_STEPS && ik_6r_follow(pose, joint, by / (REAL)VALUE_PATH_STEPS, x); ++side) {
+    }
+    for (i = 0; i < 12 && side == VALUE_PATH_STEPS; ++i) {
+        cs[i / 2][i % 2] = x[i / 2][i % 2];
+    }
+    return 1;
+}
+
+/* Number of solutions, a double one counting twice: a solution at which the Jacobian is singular, unless its other half is listed as
+ * well. */
+LOCAL int ik_6r_weigh(const REAL gain[IK_6R_MAX], REAL rows[IK_6R_MAX + 1][6][2], int count)
+{
+    int i, k, total = count;
+    for (i = 0; i < count; ++i) {
+        int alone = gain[i] < (REAL)VALUE_6R_DOUBLE;
+        for (k = 0; k < count; ++k) {
+            alone &= k == i || !(gain[k] < (REAL)VALUE_6R_DOUBLE) || ik_6r_apart(rows[i], rows[k]) > (REAL)VALUE_6R_TWINS;
+        }
+        total += alone;
+    }
+    return total;
 }
 
 /* Finds all joint angles (rad, in (-pi, pi]) with Rz(q1)Tz(d1)Tx(a1)Rx(alpha1) .. Rz(q6)Tz(d6)Tx(a6)Rx(alpha6) = t (row-major
- * 4 x 4); a prismatic joint has Tz(q)Rz(theta) for Rz(q)Tz(d). mult: 1 for a simple, 2 for a double solution. Returns the
- * number of solutions. A root that several solutions share may count as double, so mult serves for checking the number of roots. */
-LOCAL int ik_solve6r(const REAL t[16], REAL q[IK_6R_MAX][6], int mult[IK_6R_MAX])
+ * 4 x 4); a prismatic joint has Tz(q)Rz(theta) for Rz(q)Tz(d). A solution that is one of a continuum is flagged IK_FREE, and has the free
+ * joint at its value in ref if it can. Returns the number of solutions. *certain: these are all. That is so if their number is the one
+ * that an elimination at the target counts, or at a pose nearby if no solution is so near a singular configuration that the number
+ * there may differ. */
+LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], unsigned flags[IK_6R_MAX], int *certain)
 {
-    REAL pose[12], rows[IK_6R_MAX + 1][6][2];
-    int i, j, count = 0, pass;
+    REAL pose[12], rows[IK_6R_MAX + 1][6][2], gain[IK_6R_MAX];
+    int i, j, count = 0, pass, here = -1, plain = 1, joint = 0;
     for (i = 0; i < 9; ++i) {
         pose[i] = t[i + i / 3];
     }
     for (i = 0; i < 3; ++i) {
         pose[9 + i] = t[4 * i + 3] * (REAL)PER_LENGTH;
     }
-    for (pass = 0; pass < PASSES; ++pass) {
-        if (ik_6r_eliminate(pose, ik_6r_pass[pass], ik_6r_noise[pass], rows, mult, &count)) {
-            break;
+    *certain = 0;
+    for (pass = 0; pass < PASSES && !*certain; ++pass) {
+        const int total = ik_6r_eliminate(pose, ik_6r_pass[pass], ik_6r_noise[pass], rows, &count, &plain);
+        const int moved = ik_6r_pass[pass][5] != 0;
+        here = moved ? here : total;
+        *certain = count == here;
+        if (!*certain) {
+            REAL least = (REAL)1;
+            for (i = 0; i < count; ++i) {
+                gain[i] = ik_6r_gain(pose, rows[i], &joint);
+                least = gain[i] < least ? gain[i] : least;
+            }
+            *certain = ik_6r_weigh(gain, rows, count) == here || (moved && plain >= 0 && count > 0 && count == total && least > (REAL)VALUE_6R_STEADY);
         }
     }
     for (i = 0; i < count; ++i) {
+        flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
+        if (plain < 1 && ik_6r_gain(pose, rows[i], &joint) < (REAL)VALUE_6R_DOUBLE) {
+            flags[i] = ik_6r_free(pose, joint, ref, rows[i]) ? (unsigned)IK_FREE : 0u;
+        }
         for (j = 0; j < 6; ++j) {
             const REAL x = ik_atan2(rows[i][j][1], rows[i][j][0]);
             q[i][j] = x > (REAL)-3.141592653589793 ? x : (REAL)3.141592653589793;

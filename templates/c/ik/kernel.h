@@ -23,6 +23,8 @@
  *   SOUND                ik_branches also computes the residuals, so that accurate candidates need no refinement
  *   ASPECTS              the branch label is the sign of the Jacobian's determinant
  *   INCOMPLETE           solutions may be missing: only a simpler arm close to this one could be solved
+ *   GENERAL              the general six-joint solver is used: where it cannot prove that it has found all solutions, they may be
+ *                        missing
  *   NOMINAL_FIRST        the candidates of an arm nearby are refined first, and the general equations are for cases of doubt
  *   COUPLED              the joints are those of a mechanism, which its chain from base to tip follows: functions chain_...
  *   CHAIN_SLIDES, MIXED  that chain has a prismatic joint; the chain or the mechanism has one
@@ -152,9 +154,10 @@ REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS][JOINT
 void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, REAL d[JOINTS]);
 REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAMETER);
 /* trig_roots.c, general6r.c, aspect.c */
+void ik_trig8_value(const REAL a[9], const REAL b[9], REAL u, REAL out[2]);
 int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[24][3], int mult[24]);
 REAL ik_6r_lu(REAL a[6][10], int n);
-int ik_solve6r(const REAL t[16], REAL q[16][6], int mult[16]);
+int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[16][6], unsigned flags[16], int *certain);
 unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags);
 /* candidates6r.c, or printed from the equations of the robot */
 int ik_branches(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL slack, REAL least BAND_PARAMETER, ik_solutions *found, int *stage);

@@ -82,7 +82,8 @@ LOCAL int ik_shift(const REAL *T, REAL *q, int j, const REAL *ref)
         const REAL other = q[partner] + sense * (x - q[j]);
         if (width < (REAL)6.283185307179586 && ik_part(other - low) > width) { /* the partner is outside: move it to either of its limits */
             const REAL up = x + sense * ik_part(low - other), down = x - sense * ik_part(other - low - width);
-            const int above = up == ik_clamped(up, j), below = down == ik_clamped(down, j);
+            const REAL near_up = ik_clamped(up, j), near_down = ik_clamped(down, j); /* equal inside the limits of joint j */
+            const int above = up <= near_up && up >= near_up, below = down <= near_down && down >= near_down;
             if (!above && !below) {
                 return 0;
             }

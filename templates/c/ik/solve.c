@@ -34,6 +34,12 @@ SHARED ik_status robot_inverse_kinematics(
 #if COUPLED || !SOUND
     int i;
 #endif
+#if GENERAL
+    int doubt = 0; /* solutions may be missing */
+#if COMPANION && !COUPLED
+    int known;
+#endif
+#endif
 #if BANDED && !COUPLED
     unsigned near = 0u;
 #endif
@@ -50,7 +56,11 @@ SHARED ik_status robot_inverse_kinematics(
     }
 #if COUPLED
     ik_follow(ref, y);
+#if GENERAL
+    doubt = chain_solve(target, y REDUNDANCY, options & (unsigned)IK_RESIDUAL, &found) == IK_INCOMPLETE;
+#else
     (void)chain_solve(target, y REDUNDANCY, options & (unsigned)IK_RESIDUAL, &found);
+#endif
     rows = found.count;
     for (i = 0; i < rows; ++i) {
         ik_couple(T, options, &found, i, out);
@@ -64,6 +74,10 @@ SHARED ik_status robot_inverse_kinematics(
     }
 #endif
     rows = ik_branches(T, ref REDUNDANCY, IK_TOL_SLACK, IK_TOL_FREE NO_BAND, found, &out->stage);
+#if GENERAL
+    doubt = (out->stage & IK_DOUBT) != 0;
+    out->stage &= ~IK_DOUBT;
+#endif
 #if SOUND
     if (ik_sound(found, rows)) {
         out->count = rows;
@@ -78,8 +92,19 @@ SHARED ik_status robot_inverse_kinematics(
 #if BANDED
         near |= found->flags[i] & IK_NEAR;
 #endif
+#if GENERAL
+        {
+            const int kept = out->count;
+            ik_keep(T, options, found, i, out);
+            doubt |= out->count == kept && !(out->residual[kept] <= IK_TOL_ACCEPT); /* a solution was not refined */
+        }
+#else
         ik_keep(T, options, found, i, out);
+#endif
     }
+#endif
+#if GENERAL && COMPANION
+    known = out->count;
 #endif
 #if COMPANION
     rows = ik_nearby(T, ref REDUNDANCY, IK_TOL_SLACK, IK_TOL_FREE NO_BAND, found, &out->stage);
@@ -101,6 +126,9 @@ SHARED ik_status robot_inverse_kinematics(
         }
     }
 #endif
+#if GENERAL && COMPANION
+    doubt |= out->count > known; /* the elimination lacks a solution of the arm nearby */
+#endif
 #endif
     outside = !ik_finish(TARGET_FIRST q_ref, options, out);
     if (out->count == 0 && !outside) {
@@ -110,18 +138,30 @@ SHARED ik_status robot_inverse_kinematics(
         if (rows > 0) { /* candidates may stem from slightly negative discriminants: find the stage that failed */
             out->stage = 0;
             rows = ik_branches(T, ref REDUNDANCY, (REAL)0, IK_TOL_FREE NO_BAND, found, &out->stage);
+#if GENERAL
+            out->stage &= ~IK_DOUBT;
+#endif
             out->stage = rows > 0 ? CHECK_STAGE : out->stage;
         }
 #endif
         out->count = rows = ik_descend(T, ref REDUNDANCY, out);
         (void)ik_finish(TARGET_FIRST ref, options, out);
         outside = rows > 0;
+#if GENERAL
+        doubt |= rows > 0; /* the descents have found what the elimination lacks */
+#endif
     }
     if (out->count == 0) {
 #if INCOMPLETE
         out->stage = outside ? OUTSIDE_STAGE : out->stage;
         return IK_INCOMPLETE;
 #else
+#if GENERAL
+        if (doubt) {
+            out->stage = OUTSIDE_STAGE;
+            return IK_INCOMPLETE;
+        }
+#endif
         out->stage = outside ? 0 : out->stage;
         return outside ? IK_OUTSIDE_LIMITS : IK_UNREACHABLE;
 #endif
@@ -133,6 +173,10 @@ SHARED ik_status robot_inverse_kinematics(
 #if INCOMPLETE
     return IK_INCOMPLETE;
 #else
+#if GENERAL
+    return doubt ? IK_INCOMPLETE : IK_OK;
+#else
     return IK_OK;
+#endif
 #endif
 }

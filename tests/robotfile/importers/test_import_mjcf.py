@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rrrgen.errors import InputError
-from rrrgen.robotfile.importers.importing import import_robot
-from rrrgen.robotfile.importers.interface import ChainChoice
+from rrrgen.base.errors import InputError
+from rrrgen.robot.importers.importing import import_robot
+from rrrgen.robot.importers.interface import ChainChoice
+from rrrgen.robot.importers.mjcf import ATTRIBUTES
 from rrrgen.verify.references.imported_source import compare_with_source
 
 AGREE = 1e-9  # relative; both sides compute with doubles
@@ -125,6 +127,13 @@ FAULTS = {
         "there is no joint 'bent'",
     ),
     "twice": ('name="lower"', 'name="upper"', "7:7", "there are two bodies 'upper'"),
+    "inertials": (
+        '<body name="lower"',
+        '<inertial mass="1"/><body name="lower"',
+        "7:7",
+        "two <inertial> in one <body>",
+    ),
+    "attribute": ('frictionloss="0.2"', 'frictionlos="0.2"', "5:68", "<joint> has no attribute 'frictionlos'"),
 }
 
 
@@ -139,6 +148,44 @@ def test_faults_are_located(case, tmp_path):
     assert any(str(f).startswith(f"{file}:{place}: error") and message in f.message for f in caught.value.faults), str(
         caught.value
     )
+
+
+@pytest.mark.parametrize("zero", [".0", "-.0", ".00"])
+def test_spellings_of_zero(zero, tmp_path):
+    found = import_robot(write(tmp_path, ARM.replace('pos="0.5 0 0"', f'pos="0.5 {zero} {zero}"'))).spec
+    plain = import_robot(write(tmp_path, ARM)).spec
+    assert (found.joints, found.links, found.tool) == (plain.joints, plain.links, plain.tool)
+
+
+def test_attributes_are_those_of_mujoco():
+    """Every word of the schema that MuJoCo prints for these elements is read or left out, none is a fault."""
+    mujoco = pytest.importorskip("mujoco")
+    found: dict[str, set[str]] = {}
+    for line in mujoco.mj_printSchema(False, False).splitlines():
+        if start := re.match(r" *(\w+) \((\S)\) *(.*)", line):
+            words = found.setdefault(start[1], set())
+        words |= set((start[3] if start else line).split())
+    for tag in ("inertial", "frame", "freejoint"):
+        assert found.get(tag, set()) <= set(ATTRIBUTES[tag]), tag
+    assert set(ATTRIBUTES["joint"]) <= found["joint"]
+
+
+SITES = ('<site name="tip" pos="0.2 0 0.1" euler="0 90 0"/>', '<site name="cam" pos="0 0 0.3"/>')
+
+
+def test_the_only_site_on_the_last_body_is_the_tip(tmp_path):
+    """It is where an export puts the tool; a choice among several sites is left to the user, and said."""
+    end = '<geom type="mesh" mesh="forearm"/>'
+    found = import_robot(write(tmp_path, ARM.replace(end, end + SITES[0])))
+    assert found.chain.tip == "tip"
+    named = import_robot(tmp_path / "arm.xml", chain=ChainChoice(tip="tip"))
+    assert (found.spec.joints, found.spec.tool) == (named.spec.joints, named.spec.tool)
+    assert "the tip is the site 'tip' on 'lower'" in "\n".join(map(str, found.notes))
+    body = import_robot(tmp_path / "arm.xml", chain=ChainChoice(tip="lower"))
+    assert body.spec.tool.translation == (0, 0, 0)
+    several = import_robot(write(tmp_path, ARM.replace(end, end + "".join(SITES))))
+    assert several.chain.tip == "lower"
+    assert "--tip takes a site: tip, cam" in "\n".join(map(str, several.notes))
 
 
 def test_equalities_of_two_joints_make_one_follow_the_other(tmp_path):

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from robotfile.importers.random_trees import random_tree
-from rrrgen.errors import InputError
-from rrrgen.export.exporting import export_robot
-from rrrgen.robotfile import dumps, loads_spec
-from rrrgen.robotfile.importers.importing import import_robot
-from rrrgen.robotfile.importers.interface import ChainChoice
-from rrrgen.verify.references.chain import chain_of, nominal_parameters
+from rrrgen.base.errors import InputError
+from rrrgen.emit.exporting import export_robot
+from rrrgen.robot.file import dumps, loads_spec
+from rrrgen.robot.importers.importing import import_robot
+from rrrgen.robot.importers.interface import ChainChoice
 from rrrgen.verify.references.imported_source import compare_with_source
 from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 
 AGREE = 1e-9  # relative; both sides compute with doubles, and a frame may lie some ten metres away
 
@@ -181,7 +181,32 @@ FAULTS = {
     "friction": ('damping="0.4"', 'damping="-0.4"', "11:79", "damping of <dynamics> is -0.4"),
     "no mass": ('<mass value="2"/>', "", "3:22", "<inertial> has no <mass>"),
     "no moment": ('ixx="0.1" iyy="0.2"', 'ixx="0.1"', "4:5", "<inertia> has no attribute 'iyy'"),
+    "two origins": ('<parent link="base"/>', '<origin xyz="1 0 0"/><parent link="base"/>', "10:5", "two <origin> in"),
+    "two axes": ('<axis xyz="0 0 -1"/>', '<axis xyz="0 0 -1"/><axis xyz="1 0 0"/>', "13:68", "two <axis> in one"),
+    "two masses": ('<mass value="2"/>', '<mass value="2"/><mass value="3"/>', "3:72", "two <mass> in one"),
+    "two inertials": ("<visual/>", '<inertial><mass value="1"/></inertial>', "4:80", "two <inertial> in"),
+    "attribute": ('rpy="1.5708 0 0"', 'rpz="1.5708 0 0"', "9:65", "<origin> has no attribute 'rpz'"),
+    "meant": ('velocity="1.5"', 'velocit="1.5"', "11:53", "<limit> has no attribute 'velocit'"),
+    "quaternion": ('xyz="0.5 0 0"', 'xyz="0.5 0 0" quat_xyzw="0 0 1 0"', "12:77", "no attribute 'quat_xyzw'"),
+    "digits": ('xyz="0.5 0 0"', 'xyz="\u0665 0 0"', "12:57", "is not a number of this file"),
 }  # fmt: skip
+
+
+def test_attributes_of_other_programs_are_said(tmp_path):
+    """They do not change the motion: a limit of acceleration, the prefix of another vocabulary on the root."""
+    text = ARM.replace('velocity="1.5"', 'velocity="1.5" acceleration="7"')
+    text = text.replace("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" xmlns="x" ')
+    found = import_robot(write(tmp_path, text))
+    assert found.spec.joints[0].limits.velocity == 1.5
+    assert "the attribute 'acceleration' of <limit> is left out" in said(found)
+    assert "attribute 'xmlns" not in said(found)
+
+
+@pytest.mark.parametrize("zero", [".0", "-.0", ".00", "+.0", "0.", "-.000", ".0e3"])
+def test_spellings_of_zero(zero, tmp_path):
+    found = import_robot(write(tmp_path, ARM.replace('xyz="0.5 0 0"', f'xyz="0.5 {zero} {zero}"'))).spec
+    plain = import_robot(write(tmp_path, ARM, "plain.urdf")).spec
+    assert (found.joints, found.links, found.base, found.tool) == (plain.joints, plain.links, plain.base, plain.tool)
 
 
 @pytest.mark.parametrize("case", FAULTS)

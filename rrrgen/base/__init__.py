@@ -1,0 +1,1 @@
+"""What every room stands on: errors, located YAML, the writer of files, caches, parallel map."""

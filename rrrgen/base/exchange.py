@@ -1,0 +1,156 @@
+"""Atomic replacement of a directory: the new state is completed beside the old one, then the two are exchanged.
+
+The system call that exchanges two directories (Linux ``renameat2``, macOS ``renamex_np``) is atomic: even if the
+process is killed, the directory is in its old or its new state. Files of the user in it are hard-linked into the new
+state, so they stay the same files.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import shutil
+import stat
+import sys
+from collections.abc import Iterator, Set
+from pathlib import Path
+
+from rrrgen.base.staging import remove
+
+AT_FDCWD = -100
+RENAME_EXCHANGE = 2  # Linux, <linux/fs.h>
+RENAME_SWAP = 2  # macOS, <sys/stdio.h>
+MAX_LINKED_FILES = 20_000  # files of the user; linking more would take longer than generating
+
+
+class CannotExchangeError(Exception):
+    """This directory cannot be replaced as a whole; nothing has been changed."""
+
+
+def exchange(one: Path, other: Path) -> None:
+    """Exchange two directories atomically. Raises OSError if the system or the file system does not support it."""
+    if sys.platform not in ("linux", "darwin"):
+        raise OSError("this system cannot exchange directories")
+    library = ctypes.CDLL(None, use_errno=True)
+    names = os.fsencode(one), os.fsencode(other)
+    if sys.platform == "linux" and hasattr(library, "renameat2"):
+        failed = library.renameat2(AT_FDCWD, names[0], AT_FDCWD, names[1], RENAME_EXCHANGE)
+    elif sys.platform == "darwin" and hasattr(library, "renamex_np"):
+        failed = library.renamex_np(names[0], names[1], RENAME_SWAP)
+    else:
+        raise OSError("the C library of this system cannot exchange directories")
+    if failed:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+
+
+def replace_directory(staging: Path, directory: Path, replaced: Set[str]) -> None:
+    """Replace ``directory`` by ``staging``, the complete new state, and remove the old state.
+
+    ``replaced`` are the files of the old state (relative, with /) that rrrgen has written; all others move to the new
+    state. Raises CannotExchangeError, before anything has been changed, if the exchange is not possible.
+    """
+    if _in_use(directory):
+        raise CannotExchangeError("a process works in it, and would stay behind in the old state")
+    try:
+        linked = _link_foreign(directory, staging, replaced)
+        _copy_rights(directory, staging)
+        os.utime(staging)
+        exchange(staging, directory)
+    except (OSError, NotImplementedError) as error:
+        raise CannotExchangeError(str(error)) from None
+    # from here on ``staging`` is the old state
+    _rescue(staging, directory, replaced, linked)
+    remove(staging)
+
+
+def _in_use(directory: Path) -> bool:
+    """Whether a process (a shell, an editor, make) has its working directory in ``directory``.
+
+    Processes that this one may not inspect are overlooked.
+    """
+    target, places = _number(str(directory)), ["."]
+    with contextlib.suppress(OSError), os.scandir("/proc") as entries:
+        places += [f"{entry.path}/cwd" for entry in entries if entry.name.isdecimal()]
+    return any(target == number for place in places for number in _upwards(place))
+
+
+def _upwards(place: str) -> Iterator[tuple[int, int]]:
+    """Yield the directory ``place`` and its parents up to the root, each as (device, inode).
+
+    Paths are not compared, because a process in a container may see the same directories under other paths.
+    """
+    last = None
+    while (number := _number(place)) is not None and number != last:
+        yield number
+        last, place = number, f"{place}/.."
+
+
+def _number(path: str) -> tuple[int, int] | None:
+    """Device and inode of ``path``; None if it cannot be read (a process of another user, or one that has ended)."""
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
+
+
+def _link_foreign(directory: Path, staging: Path, replaced: Set[str]) -> dict[str, int]:
+    """Hard-link every file of the user into ``staging``; returns relative path -> inode."""
+    linked: dict[str, int] = {}
+    device = directory.stat().st_dev
+    for entry in _foreign(directory, replaced):
+        name = entry.relative_to(directory).as_posix()
+        status = entry.lstat()
+        place = staging / name
+        if stat.S_ISDIR(status.st_mode):
+            if status.st_dev != device:
+                raise OSError(f"{entry} is a file system of its own")
+            place.mkdir(parents=True, exist_ok=True)
+            continue
+        if len(linked) >= MAX_LINKED_FILES:
+            raise OSError(f"more than {MAX_LINKED_FILES} other files")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        os.link(entry, place, follow_symlinks=False)
+        linked[name] = status.st_ino
+    return linked
+
+
+def _foreign(directory: Path, replaced: Set[str]) -> Iterator[Path]:
+    """All directories and files below ``directory`` except those in ``replaced``; links are not followed."""
+    for folder, folders, files in os.walk(directory):
+        for name in [*folders, *files]:
+            path = Path(folder, name)
+            if path.relative_to(directory).as_posix() not in replaced:
+                yield path
+
+
+def _copy_rights(directory: Path, staging: Path) -> None:
+    """Copy owner, mode and times of every directory, from the bottom up."""
+    for folder, _, _ in os.walk(directory, topdown=False):
+        target = staging / os.path.relpath(folder, directory)
+        if not target.is_dir():
+            continue
+        before, now = os.stat(folder), os.stat(target)
+        if (before.st_uid, before.st_gid) != (now.st_uid, now.st_gid):
+            os.chown(target, before.st_uid, before.st_gid)
+        shutil.copystat(folder, target)
+
+
+def _rescue(old: Path, directory: Path, replaced: Set[str], linked: dict[str, int]) -> None:
+    """Move files that others wrote to the old directory after the linking of files into the new directory.
+
+    These are files of the user that are missing in ``linked`` (relative path -> inode) or have another inode there.
+    """
+    for path in _foreign(old, replaced):
+        name = path.relative_to(old).as_posix()
+        try:
+            status = path.lstat()
+            if not stat.S_ISDIR(status.st_mode) and linked.get(name) != status.st_ino:
+                target = directory / name
+                if name in linked or not target.exists():
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    os.replace(path, target)
+        except OSError:
+            continue

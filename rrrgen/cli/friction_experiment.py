@@ -1,0 +1,62 @@
+"""The design of the motion of one joint for a friction experiment, by ``rrrgen excite --friction``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.cli.arguments import print_json
+from rrrgen.cli.terminal import say
+from rrrgen.cli.workflow import described_files
+
+if TYPE_CHECKING:
+    from rrrgen.lab.experiment.experiment_file import Experiment
+    from rrrgen.robot.robot_spec import RobotSpec
+
+DURATION = 40.0
+OTHERS = {"harmonics": "--harmonics", "starts": "--starts", "cluster": "--cluster", "response": "--response"}
+
+
+def excite_friction(
+    robot: str, spec: RobotSpec, experiment: Experiment, output: Path, options: dict[str, Any], as_json: bool
+) -> int:
+    """Design the friction experiment of the joint ``options["friction"]`` and write it to ``output``."""
+    for name, option in OTHERS.items():
+        if options.get(name) is not None:
+            raise click.UsageError(f"{option} does not belong to a friction experiment")
+    import numpy as np
+
+    from rrrgen.lab.data.run_folder import RunFolder
+    from rrrgen.lab.design.friction_motion import design_friction_motion
+    from rrrgen.lab.design.plots import plot_joint
+    from rrrgen.verify.references.newton_euler import NewtonEuler
+    from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
+
+    phi = nominal_parameters(spec)
+    links = None if phi is None else NewtonEuler(chain_of(spec), phi)
+    torque = None if links is None else lambda *motion: links.inverse_dynamics(*motion)
+    duration, joint = options["cycle"] or DURATION, options["friction"]
+    motion = design_friction_motion(spec, joint, duration, experiment.seed, torque)
+    settings = {"friction": joint, "duration": duration, "rate": options["rate"]}
+    inputs = described_files(robot=Path(robot), experiment=options["experiment"])
+    with RunFolder(output, "excite", inputs, settings, experiment.seed, options["fresh"]) as folder:
+        place = folder.write_json("friction_motion.json", motion.to_json())
+        t = np.arange(round(motion.period / experiment.period)) * experiment.period
+        found = motion.evaluate(t)
+        n = len(motion.centre)
+        header = ("t", *(f"{name}{i + 1}" for name in ("q", "dq", "ddq") for i in range(n)))
+        folder.write_csv("friction_motion.csv", header, np.column_stack([t, *found]).tolist())
+        own = [part[:, motion.joint] for part in found]
+        folder.figure("friction_motion", plot_joint(t, own, f"joint {joint}"))
+    speeds = [float(np.sqrt(np.mean(own[1][half] ** 2))) for half in (t < 0.5 * duration, t >= 0.5 * duration)]
+    if as_json:
+        print_json({"motion": str(place), "joint": joint, "seconds": motion.period, "rms_speeds": speeds})
+    else:
+        say(
+            f"{motion.period:g} s of joint {joint}: multisine of {speeds[0]:.3g} rms, then slow reversals of "
+            f"{speeds[1]:.3g} rms; the other joints stand still"
+        )
+        say(f"motion in {place}")
+    return 0

@@ -1,1 +1,0 @@
-"""Commands of the identification workflow, from excite to controller."""

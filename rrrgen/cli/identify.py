@@ -1,0 +1,64 @@
+"""The command ``rrrgen identify``: estimate base parameters, drive inertia and friction from recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from rrrgen.cli.arguments import json_option, print_json, robot_argument, robot_source
+from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.study_options import click_options
+from rrrgen.cli.terminal import say, terminal_width
+from rrrgen.cli.workflow import FindingsPrinter, fresh_option, log_option, output_option, print_causes, truncated_option
+from rrrgen.lab.studies.identify import IdentifyOptions
+
+
+@click.command()
+@robot_argument
+@log_option
+@truncated_option
+@output_option
+@click_options(IdentifyOptions)
+@fresh_option
+@json_option
+def identify(
+    robot: str,
+    logs: tuple[Path, ...],
+    skip_truncated_line: bool,
+    output: Path,
+    options: IdentifyOptions,
+    fresh: bool,
+    as_json: bool,
+) -> int:
+    """Estimate base parameters, drive inertia and friction from recordings.
+
+    Every friction and drive parameter that ROBOT states, even as 0, is estimated. Writes to DIR the parameters with
+    their standard deviations, figures, and robot.yaml with the physically consistent estimate, for `rrrgen generate`.
+
+    \b
+    Examples:
+      rrrgen identify rrr --log runs/log.yaml -o runs/identified
+      rrrgen identify my_arm.yaml --log log.yaml --split first:0.6 -o runs/identified
+      rrrgen identify my_arm.yaml --log log.yaml --friction auto -o runs/identified_friction
+    """
+    from rrrgen.lab.studies.identify import identify as study
+
+    findings = FindingsPrinter(as_json)
+    with progress_bar() as progress:
+        result = study(
+            robot_source(robot),
+            logs,
+            options,
+            folder=output,
+            fresh=fresh,
+            progress=progress,
+            findings=findings,
+            skip_truncated_line=skip_truncated_line,
+        )
+    if as_json:
+        print_json(result.to_json())
+    else:
+        say(*result.lines(terminal_width()), f"results and figures in {output}", *result.loop_lines())
+    print_causes([cause for cause in result.diagnoses if cause not in findings.causes], as_json)
+    return 0

@@ -1,1 +1,0 @@
-"""Commands about a robot's model: new, import, export, robots, check, show, schema, generate, verify, ik."""

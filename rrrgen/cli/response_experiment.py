@@ -1,0 +1,139 @@
+"""Design and simulation of a response experiment, by the option ``--response`` of ``excite`` and ``simulate``."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.cli.arguments import print_json
+from rrrgen.cli.colour import doubtful
+from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say
+from rrrgen.cli.workflow import described_files
+
+if TYPE_CHECKING:
+    from rrrgen.lab.design.plan import ResponseDesign
+    from rrrgen.lab.experiment.experiment_file import Experiment
+    from rrrgen.robot.robot_spec import RobotSpec
+
+OTHERS = {
+    "excite": {"harmonics": "--harmonics", "cycle": "--duration", "starts": "--starts", "cluster": "--cluster"},
+    "simulate": {
+        "trajectory": "--trajectory",
+        "duration": "--duration",
+        "bandwidth": "--bandwidth",
+        "control": "--control",
+    },
+}
+"""Options of each command that a response experiment does not use."""
+
+
+def excite_response(
+    robot: str, spec: RobotSpec, experiment: Experiment, output: Path, options: dict[str, Any], as_json: bool
+) -> int:
+    """Design the response experiment of the joint ``options["response"]`` and write it to ``output``."""
+    _refuse("excite", options)
+    from rrrgen.lab.data.run_folder import RunFolder
+    from rrrgen.lab.design.response_plots import plot_response_excitation
+    from rrrgen.lab.experiment.response_experiment import response_design, response_plan
+    from rrrgen.runtime import load
+
+    joint = None if options["response"] == EXPERIMENT_JOINT else options["response"]
+    plan = response_plan(experiment, joint)
+    inputs = described_files(robot=Path(robot), experiment=options["experiment"])
+    settings = {"rate": options["rate"], "response": asdict(plan)}
+    with RunFolder(output, "excite", inputs, settings, experiment.seed, options["fresh"]) as folder:
+        design = response_design(experiment, load.compile(spec), plan)
+        results = folder.write_json("response_excitation.json", design.to_json())
+        for run in design.runs:
+            _write_samples(folder, design, run)
+        unit = "rad/s²" if spec.joints[design.joint].is_revolute else "m/s²"
+        folder.figure("response_excitation", plot_response_excitation(design, unit))
+    first = design.runs[0]
+    seconds = sum(len(run.n) for run in design.runs) * design.period
+    if as_json:
+        print_json({"excitation": str(results), "runs": [run.name for run in design.runs], "seconds": seconds})
+    else:
+        say(
+            f"{len(design.runs)} runs of {design.joint_name}, {seconds:.1f} s: {design.signal}, "
+            f"rms {first.n.std():.3g}, speed {abs(first.speed):.9g}"
+        )
+        say(f"excitation in {results}")
+    return 0
+
+
+EXPERIMENT_JOINT = "-"
+"""Value of ``excite --response`` for the joint that the experiment file names."""
+
+
+def _write_samples(folder: Any, design: ResponseDesign, run: Any) -> None:
+    """Write the samples of the excitation and of the reference of one run, for the robot's controller."""
+    import numpy as np
+
+    t = design.period * np.arange(len(run.n))
+    q, dq, _ = design.reference(run, t)
+    n = q.shape[1]
+    header = ("t", "n", *(f"q{i + 1}" for i in range(n)), *(f"dq{i + 1}" for i in range(n)))
+    folder.write_csv(f"{run.name}.csv", header, np.column_stack([t, run.n, q, dq]).tolist())
+
+
+def simulate_response_runs(
+    robot: str, spec: RobotSpec, experiment: Experiment, output: Path, options: dict[str, Any], as_json: bool
+) -> int:
+    """Run the designed experiment ``options["response"]`` on the virtual robot and write its recordings."""
+    _refuse("simulate", options)
+    from rrrgen.lab.data.run_folder import RunFolder
+    from rrrgen.lab.experiment.response_experiment import simulate_response
+    from rrrgen.lab.plant.response_recording import write_responses
+    from rrrgen.runtime import load
+
+    design = read_response_design(options["response"])
+    if options["rate"] is None:
+        experiment = replace(experiment, period=design.period)
+    inputs = described_files(robot=Path(robot), response=options["response"], experiment=options["experiment"])
+    settings = {name: options[name] for name in ("rate", "torque_noise", "base_mode")}
+    with (
+        RunFolder(output, "simulate", inputs, settings, experiment.seed, options["fresh"]) as folder,
+        progress_bar() as progress,
+    ):
+        signals, controller = simulate_response(experiment, load.compile(spec), design, progress)
+        prismatic = not spec.joints[design.joint].is_revolute
+        paths = write_responses(folder.path / "results", design, signals, controller, prismatic)
+    clipped = {each.run.name: each.clipped for each in signals if each.clipped}
+    for name, count in clipped.items():
+        click.echo(
+            f"{doubtful('warning:')} {name}: {count} torques are clipped, so the loop is not linear; lower the rms",
+            err=True,
+        )
+    if as_json:
+        names = [each.run.name for each in signals]
+        print_json(
+            {"responses": [str(path) for path in paths], "recordings": names, "clipped_torques": sum(clipped.values())}
+        )
+    else:
+        for path in paths:
+            say(f"recordings in {path}: now rrrgen frf {path} -o DIR")
+    return 0
+
+
+def read_response_design(path: Path) -> ResponseDesign:
+    """The design that ``rrrgen excite --response`` wrote; raises InputError for another file."""
+    from rrrgen.base.errors import InputError
+    from rrrgen.lab.design.plan import ResponseDesign
+
+    try:
+        return ResponseDesign.from_json(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _refuse(command: str, options: dict[str, Any]) -> None:
+    for name, option in OTHERS[command].items():
+        if options.get(name) is not None:
+            raise click.UsageError(
+                f"{option} does not belong to a response experiment: the experiment file describes it"
+            )

@@ -1,0 +1,235 @@
+"""The command ``rrrgen vibration``: design input shapers and notch filters against measured vibrations."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.base.extras import require
+from rrrgen.cli.arguments import json_option, print_json, real_option
+from rrrgen.cli.terminal import say
+from rrrgen.cli.workflow import output_option
+
+if TYPE_CHECKING:
+    from rrrgen.lab.vibration.modes import Vibration
+    from rrrgen.lab.vibration.notches import Notch
+    from rrrgen.lab.vibration.shapers import Shaper
+
+SHAPERS = ("auto", "zv", "zvd", "ei", "none")
+AGAINST = ("resonances", "antiresonances")
+
+
+def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ...]) -> tuple[tuple[float, float], ...]:
+    """Parse the option ``--mode HZ:DAMPING``, which may be repeated, to pairs (frequency in Hz, damping ratio)."""
+    found = []
+    for value in values:
+        match = re.fullmatch(r"\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*:\s*([0-9.]+(?:[eE][-+]?\d+)?)\s*", value)
+        try:
+            found.append((float(match[1]), float(match[2])) if match else None)
+        except ValueError:
+            found.append(None)
+        if found[-1] is None:
+            raise click.BadParameter(f"'{value}' is no mode, e.g. 28:0.05 for 28 Hz and damping 0.05", ctx, parameter)
+    return tuple(each for each in found if each is not None)
+
+
+@click.command()
+@click.argument("model", required=False, type=click.Path(path_type=Path))
+@output_option
+@click.option(
+    "--mode",
+    "modes",
+    multiple=True,
+    callback=_modes,
+    metavar="HZ:DAMPING",
+    help="Mode in place of MODEL: frequency and damping ratio; repeat for more.",
+)
+@click.option("--rate", type=click.FloatRange(min=0.0, min_open=True), metavar="HZ", help="Sampling rate, with --mode.")
+@click.option(
+    "--against",
+    type=click.Choice(AGAINST),
+    default=AGAINST[0],
+    show_default=True,
+    help="Which modes of MODEL to suppress.",
+)
+@click.option("--band", nargs=2, type=float, metavar="LOW HIGH", help="Only the modes of MODEL in this band, Hz.")
+@click.option(
+    "--shaper",
+    "kind",
+    type=click.Choice(SHAPERS),
+    default=SHAPERS[0],
+    show_default=True,
+    help="Kind of input shaper; auto takes the shortest.",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0.0, 0.5, min_open=True, max_open=True),
+    default=0.05,
+    show_default=True,
+    help="Vibration that a shaper may leave, relative.",
+)
+@click.option("--notch/--no-notch", default=True, show_default=True, help="Also design notch filters.")
+@click.option(
+    "--peak",
+    type=click.FloatRange(0.0, min_open=True),
+    default=3.0,
+    show_default=True,
+    help="Amplification of a mode that its notch may leave.",
+)
+@click.option(
+    "--width",
+    type=click.FloatRange(0.0, 1.0, min_open=True),
+    help="Damping ratio of the notches' poles; default: as the postures and --peak need.",
+)
+@click.option(
+    "--crossover",
+    type=click.FloatRange(0.0, min_open=True),
+    metavar="HZ",
+    help="Print the phase lag of the notches at this frequency.",
+)
+@real_option
+@click.option("--fresh", is_flag=True, help="Start over in a folder of another run.")
+@json_option
+def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -> int:
+    """Design input shapers and notch filters against measured vibrations, and write them as C.
+
+    MODEL is a response_model.json of `rrrgen response-model`, which has every mode with its range over the postures;
+    without it, state the modes by --mode and --rate. The default shaper is the shortest one, ZV or EI, that leaves less
+    than the tolerance in all postures; a notch is as narrow as the postures and --peak allow. Writes
+    vibration_shaper.h/.c, whose state the caller keeps, vibration_notch.h/.c, vibration.json and a figure. Exits with 1
+    where a shaper leaves more than the tolerance.
+
+    A reference that a stiff loop follows excites the antiresonances, in which the links vibrate against standing
+    drives; an input of the plant excites its resonances: see docs/vibration.md.
+
+    \b
+    Example:
+      rrrgen vibration runs/model/results/response_model.json --shaper ei -o runs/vibration
+      rrrgen vibration --mode 28:0.1 --mode 96:0.02 --rate 1000 -o runs/vibration
+    """
+    require("rrrgen vibration", "scipy", "matplotlib")
+    from rrrgen.lab.data.run_folder import RunFolder, plain
+    from rrrgen.lab.vibration.notches import design_notches
+    from rrrgen.lab.vibration.plots import plot_vibration
+    from rrrgen.lab.vibration.shapers import design_shaper
+
+    vibrations, period, left_out = _vibrations(model, options)
+    kind, tolerance = options["kind"], options["tolerance"]
+    if kind == "none" and not options["notch"]:
+        raise click.UsageError("nothing to design: neither a shaper nor a notch")
+    shaper = None if kind == "none" else design_shaper(vibrations, period, kind, tolerance)
+    notches = design_notches(vibrations, period, options["peak"], options["width"]) if options["notch"] else []
+    record = _record(vibrations, shaper, notches, period, options["crossover"]) | {"left_out": left_out}
+    settings = {name: value for name, value in options.items() if name != "fresh"}
+    inputs = {} if model is None else {"model": str(model)}
+    with RunFolder(output, "vibration", inputs, settings, 0, options["fresh"]) as folder:
+        folder.write_json("vibration.json", record)
+        for name, text in _code(shaper, notches, period, options["real"]).items():
+            folder.write_text(name, text)
+        folder.figure("vibration", plot_vibration(vibrations, shaper, notches, period))
+    if as_json:
+        print_json(plain(record))
+    else:
+        _print(record)
+    return 1 if any(each.get("left", 0.0) > 1.01 * tolerance for each in record["vibrations"]) else 0
+
+
+def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibration], float, list[float]]:
+    """The vibrations to suppress, from the model file or the options, and the sampling period (s).
+
+    Third the frequencies (Hz) of resonances of which the recording hardly tells that they exist, which are left out.
+    """
+    from rrrgen.base.errors import DerivationError
+    from rrrgen.lab.response.postures import modes_over_postures
+    from rrrgen.lab.response.response_model import read_response_models
+    from rrrgen.lab.vibration.modes import Vibration
+
+    if (model is None) != bool(options["modes"]) or (model is None) == (options["rate"] is None):
+        raise click.UsageError("give either MODEL, or --mode and --rate")
+    if model is None:
+        return [Vibration((f,), (damping,)) for f, damping in options["modes"]], 1.0 / options["rate"], []
+    models = read_response_models(model)
+    against = options["against"]
+    left_out = (
+        []
+        if against != "resonances"
+        else [mode.frequency for each in models for mode in each.resonances if mode.unknown]
+    )
+    models = [replace(each, resonances=tuple(m for m in each.resonances if not m.unknown)) for each in models]
+    found = [
+        Vibration(tuple(mode.frequencies.tolist()), tuple(mode.dampings.tolist()))
+        for mode in modes_over_postures(models, against)
+    ]
+    low, high = options["band"] or (0.0, float("inf"))
+    chosen = [each for each in found if low <= each.frequency <= high]
+    if not chosen:
+        told = ", ".join(f"{each.frequency:.4g} Hz" for each in found) or "none at all"
+        raise DerivationError(f"{model} has no {against} between {low:g} and {high:g} Hz; it has {told}")
+    return chosen, models[0].period, left_out
+
+
+def _record(
+    vibrations: list[Vibration], shaper: Shaper | None, notches: list[Notch], period: float, crossover: float | None
+) -> dict[str, Any]:
+    """The contents of vibration.json."""
+    from rrrgen.lab.vibration.notches import phase_lag
+
+    told: list[dict[str, Any]] = []
+    for i, each in enumerate(vibrations):
+        row: dict[str, Any] = {"frequencies": each.frequencies, "dampings": each.dampings}
+        if shaper is not None:
+            row |= {"shaper": shaper.kinds[i], "left": shaper.worst_residual(each)}
+        if notches:
+            row |= {"notch": {"width": notches[i].width, "peak": notches[i].peak}}
+        told.append(row)
+    record: dict[str, Any] = {"schema": "rrrgen-vibration/1", "sampling_period": period, "vibrations": told}
+    if shaper is not None:
+        record["shaper"] = {
+            "delays": shaper.delays,
+            "weights": shaper.weights,
+            "duration": shaper.length * period,
+        }
+    if notches:
+        record["notches"] = [{"numerator": each.numerator, "denominator": each.denominator} for each in notches]
+        if crossover is not None:
+            record["phase_lag"] = {"frequency": crossover, "degrees": phase_lag(notches, crossover)}
+    return record
+
+
+def _code(shaper: Shaper | None, notches: list[Notch], period: float, real: Any) -> dict[str, str]:
+    from rrrgen.emit.c.function_files import function_files
+    from rrrgen.emit.controller.linear_step import linear_step_program
+    from rrrgen.emit.controller.taps import tap_files
+
+    files: dict[str, str] = {}
+    if shaper is not None:
+        title = f"an input shaper ({', '.join(shaper.kinds)})"
+        files |= tap_files("vibration_shaper", title, shaper.delays, shaper.weights, period, real)
+    if notches:
+        title = f"{len(notches)} notch filter{'s' if len(notches) > 1 else ''}"
+        step = linear_step_program([each.state_space() for each in notches], period, "step", title)
+        files |= function_files("vibration_notch", title, [step], real)
+    return files
+
+
+def _print(record: dict[str, Any]) -> None:
+    for each in record["vibrations"]:
+        low, high = min(each["frequencies"]), max(each["frequencies"])
+        told = f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz in {len(each['frequencies'])} postures"
+        parts = [told]
+        if "shaper" in each:
+            parts.append(f"shaper {each['shaper']} leaves {100 * each['left']:.1f} %")
+        if "notch" in each:
+            parts.append(f"notch of width {each['notch']['width']:.3g} leaves a peak of {each['notch']['peak']:.3g}")
+        say("; ".join(parts))
+    for frequency in record["left_out"]:
+        say(f"{frequency:.4g} Hz is left out: the recording hardly tells it (--mode states modes)")
+    if "shaper" in record:
+        say(f"the shaped reference ends {1e3 * record['shaper']['duration']:.4g} ms later")
+    if "phase_lag" in record:
+        lag = record["phase_lag"]
+        say(f"the notches cost {lag['degrees']:.1f} degrees of phase at {lag['frequency']:g} Hz")

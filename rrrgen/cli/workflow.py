@@ -1,0 +1,227 @@
+"""Options, settings and printing shared by the commands of the identification workflow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from rrrgen.cli.colour import fault_text, with_warning
+from rrrgen.cli.terminal import say
+
+if TYPE_CHECKING:
+    from rrrgen.base.errors import Fault
+    from rrrgen.lab.data.mapping import LogMapping
+    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.data.repairs import Repairs
+    from rrrgen.lab.design.fourier_series import FourierTrajectory
+    from rrrgen.lab.experiment.experiment_file import Experiment
+    from rrrgen.lab.identify.diagnosis.causes import Cause
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def output_option(function: F) -> F:
+    """Add the required option ``-o``, ``--output``: the run folder."""
+    return click.option(
+        "-o", "--output", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Run folder to write to."
+    )(function)
+
+
+def log_option(function: F) -> F:
+    """Add the repeatable option ``--log``: a recording or its mapping file."""
+    return click.option(
+        "--log",
+        "logs",
+        required=True,
+        multiple=True,
+        type=click.Path(path_type=Path),
+        help="Recording with rrrgen's own columns, or mapping file of a recording; repeat for several.",
+    )(function)
+
+
+def truncated_option(function: F) -> F:
+    """Add the flag ``--skip-truncated-line``."""
+    text = "Leave out the last line of a text file if it is incomplete."
+    return click.option("--skip-truncated-line", is_flag=True, help=text)(function)
+
+
+def fresh_option(function: F) -> F:
+    """Add the flag ``--fresh``."""
+    text = "Discard a run that DIR already holds, and start over."
+    return click.option("--fresh", is_flag=True, help=text)(function)
+
+
+def jobs_options(function: F) -> F:
+    """Add the options ``--jobs`` and ``--cluster``."""
+    cluster = "Address of a Dask scheduler that distributes the work, tcp://HOST:PORT."
+    function = click.option("--cluster", metavar="ADDRESS", help=cluster)(function)
+    jobs = "Number of parallel processes."
+    return click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help=jobs)(function)
+
+
+def parallel_packages(options: dict[str, Any]) -> tuple[str, ...]:
+    """The optional packages needed for the values of ``--jobs`` and ``--cluster`` in ``options``."""
+    if options["cluster"] is not None:
+        return ("joblib", "dask", "distributed")
+    return ("joblib",) if options["jobs"] > 1 else ()
+
+
+def experiment_option(function: F) -> F:
+    """Add the option ``--experiment``."""
+    return click.option(
+        "--experiment",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        help="Experiment file: limits, objective, writing task, virtual robot, control; other options override it.",
+    )(function)
+
+
+def chosen_experiment(path: Path | None, joints: int, options: dict[str, Any]) -> Experiment:
+    """Load the experiment file (or start from the defaults) and override it with the options of the command line.
+
+    ``path`` is the experiment file or None, ``joints`` the number of joints of the robot.
+    """
+    from dataclasses import replace
+
+    from rrrgen.base.errors import Fault
+    from rrrgen.lab.experiment.experiment_file import Experiment, load_experiment
+
+    found = Experiment() if path is None else load_experiment(path, joints)
+    excitation, virtual_robot, control = dict(found.excitation), dict(found.virtual_robot), found.control
+    if options.get("harmonics") is not None:
+        excitation["harmonics"] = options["harmonics"]
+    if options.get("cycle") is not None:
+        excitation["base_frequency"] = 1.0 / options["cycle"]
+    if options.get("torque_noise") is not None:
+        virtual_robot["torque_noise"] = (options["torque_noise"],) * joints
+    if options.get("base_mode") is not None:
+        virtual_robot["flexible_base"] = {**virtual_robot.get("flexible_base", {}), "frequency": options["base_mode"]}
+    if options.get("bandwidth") is not None:
+        places = {key: place for key, place in control.places.items() if key not in ("kp", "kd")}
+        places["bandwidth"] = Fault("--bandwidth", 0, 0, "")
+        control = replace(control, bandwidth=options["bandwidth"], kp=None, kd=None, places=places)
+    if options.get("control") is not None:
+        control = replace(control, kind=options["control"].replace("-", "_"))
+    changes = {name: options[name] for name in ("starts", "seed") if options.get(name) is not None}
+    if options.get("rate") is not None:
+        changes["period"] = 1.0 / options["rate"]
+    return replace(found, excitation=excitation, virtual_robot=virtual_robot, control=control, **changes)
+
+
+def seed_option(default: int | None) -> Callable[[F], F]:
+    """Add the option ``--seed``; with ``default`` None, the seed of the experiment file applies."""
+    return click.option("--seed", type=int, default=default, help="Seed for all random numbers; default 0.")
+
+
+def processing_options(function: F) -> F:
+    """Add the preprocessing options; their defaults are the section ``processing`` of the mapping file."""
+    text = "Decimation factor k: low-pass filter, then keep every k-th row; default: from the bandwidth of the motion."
+    function = click.option("--decimate", type=click.IntRange(min=1), metavar="K", help=text)(function)
+    return reconstruction_options(function)
+
+
+def reconstruction_options(function: F) -> F:
+    """Add the options ``--method`` and ``--cutoff`` of the reconstruction of the motion."""
+    text = "Cut-off frequency of the Butterworth filter; implies --method butterworth if no method is named."
+    positive = click.FloatRange(min=0, min_open=True)
+    function = click.option("--cutoff", type=positive, metavar="HZ", help=text)(function)
+    methods = click.Choice(["butterworth", "kalman", "kalman_filter", "differences", "logged"])
+    text = "How speeds and accelerations are obtained from the positions; default kalman, a smoother."
+    return click.option("--method", "reconstruction", type=methods, help=text)(function)
+
+
+def chosen_processing(
+    mappings: list[LogMapping], reconstruction: str | None, cutoff: float | None, decimate: int | None = None
+) -> Processing:
+    """Combine the preprocessing settings of the mapping files with the options of the command line, which win.
+
+    Raises UsageError for options that contradict each other, InputError for mapping files that do.
+    """
+    from rrrgen.lab.studies.options import OptionError
+    from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+    from rrrgen.lab.studies.sources import chosen_processing
+
+    try:
+        options: Any = {"method": reconstruction, "cutoff": cutoff, "decimate": decimate}
+        return chosen_processing(mappings, PreprocessingOptions(**options))
+    except OptionError as error:
+        raise click.UsageError(error.text(lambda name: f"--{name}")) from None
+
+
+def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
+    """Print the repairs of every recording; with ``as_json`` only the warnings, which go to stderr."""
+    for each in repairs:
+        for line in [] if as_json else each.lines():
+            say(line)
+        for line in each.warnings():
+            click.echo(with_warning(line), err=True)
+
+
+def print_causes(causes: Iterable[Cause], as_json: bool = False) -> None:
+    """Print the diagnoses with evidence and remedy; on stderr if stdout carries JSON."""
+    for cause in causes:
+        for line in cause.lines():
+            click.echo(line, err=as_json)
+
+
+@dataclass
+class FindingsPrinter:
+    """Prints what a study finds before its estimation; ``causes`` are the probable faults that were printed."""
+
+    as_json: bool
+    causes: list[Cause] = field(default_factory=list)
+
+    def __call__(self, finding: Fault | Repairs | Cause) -> None:
+        """Print a warning of the robot file, the repairs of a recording, or a probable fault."""
+        from rrrgen.base.errors import Fault
+        from rrrgen.lab.data.repairs import Repairs
+
+        if isinstance(finding, Fault):
+            click.echo(fault_text(finding), err=True)
+        elif isinstance(finding, Repairs):
+            print_repairs([finding], self.as_json)
+        else:
+            self.causes.append(finding)
+            print_causes([finding], self.as_json)
+
+
+def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping], role: str = "log") -> dict[str, Path]:
+    """The files that a run reads, by role: the robot (if it is a file), mapping files and data files."""
+    files = {"robot": Path(robot)} if Path(robot).is_file() else {}
+    for k, (log, mapping) in enumerate(zip(logs, mappings, strict=True)):
+        files[f"{role}{k + 1}"] = log
+        for source in mapping.files:
+            files[f"{role}{k + 1}.{source.name}"] = Path(source.path)
+    return files
+
+
+def recording_names(mappings: list[LogMapping]) -> list[str]:
+    """The names of the data files of all recordings."""
+    return [source.path.name for mapping in mappings for source in mapping.files]
+
+
+def described_files(**paths: Path | None) -> dict[str, Path]:
+    """Select those of ``paths``, by role, that are existing files; the name of a bundled robot is left out."""
+    return {role: path for role, path in paths.items() if path is not None and path.is_file()}
+
+
+def read_trajectory(path: Path) -> FourierTrajectory:
+    """Read the trajectory from an excitation result or from a JSON file that holds a trajectory alone.
+
+    Raises :class:`InputError` if the file holds neither.
+    """
+    import json
+
+    from rrrgen.base.errors import InputError
+    from rrrgen.lab.design.fourier_series import FourierTrajectory
+
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        coefficients = dict(data.get("trajectory", data))
+    except (ValueError, AttributeError, TypeError) as error:
+        raise InputError(f"{path} is no trajectory of `rrrgen excite`: {error}") from None
+    return FourierTrajectory.from_json(coefficients)

@@ -1,1 +1,0 @@
-"""Exact arithmetic for the derivations: vectors, polynomials, a finite field, factorization of the mass matrix."""

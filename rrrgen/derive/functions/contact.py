@@ -1,0 +1,156 @@
+"""Recorders of contact detection from estimated external torques r: thresholds, and the wrench at a point.
+
+A contact changes r faster than errors of the model do. Besides r itself, its change h is therefore compared with
+thresholds: the estimate of an observer with twice the pole minus r, which needs nothing but r, since with
+alpha = exp(-gain Ts)
+
+    h = alpha^2 h_last + alpha (r - r_last).
+
+It is a band-pass: after a step of the external torque h rises to a quarter of the step and decays.
+
+The joint torques of a wrench F at a point with Jacobian J are ``r = J' F``. With errors of r of covariance S, the best
+estimate and its covariance are
+
+    F = P J inv(S) r,   P = inv(J inv(S) J').
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.derive.recursions.positive_definite import factorize
+from rrrgen.derive.recursions.vectors import Matrix, dot, flat, times
+from rrrgen.program import Port, Program, Status
+
+TINY = Fraction(1, 10**20)
+"""Added to thresholds (N m), so that the ratio is finite for a threshold of zero."""
+
+
+def contact(r: Recording) -> Program:
+    """Record one tick of contact detection by the external torques r and their changes h.
+
+    Outputs are the ratios max(|r_i|/threshold_i, |h_i|/change_threshold_i) (n,), 1 if one of them exceeds 1, and the
+    changes h (n,), which are state for the next tick.
+    """
+    b = r.builder
+    estimate = r.take("r")
+    last = r.take("r_last")
+    change_last = r.take("change_last")
+    (gain,) = r.take("gain")
+    (Ts,) = r.take("Ts")
+    threshold = r.take("threshold")
+    change_threshold = r.take("change_threshold")
+    alpha = b.exp(b.neg(b.mul(gain, Ts)))
+    change = [
+        b.mul(alpha, b.add(b.mul(alpha, before), b.sub(now, then)))
+        for now, then, before in zip(estimate, last, change_last, strict=True)
+    ]
+    pairs = [
+        [b.div(b.abs(value), b.add(limit, TINY)) for value, limit in zip(values, limits, strict=True)]
+        for values, limits in ((estimate, threshold), (change, change_threshold))
+    ]
+    ratios = [b.select(b.sub(fast, slow), fast, slow) for slow, fast in zip(*pairs, strict=True)]
+    found: Any = 0
+    for ratio in ratios:
+        found = b.select(b.sub(ratio, 1), 1, found)
+    return b.program(
+        "contact",
+        [
+            (Port("ratio", (r.n,), "1", "", "of each joint: torque or change over its threshold, the larger"), ratios),
+            (Port("touches", (), "1", "", "1 if a ratio exceeds 1, else 0", refused=1), [found]),
+            (
+                Port("change", (r.n,), r.torque_unit, "", "fast part of r, for the next tick", state="change_last"),
+                change,
+            ),
+        ],
+        "Contact detection: whether an external torque, or its change, exceeds its threshold.",
+        "change = alpha^2 change_last + alpha (r - r_last),  ratio = max(|r|/threshold, |change|/change_threshold),  "
+        "alpha = exp(-gain Ts)",
+        [
+            "INFINITY leaves a joint out. A threshold of zero makes any torque a contact.",
+            "Refused input is not taken for an arm without contact: touches is 1.",
+        ],
+    )
+
+
+@dataclass(frozen=True)
+class _Load:
+    """The kind of load to estimate: a wrench (6 rows of the Jacobian) or a pure force (the first 3 rows).
+
+    ``name`` is that of the function, ``words`` and ``unit`` describe its result in emitted files, ``covariance`` is the
+    unit of its covariance.
+    """
+
+    rows: int
+    name: str
+    words: str
+    unit: str
+    covariance: str
+
+
+WRENCH = _Load(6, "external_wrench", "force and moment", "N, N m", "N^2, N^2 m, (N m)^2")
+FORCE = _Load(3, "external_force", "force without a moment", "N", "N^2")
+
+
+def external_load(load: _Load) -> Recorder:
+    """Make a recorder of the wrench or force at a point that causes the external torques r.
+
+    The function's outputs are the estimate, its covariance and its condition number.
+    """
+
+    def record(r: Recording) -> Program:
+        b, count = r.builder, load.rows
+        J = r.take("J")
+        estimate = r.take("r")
+        S = r.take("covariance")
+        errors = factorize(b, [S[r.n * i : r.n * (i + 1)] for i in range(r.n)])  # S = L D L'
+        halves = [errors.forward(J[r.n * i : r.n * (i + 1)]) for i in range(count)]  # the rows of J, by inv(L)
+        weighted = [[b.mul(x, d) for x, d in zip(row, errors.reciprocals, strict=True)] for row in halves]
+        G = [[dot(x, y) for y in halves] for x in weighted]
+        G[0][0] = b.select(errors.status, 0, G[0][0])  # no covariance: nothing is determined
+        factors = factorize(b, G)
+        P = [[b.neg(value) for value in row] for row in factors.negative_inverse()]
+        F = times(P, times(weighted, errors.forward(estimate)))
+        return b.program(
+            load.name,
+            [
+                (Port("F", (count,), load.unit, "base frame", f"{load.words} on the arm"), F),
+                (Port("P", (count, count), load.covariance, "base frame", "its covariance"), flat(P)),
+                (
+                    Port("condition", (), "1", "", "at least 1; large near singular configurations"),
+                    [_condition(r, G, P)],
+                ),
+                (Port("status", (), "1"), [factors.status]),
+            ],
+            f"The {load.words} that estimated external torques are due to.",
+            "F = P J inv(S) r,  P = inv(J inv(S) J'),  S = covariance",
+            [
+                f"J: its first {count} rows. F, P and condition are 0 where the status is not ok.",
+                "condition = sqrt(mean eigenvalue of J inv(S) J' times that of P), linear and angular rows scaled to "
+                f"one mean first; the largest over the smallest singular value is between this and {count} times this.",
+            ],
+            Status.of(
+                3, "undetermined", "the torques do not determine the load", "the Jacobian or the covariance loses rank"
+            ),
+        )
+
+    return record
+
+
+def _condition(r: Recording, G: Matrix, P: Matrix) -> Any:
+    """Condition number of G, from G and its inverse P, after scaling.
+
+    The linear and the angular rows and columns are each scaled so that the mean of their diagonal entries is one.
+    """
+    total: Any = 0
+    count = len(G)
+    for part in range(0, count, 3):
+        ends = range(part, part + 3)
+        total = total + dot([1] * 3, [G[k][k] for k in ends]) / 3 * dot([1] * 3, [P[k][k] for k in ends])
+    return r.builder.sqrt(total / count)
+
+
+EXTERNAL_WRENCH, EXTERNAL_FORCE = external_load(WRENCH), external_load(FORCE)

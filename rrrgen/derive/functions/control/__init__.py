@@ -1,1 +1,0 @@
-"""Functions for controllers: control laws of joints and tip, momentum observer, contact detection, desired motions."""

@@ -1,0 +1,72 @@
+"""The entries of the table of model functions: data alone, so that nothing heavy is imported to read the table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+
+from rrrgen.derive.functions.quantities import QUANTITIES, Quantity
+
+
+class Needs(Enum):
+    """What the robot must have for a function to exist."""
+
+    NOTHING = "nothing"
+    FRICTION = "friction"
+    FRICTION_STATE = "a friction law with a state"
+    TIP_POSITION = "joints that move the position of the tip"
+    TIP_POSE = "joints that move the position of the tip, and joints that turn it"
+
+
+@dataclass(frozen=True)
+class ModelFunction:
+    """One function of the model.
+
+    ``summary`` is its first sentence, ``details`` are further paragraphs, ``returns`` describes its results, ``raises``
+    its errors by type. ``takes`` lists its arguments in Python, those behind "*" given by keyword: quantities of
+    ``where``, or else of :data:`rrrgen.derive.functions.quantities.QUANTITIES`. ``result`` is the named tuple in
+    :mod:`rrrgen.runtime.results` of a function with several results. ``status``: it can fail, and then raises an error
+    or, on request, returns a status. ``refuses``: it refuses unusable input (:mod:`rrrgen.program.guard`), and this is
+    what its results are then. ``links_only`` names a result that ends with elements for the drive inertias,
+    which Python cuts off. ``by_hand``: its method in Python is not made from the table.
+
+    ``record`` names the recorder as "module:NAME", which is loaded when the function is derived: a function that takes
+    a :class:`Recording` and returns a :class:`Program`, or a tuple of such functions, whose programs are equivalent;
+    the cheapest is emitted. ``combine`` names, likewise, a function that takes a :class:`Recording` and the optimized
+    programs of the functions ``of``: its program is another alternative, or, without ``record``, the only one. A
+    function with ``of`` thus follows those in the table. ``more_joints_than`` and ``needs`` say for which robots the
+    function exists, and ``absent`` why it does not.
+    """
+
+    name: str
+    group: str
+    summary: str
+    takes: str
+    returns: str
+    where: tuple[Quantity, ...] = ()
+    record: str = ""
+    combine: str = ""
+    of: tuple[str, ...] = ()
+    details: str = ""
+    raises: tuple[tuple[str, str], ...] = ()
+    result: str = ""
+    status: bool = False
+    refuses: str = ""
+    links_only: str = ""
+    more_joints_than: int = 0
+    needs: Needs = Needs.NOTHING
+    absent: str = ""
+    by_hand: bool = False
+
+    @cached_property
+    def arguments(self) -> tuple[Quantity, ...]:
+        """The arguments in Python, in order."""
+        known = QUANTITIES | {quantity.name: quantity for quantity in self.where}
+        return tuple(known[name] for name in self.takes.split() if name != "*")
+
+    @property
+    def keywords(self) -> tuple[Quantity, ...]:
+        """Those among the arguments that are given by keyword."""
+        names = self.takes.split()
+        return self.arguments[names.index("*") :] if "*" in names else ()

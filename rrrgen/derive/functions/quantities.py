@@ -1,0 +1,156 @@
+"""The quantities that model functions take, before the number of joints and their kinds are known."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """An argument of model functions, before the number of joints and their kinds are known.
+
+    ``shape`` holds sizes separated by spaces, "" for a scalar: numbers, or n for the number of joints, b for that of
+    the base parameters, k for that of the friction parameters, s for that of the joints and motors with friction. Of
+    "rad | m" in ``unit``, the first is that of revolute, the second that of prismatic joints; "m/s, rad/s" are those of
+    the linear and of the angular part; "SI" is one that differs between elements. ``meaning`` is followed by shape and
+    unit in documents, and these by ``note``, which begins with its punctuation.
+
+    ``constant``: usually the same for all states of a batch. ``spread``: one number may stand for all elements.
+    ``from_file`` says which values of the robot file are the default; ``default`` is another one. ``optional``: only
+    some robots have this input, and only they need it. ``for_drives`` is, of a vector with one element for each base
+    parameter, the value of the elements for the drive inertias behind these. ``rigid``: a pose that is refused unless
+    it is a rigid motion.
+    """
+
+    name: str
+    shape: str
+    unit: str
+    meaning: str
+    note: str = ""
+    constant: bool = False
+    spread: bool = False
+    from_file: str = ""
+    default: float | None = None
+    optional: bool = False
+    for_drives: float | None = None
+    rigid: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.unit:
+            raise ValueError(f'the quantity {self.name} has no unit; "1" is that of a ratio')
+
+    @property
+    def words(self) -> str:
+        """Meaning and note as plain text, for the comments of emitted code."""
+        return re.sub(r":\w+:`(\w+)`", r"\1", self.meaning + self.note).replace("``", "")
+
+
+_SHARED = (
+    Quantity("q", "n", "rad | m", "joint positions"),
+    Quantity("dq", "n", "rad/s | m/s", "joint velocities"),
+    Quantity("ddq", "n", "rad/s^2 | m/s^2", "joint accelerations"),
+    Quantity("tau", "n", "N m | N", "joint torques"),
+    Quantity("e", "n", "any", "the vector"),
+    Quantity("v", "n", "rad/s | m/s", "reference velocities"),
+    Quantity("a", "n", "rad/s^2 | m/s^2", "reference accelerations"),
+    Quantity("q_d", "n", "rad | m", "desired positions"),
+    Quantity("dq_d", "n", "rad/s | m/s", "desired velocities"),
+    Quantity("ddq_d", "n", "rad/s^2 | m/s^2", "desired accelerations"),
+    Quantity("beta", "b", "SI", "base parameters", constant=True, from_file="those of the robot file"),
+    Quantity(
+        "covariance",
+        "n n",
+        "(N m)^2 | N^2",
+        "of the errors of r",
+        note=", of ``rrrgen contact-thresholds``",
+        constant=True,
+    ),
+    Quantity("d3q_d", "n", "rad/s^3 | m/s^3", "desired third derivatives"),
+    Quantity("d4q_d", "n", "rad/s^4 | m/s^4", "desired fourth derivatives"),
+    Quantity(
+        "damping",
+        "",
+        "1",
+        "share, such as 0.01, of the mean diagonal entry of J inv(M) J' below which its pivots are damped",
+    ),
+    Quantity("dtheta", "n", "rad/s | m/s", "measured velocities of the rotors"),
+    Quantity("friction", "k", "SI", "friction parameters", constant=True, from_file="those of the robot file"),
+    Quantity(
+        "gravity", "3", "m/s^2", "acceleration of gravity in the base frame", constant=True, from_file="the file's"
+    ),
+    Quantity("Ia", "n", "kg m^2 | kg", "drive inertias", constant=True, from_file="those of the robot file"),
+    Quantity("J", "6 n", "m, 1", "Jacobian of the tip or of the point where it acts", note=", linear rows first"),
+    Quantity("kd", "n", "N m s/rad | N s/m", "gains of the velocity error", constant=True),
+    Quantity("ki", "n", "N m/(rad s) | N/(m s)", "gains of the integral", note="; zero for none", constant=True),
+    Quantity("kp", "n", "N m/rad | N/m", "gains of the position error", constant=True),
+    Quantity("mass", "", "kg", "mass of the body"),
+    Quantity("point", "3", "m", "the point in that frame"),
+    Quantity("q_0", "n", "rad | m", "positions at the start"),
+    Quantity("q_1", "n", "rad | m", "positions at the end"),
+    Quantity("r", "n", "N m | N", "estimated torques of the environment", note=", of :meth:`momentum_observer`"),
+    Quantity(
+        "rotor_inertia",
+        "n",
+        "kg m^2 | kg",
+        "inertias of the rotors, seen at the joints",
+        constant=True,
+        from_file="those of the robot file",
+    ),
+    Quantity(
+        "stiffness",
+        "n",
+        "N m/rad | N/m",
+        "stiffnesses of the joints",
+        note="; positive",
+        constant=True,
+        from_file="those of the robot file",
+    ),
+    Quantity("T", "4 4", "1, m", "pose of the frame"),
+    Quantity("T_d", "4 4", "1, m", "desired pose of the tip in the base frame"),
+    Quantity("tau_0", "n", "N m | N", "torques of a second task that must not move the tip", note="; zero for none"),
+    Quantity(
+        "tau_add", "n", "N m | N", "torques to add before the limits", note=", such as friction at the desired speeds"
+    ),
+    Quantity(
+        "tau_load",
+        "n",
+        "N m | N",
+        "torques without friction",
+        note="; needed where a law depends on the load",
+        optional=True,
+    ),
+    Quantity(
+        "tau_max",
+        "n",
+        "N m | N",
+        "largest torques",
+        note="; infinite for none",
+        constant=True,
+        from_file="the limits of the robot file",
+    ),
+    Quantity("theta", "n", "rad | m", "measured positions of the rotors, seen at the joints"),
+    Quantity("tool", "4 4", "1, m", "pose of the tool in the last link frame", constant=True, rigid=True),
+    Quantity("Ts", "", "s", "the period"),
+    Quantity("V_d", "6", "m/s, rad/s", "desired velocity of the tip", note=", base frame"),
+    Quantity(
+        "width",
+        "s",
+        "rad/s | m/s",
+        "speeds below which the sign in friction laws is smoothed",
+        note="; positive",
+        constant=True,
+        spread=True,
+    ),
+    Quantity(
+        "z", "n", "rad s | m s", "state of the integral", note="; zero at the start, then ``z_next`` of the last tick"
+    ),
+)
+QUANTITIES = {quantity.name: quantity for quantity in _SHARED}
+"""Quantities that several functions take, by name."""
+
+
+def like(name: str, **changes: Any) -> Quantity:
+    """The quantity ``name`` of :data:`QUANTITIES` with the fields ``changes``."""
+    return replace(QUANTITIES[name], **changes)

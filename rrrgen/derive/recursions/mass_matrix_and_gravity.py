@@ -1,0 +1,165 @@
+"""Mass matrix and gravity torques of (14.6) by the composite rigid body algorithm.
+
+The composite body of joint j consists of all links beyond it, taken as one rigid body. A unit acceleration of joint j
+requires a wrench on that body, and the component of the wrench along the axis of joint i is M_ij. All quantities of a
+joint are expressed in the frame B of its block of parallel axes, about the origin of the joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rrrgen.derive.recursions.link_frames import Chain, ChainJoint, Placement
+from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
+from rrrgen.derive.recursions.vectors import (
+    Matrix,
+    Vector,
+    add,
+    cross,
+    rotate_z,
+    rotate_z_back,
+    times,
+    transposed_times,
+)
+
+
+def offset(chain: Chain, i: int) -> Vector:
+    """The vector (3,), m, from the origin of the previous joint to that of joint i, in the frame of their block.
+
+    Both joints must belong to one block of parallel axes.
+    """
+    joint = chain.joints[i]
+    before = chain.joints[joint.parent]
+    return add(rotate_z(before.c, before.s, joint.p), [0, 0, joint.slide])
+
+
+def composites(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[PseudoInertia]:
+    """The composite pseudo-inertia of each joint, in the frame of its block and about its origin."""
+    result: list[PseudoInertia] = [PseudoInertia()] * chain.n
+    for i in reversed(range(chain.n)):
+        joint, own = chain.joints[i], inertias[i]
+        in_block = [k for k in chain.children[i] if chain.joints[k].parallel]
+        for k in chain.children[i]:
+            if k not in in_block:
+                own = own.plus(_at_joint_before(chain.joints[k], result[k]))
+        beyond = [result[k].moved(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k))) for k in in_block]
+        result[i] = own.rotated_z(joint.c, joint.s) if in_block else _rotated_z(own, joint.c, joint.s)
+        for moved in beyond:
+            result[i] = result[i].plus(moved)
+    return result
+
+
+def _at_joint_before(joint: ChainJoint, J: PseudoInertia) -> PseudoInertia:
+    """The composite ``J`` of the first joint of a block, moved to the origin and frame of the previous link."""
+    slide = Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 0, joint.slide])
+    at_foot = J if joint.revolute else J.moved(slide)
+    return at_foot.moved(Placement(joint.R, joint.p))
+
+
+def _rotated_z(J: PseudoInertia, c: Any, s: Any) -> PseudoInertia:
+    """Rotate the pseudo-inertia ``J`` about z by the angle with cosine ``c`` and sine ``s``.
+
+    A rotation about z keeps the sum Jxx + Jyy, so the new Jyy is written as that sum minus the new Jxx. Where the sum
+    is needed again, it then simplifies to its known value.
+    """
+    turned = J.rotated_z(c, s)
+    return replace(turned, Jyy=(J.Jxx + J.Jyy) - turned.Jxx)
+
+
+def unit_wrench(revolute: bool, J: PseudoInertia) -> tuple[Vector, Vector]:
+    """Force and moment (3,) about the joint's origin that give the composite body ``J`` unit joint acceleration."""
+    if revolute:
+        return [-J.hy, J.hx, 0], [-J.Jxz, -J.Jyz, J.Jxx + J.Jyy]
+    return [0, 0, J.m], [J.hy, -J.hx, 0]
+
+
+def step_down(chain: Chain, i: int, F: Vector, N: Vector) -> tuple[Vector, Vector]:
+    """Move the wrench ``F, N`` from the origin of joint i to that of the joint before, and express it in that frame.
+
+    The frame of a joint is that of its block of parallel axes.
+    """
+    joint = chain.joints[i]
+    before = chain.joints[joint.parent]
+    if joint.parallel:
+        return F, add(N, cross(offset(chain, i), F))
+    if not joint.revolute:
+        N = add(N, cross([0, 0, joint.slide], F))
+    F, N = times(joint.R, F), times(joint.R, N)
+    N = add(N, cross(joint.p, F))
+    return rotate_z(before.c, before.s, F), rotate_z(before.c, before.s, N)
+
+
+def mass_matrix(chain: Chain, inertias: Sequence[PseudoInertia]) -> Matrix:
+    """M(q), shape (n, n), without drive inertia, kg m^2 (kg, kg m for prismatic joints)."""
+    M: Matrix = [[0] * chain.n for _ in range(chain.n)]
+    for j, J in enumerate(composites(chain, inertias)):
+        F, N = unit_wrench(chain.joints[j].revolute, J)
+        for i in reversed(chain.paths[j]):
+            M[i][j] = M[j][i] = N[2] if chain.joints[i].revolute else F[2]
+            if chain.joints[i].parent >= 0:
+                F, N = step_down(chain, i, F, N)
+    return chain.form(M)
+
+
+def gravity(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[Any]:
+    """Gravity torques (n,), N m or N: minus the weight of each composite body along or about its joint axis."""
+    lightened = [PseudoInertia(hx=J.hx, hy=J.hy, hz=J.hz, m=J.m) for J in inertias]
+    down = block_vectors(chain, chain.gravity)
+    torques = []
+    for joint, J, g in zip(chain.joints, composites(chain, lightened), down, strict=True):
+        torques.append(J.hy * g[0] - J.hx * g[1] if joint.revolute else -(J.m * g[2]))
+    return chain.forces(torques)
+
+
+def block_vectors(chain: Chain, vector: Vector) -> list[Vector]:
+    """Express a vector (3,) of the base frame in the frame of each joint's block; one vector per joint."""
+    result: list[Vector] = []
+    for joint in chain.joints:
+        if joint.parallel:
+            result.append(result[joint.parent])
+            continue
+        own = vector
+        if joint.parent >= 0:
+            before = chain.joints[joint.parent]
+            own = rotate_z_back(before.c, before.s, result[joint.parent])
+        result.append(transposed_times(joint.R, own))
+    return result
+
+
+@dataclass(frozen=True)
+class BlockVelocity:
+    """Velocity of a link: its angular velocity ``omega`` (rad/s) and the velocity ``v`` of its origin (m/s).
+
+    ``block_omega`` (rad/s) is the angular velocity of the frame B of its block. All are (3,) and expressed in B.
+    """
+
+    block_omega: Vector
+    omega: Vector
+    v: Vector
+
+
+def velocities(chain: Chain, dq: Sequence[Any]) -> list[BlockVelocity]:
+    """The velocities of all links for joint velocities ``dq`` (n,)."""
+    rates = chain.joint_rates(dq)
+    result: list[BlockVelocity] = []
+    still = BlockVelocity([0, 0, 0], [0, 0, 0], [0, 0, 0])
+    for i, joint in enumerate(chain.joints):
+        last = result[joint.parent] if joint.parent >= 0 else still
+        block_omega, omega, v = last.block_omega, last.omega, last.v
+        if joint.parallel:
+            v = add(v, cross(omega, offset(chain, i)))
+        else:
+            if joint.parent >= 0:
+                before = chain.joints[joint.parent]
+                omega, v = rotate_z_back(before.c, before.s, omega), rotate_z_back(before.c, before.s, v)
+            v = transposed_times(joint.R, add(v, cross(omega, joint.p)))
+            omega = block_omega = transposed_times(joint.R, omega)
+            v = add(v, cross(omega, [0, 0, joint.slide]))
+        if joint.revolute:
+            omega = [omega[0], omega[1], omega[2] + rates[i]]
+        else:
+            v = [v[0], v[1], v[2] + rates[i]]
+        result.append(BlockVelocity(block_omega, omega, v))
+    return result

@@ -1,0 +1,71 @@
+"""Prototypes of emitted functions and the comments that explain them."""
+
+from __future__ import annotations
+
+from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.stack import stack_bound
+from rrrgen.emit.comments import columns, plain, wrapped
+from rrrgen.program import Port, Program, Status, count_operations
+
+_LONGEST_LINE = 118
+
+
+def function_name(program: Program, dialect: Dialect) -> str:
+    """The C symbol of a function: prefix of the robot and name of the program."""
+    return f"{dialect.prefix}_{program.name}"
+
+
+def prototype(program: Program, dialect: Dialect) -> str:
+    """The declaration without semicolon: inputs, then outputs; broken over lines where it is long."""
+    returns = f"{dialect.prefix}_status" if program.status else "void"
+    head = f"{returns} {function_name(program, dialect)}("
+    parameters = [_input(port, dialect) for port in program.inputs]
+    parameters += [_output(port, dialect) for port in program.data_outputs]
+    line = head + ", ".join(parameters or ["void"]) + ")"
+    if len(line) <= _LONGEST_LINE:
+        return line
+    return head + (",\n" + " " * len(head)).join(parameters) + ")"
+
+
+def _input(port: Port, dialect: Dialect) -> str:
+    return (
+        f"{dialect.real_type} {port.name}"
+        if port.shape == ()
+        else f"const {dialect.real_type} {port.name}[{port.size}]"
+    )
+
+
+def _output(port: Port, dialect: Dialect) -> str:
+    restrict = f"{dialect.macro}_RESTRICT"
+    if port.shape == ():
+        return f"{dialect.real_type} *{restrict} {port.name}"
+    return f"{dialect.real_type} {port.name}[{restrict} {port.size}]"
+
+
+def explanation(program: Program, dialect: Dialect) -> list[str]:
+    """The lines of the comment in front of a prototype."""
+    lines = wrapped(program.summary or program.name.replace("_", " "))
+    if program.formula:
+        lines += ["", *(f"    {plain(line)}" for line in program.formula.splitlines())]
+    rows = [("in", port) for port in program.inputs] + [("out", port) for port in program.data_outputs]
+    lines += ["", *columns([_row(direction, port) for direction, port in rows])]
+    if program.status:
+        lines += ["", *wrapped(_status_note(program.status, dialect))]
+    lines += ["", f"Operations: {count_operations(program)}."]
+    lines += [f"Stack: {stack_bound(program, dialect.real)}."]
+    for note in program.notes:
+        lines += wrapped(note)
+    return lines
+
+
+def _status_note(status: Status, dialect: Dialect) -> str:
+    failures = " or ".join(f"{dialect.failure(each)} where {each.meaning}" for each in status.failures)
+    return (
+        f"Returns {dialect.success}, or {failures} "
+        f"({dialect.prefix}_status_string gives the text); the outputs are defined in either case."
+    )
+
+
+def _row(direction: str, port: Port) -> tuple[str, ...]:
+    shape = " x ".join(map(str, port.shape)) or "1"
+    return direction, port.name, shape, port.unit or "-", port.frame or "-", port.meaning

@@ -1,0 +1,37 @@
+"""The CasADi backend: SX functions, a Python module that rebuilds them, and C for CasADi's external interface.
+
+Matrices are two-dimensional in CasADi, (rows, columns); a stack of matrices of shape (k, m, n) becomes the (k*m, n)
+matrix of the blocks one below the other. CasADi itself is needed by :func:`function` and :func:`serialized` only;
+everything else is text and is the same whichever version of CasADi is installed, or none.
+"""
+
+from rrrgen.emit.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
+from rrrgen.emit.casadi.external import definitions, external_files, external_sources
+from rrrgen.emit.casadi.files import external_functions, is_reproducible, module_file, serialized, sources
+from rrrgen.emit.casadi.function import function
+from rrrgen.emit.casadi.inverse_kinematics import branch_function, branch_labels, branch_signs
+from rrrgen.emit.casadi.module import rebuild_module
+from rrrgen.emit.casadi.smooth import smooth_sign
+
+__all__ = [
+    "Matrix",
+    "Routine",
+    "branch_function",
+    "branch_labels",
+    "branch_signs",
+    "definitions",
+    "external_files",
+    "external_functions",
+    "external_sources",
+    "forward",
+    "function",
+    "is_reproducible",
+    "jacobian",
+    "module_file",
+    "rebuild_module",
+    "reverse",
+    "routine",
+    "serialized",
+    "smooth_sign",
+    "sources",
+]

@@ -1,0 +1,138 @@
+"""The data of the interactive view in the report: geometry, limits, and solutions of the inverse kinematics."""
+
+from __future__ import annotations
+
+import json
+from math import pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.base.errors import DerivationError
+from rrrgen.emit.html.geometry import origin, zero_pose
+from rrrgen.program import evaluate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.ik.inverse_kinematics import InverseKinematics
+    from rrrgen.robot.robot_spec import JointSpec, RobotSpec
+
+DIGITS = 9  # decimals of lengths (m) and angles (rad): one nanometre; rounding that differs between machines is smaller
+POSES = 4  # number of tip poses for which the view offers all configurations
+CANDIDATES = 16  # number of poses from which those that reach farthest are chosen, because a folded arm shows little
+GOLDEN = 0.6180339887498949  # golden ratio: its multiples modulo 1 spread evenly over [0, 1)
+
+
+def as_json(content: dict[str, Any]) -> str:
+    """Print ``content`` as JSON for a ``<script>`` element: no character in it can end the element."""
+    text = json.dumps(content, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
+
+
+def scene(model: DerivedModel) -> dict[str, Any]:
+    """The data of the view: geometry at nominal parameters (SI units), joint ranges, configurations of equal tip pose.
+
+    ``joints`` holds per joint name, type, alpha, a, d, theta, the sign if it is -1, and the ends of its slider: the
+    limits of the robot file, else one turn or the reach; ``limited`` says for both ends whether the file states them.
+    In a mechanism, ``rows`` holds the Denavit-Hartenberg rows instead, each with the number of the row that carries it
+    and the factors of q in its displacement. ``poses`` holds lists of configurations ``q`` with the names of their
+    branches.
+    """
+    spec = model.spec
+    base, stages, tip = zero_pose(spec)
+    corners = np.array([origin(base), origin(tip), *(point for stage in stages for point in stage.path)])
+    if spec.mechanism is not None:  # the length from base to tip
+        along = [stages[i].path for i in spec.mechanism.path(spec.tip_row)]
+        corners = np.array([origin(base), origin(tip), *(point for path in along for point in path)])
+    reach = float(np.sum(np.linalg.norm(np.diff(corners[2:], axis=0), axis=1))) or 1.0
+    ends = [_range(joint, reach) for joint in spec.joints]
+    table = [
+        dict(zip(("alpha", "a", "d", "theta"), (_short(v) for v in row[1:]), strict=True)) for row in spec.dh_table()
+    ]
+    joints: list[dict[str, Any]] = [
+        {
+            "name": joint.name,
+            "revolute": joint.is_revolute,
+            "lower": _short(lower),
+            "upper": _short(upper),
+            "limited": [joint.limits.lower is not None, joint.limits.upper is not None],
+        }
+        for joint, (lower, upper) in zip(spec.joints, ends, strict=True)
+    ]
+    if spec.mechanism is None:
+        signs: list[dict[str, Any]] = [{} if joint.sign > 0 else {"sign": joint.sign} for joint in spec.joints]
+        joints = [joint | row | sign for joint, row, sign in zip(joints, table, signs, strict=True)]
+    return {
+        "name": spec.name,
+        "convention": spec.convention,
+        "base": _rows(np.array(base)),
+        "tool": _rows(np.array([[float(spec.nominal(v)) for v in row] for row in spec.tool.matrix().tolist()])),
+        "gravity": [_short(float(spec.nominal(v))) for v in spec.gravity],
+        "reach": _short(reach),
+        "joints": joints,
+        "poses": _poses(model, ends),
+    } | _mechanism(spec, table)
+
+
+def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]:
+    """Data of a mechanism: its Denavit-Hartenberg rows ``rows`` and the row ``tip_row`` of the tip; empty for a chain.
+
+    Each row has its ``parent``, the number of the row that carries it, and ``factors`` of q in its displacement.
+    """
+    if spec.mechanism is None:
+        return {}
+    rows = [
+        row | {"revolute": joint.is_revolute, "parent": parent, "factors": [float(f) for f in factors]}
+        for row, joint, parent, factors in zip(table, spec.rows, spec.parents, spec.mechanism.matrix, strict=True)
+    ]
+    return {"rows": rows, "tip_row": spec.tip_row}
+
+
+def _range(joint: JointSpec, reach: float) -> tuple[float, float]:
+    """The ends of the slider of a joint, rad or m."""
+    most = pi if joint.is_revolute else reach
+    lower, upper = joint.limits.lower, joint.limits.upper
+    return -most if lower is None else lower, most if upper is None else upper
+
+
+def _poses(model: DerivedModel, ends: list[tuple[float, float]]) -> list[list[dict[str, Any]]]:
+    """All configurations for each of :data:`POSES` tip poses; empty where the solver needs a compiler or is missing."""
+    from rrrgen.ik.inverse_kinematics import evaluated_solver
+
+    try:
+        solver = evaluated_solver(model.spec)
+    except DerivationError:
+        return []
+    program = model.programs["forward_kinematics"]
+    candidates = []
+    for k in range(CANDIDATES):
+        parts = [0.15 + 0.7 * ((GOLDEN * (k * len(ends) + i + 1)) % 1.0) for i in range(len(ends))]
+        q = np.array([lower + part * (upper - lower) for part, (lower, upper) in zip(parts, ends, strict=True)])
+        T = np.asarray(evaluate(program, q)[0], float)
+        candidates.append((_short(float(np.linalg.norm(T[:3, 3]))), T, q))
+    candidates.sort(key=lambda candidate: -candidate[0])
+    found = [_configurations(solver, T, q) for _, T, q in candidates[:POSES]]
+    return [pose for pose in found if pose]
+
+
+def _configurations(solver: InverseKinematics, T: NDArray[np.float64], q: NDArray[np.float64]) -> list[dict[str, Any]]:
+    solved = solver.solve(T, q)
+    return [
+        {"q": [_short(float(v)) for v in row], "branch": _branch(solver, int(branch))}
+        for row, branch in zip(solved.q, solved.branch, strict=True)
+    ]
+
+
+def _branch(solver: InverseKinematics, branch: int) -> str:
+    """Text with the name and value of each choice of a branch, such as ``shoulder 0, elbow 1``."""
+    return ", ".join(f"{name} {value}" for name, value in solver.branch_names(branch).items())
+
+
+def _rows(matrix: NDArray[np.float64]) -> list[list[float]]:
+    return [[_short(float(v)) for v in row] for row in matrix]
+
+
+def _short(value: float) -> float:
+    return round(value, DIGITS) + 0.0

@@ -1,0 +1,196 @@
+"""A drawing of the frames in the zero pose, as SVG in orthographic projection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from math import cos, hypot, radians, sin
+
+from rrrgen.emit.html.geometry import Point, Stage, Transform, column, origin, variables, zero_pose
+from rrrgen.robot.robot_spec import RobotSpec
+
+WIDTH, HEIGHT, MARGIN = 640, 480, 70
+AZIMUTH, ELEVATION = radians(-52.0), radians(22.0)  # direction of view; no axis of usual DH frames is parallel to it
+_AXIS_CLASSES = ("x", "y", "z")
+_TRIAD = 34.0  # length of the axes of a frame, px
+_REACH = 58.0  # length of the positive side of a joint axis, px
+_LABEL = 21.0  # labels closer than this, px, are written as one: the height of a line on a phone
+_LETTER = 11.0  # width of a character there, px
+_COINCIDENT = 1e-9  # m
+
+
+@dataclass(frozen=True)
+class View:
+    """An orthographic projection: its ``scale`` (px per m) and the projected point ``middle`` that is in the centre."""
+
+    scale: float
+    middle: tuple[float, float]
+
+    def at(self, p: Point) -> tuple[float, float]:
+        """Screen position of a point, px, y down."""
+        u, v = _flat(p)
+        return WIDTH / 2 + self.scale * (u - self.middle[0]), HEIGHT / 2 - self.scale * (v - self.middle[1])
+
+
+def _flat(p: Point) -> tuple[float, float]:
+    """Coordinates of a point in the viewing plane, m."""
+    x, y, z = p
+    right = -sin(AZIMUTH) * x + cos(AZIMUTH) * y
+    depth = cos(AZIMUTH) * x + sin(AZIMUTH) * y
+    return right, cos(ELEVATION) * z - sin(ELEVATION) * depth
+
+
+def frame_sketch(spec: RobotSpec) -> str:
+    """An ``<svg>`` element with the base, every link frame, every joint axis and the tip at q = 0."""
+    base, stages, tip = zero_pose(spec)
+    points = [origin(base), origin(tip), *(p for stage in stages for p in (*stage.path, stage.axis[0]))]
+    view = _view(points)
+    parts = [_ground(view, origin(base))]
+    parts += [_axis(view, stage) for stage in stages]
+    parts += [_polyline(view, stage.path, "link") for stage in stages]
+    parts.append(_polyline(view, (origin(stages[spec.tip_row].frame), origin(tip)), "tool"))
+    parts += [_joint(view, stage) for stage in stages]
+    frames = [("0", base), *((str(k), s.frame) for k, s in enumerate(stages, start=1))]
+    if _distance(origin(tip), origin(stages[spec.tip_row].frame)) > _COINCIDENT:
+        frames.append(("tip", tip))
+    parts += [_triad(view, frame) for _, frame in frames]
+    parts += _apart([*_frame_labels(view, frames), *_variable_labels(view, stages, variables(spec))])
+    parts += _gravity(spec)
+    title = escape(f"Frames of {spec.name} in the zero pose")
+    body = "\n".join(part for part in parts if part)
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{title}">\n<title>{title}</title>\n{body}\n</svg>'
+    )
+
+
+def _view(points: Sequence[Point]) -> View:
+    flat = [_flat(p) for p in points]
+    low = [min(f[k] for f in flat) for k in range(2)]
+    high = [max(f[k] for f in flat) for k in range(2)]
+    spans = [(WIDTH - 2 * MARGIN) / max(high[0] - low[0], 1e-6), (HEIGHT - 2 * MARGIN) / max(high[1] - low[1], 1e-6)]
+    scale = min(spans) if max(high[0] - low[0], high[1] - low[1]) > _COINCIDENT else 1.0
+    return View(scale, ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2))
+
+
+def _px(value: float) -> str:
+    text = f"{value:.1f}"
+    return "0.0" if text == "-0.0" else text
+
+
+def _line(start: tuple[float, float], end: tuple[float, float], kind: str) -> str:
+    (x1, y1), (x2, y2) = start, end
+    return f'<line class="{kind}" x1="{_px(x1)}" y1="{_px(y1)}" x2="{_px(x2)}" y2="{_px(y2)}"/>'
+
+
+def _text(place: tuple[float, float], text: str, kind: str) -> str:
+    where = f'x="{_px(place[0])}" y="{_px(place[1])}"'
+    halo = f'<text class="{kind} halo" {where} aria-hidden="true">{escape(text)}</text>'  # keeps lines off the letters
+    return f'{halo}<text class="{kind}" {where}>{escape(text)}</text>'
+
+
+def _polyline(view: View, path: Sequence[Point], kind: str) -> str:
+    corners = " ".join(f"{_px(x)},{_px(y)}" for x, y in map(view.at, path))
+    return f'<polyline class="{kind}" points="{corners}"/>' if len(path) > 1 else ""
+
+
+def _screen(direction: Point) -> tuple[float, float]:
+    """The projection of a unit vector to the screen, without scale."""
+    u, v = _flat(direction)
+    return u, -v
+
+
+def _ground(view: View, place: Point) -> str:
+    x, y = view.at(place)
+    hatches = [_line((x - 24 + 8 * k, y + 6), (x - 30 + 8 * k, y + 13), "ground") for k in range(7)]
+    return "\n".join([_line((x - 28, y + 6), (x + 28, y + 6), "ground"), *hatches])
+
+
+def _axis(view: View, stage: Stage) -> str:
+    """The joint axis as a dash-dotted line, longer on its positive side."""
+    x, y = view.at(stage.axis[0])
+    dx, dy = _screen(stage.axis[1])
+    return _line((x - 26 * dx, y - 26 * dy), (x + _REACH * dx, y + _REACH * dy), "axis")
+
+
+def _joint(view: View, stage: Stage) -> str:
+    x, y = view.at(stage.axis[0])
+    if stage.revolute:
+        return f'<circle class="joint" cx="{_px(x)}" cy="{_px(y)}" r="6"/>'
+    return f'<rect class="joint" x="{_px(x - 6)}" y="{_px(y - 6)}" width="12" height="12"/>'
+
+
+def _triad(view: View, frame: Transform) -> str:
+    x, y = view.at(origin(frame))
+    lines = []
+    for k, kind in enumerate(_AXIS_CLASSES):
+        dx, dy = _screen(column(frame, k))
+        lines.append(_line((x, y), (x + _TRIAD * dx, y + _TRIAD * dy), kind))
+    return "\n".join(lines)
+
+
+Label = tuple[str, tuple[float, float], str]
+"""A label of the drawing: its text, the position (px) of the middle of its base line, and its CSS class."""
+
+
+def _frame_labels(view: View, frames: Sequence[tuple[str, Transform]]) -> list[Label]:
+    """Make the labels with the numbers of the frames, below their origins."""
+    places = [(name, view.at(origin(frame))) for name, frame in frames]
+    return [(names, (x - 9, y + 20), "frame") for names, (x, y) in _merged(places)]
+
+
+def _variable_labels(view: View, stages: Sequence[Stage], names: Sequence[str]) -> list[Label]:
+    """Make the labels with the joint variables, beside the positive ends of the joint axes."""
+    places = []
+    for name, stage in zip(names, stages, strict=True):
+        x, y = view.at(stage.axis[0])
+        dx, dy = _screen(stage.axis[1])
+        places.append((name, (x + _REACH * dx - 15 * dy, y + _REACH * dy + 15 * abs(dx) + 4)))
+    return [(names, place, "variable") for names, place in _merged(places)]
+
+
+def _apart(labels: Sequence[Label]) -> list[str]:
+    """Print the labels as SVG without overlap: one that would cover another is moved below it."""
+    boxes: list[tuple[float, float, float]] = []  # middle, half width
+    texts = []
+    for name, (x, y), kind in labels:
+        half = _LETTER / 2 * len(name)
+        while any(abs(x - u) < half + w and abs(y - v) < _LABEL for u, v, w in boxes):
+            y += 1.0
+        boxes.append((x, y, half))
+        texts.append(_text((x, y), name, kind))
+    return texts
+
+
+def _merged(places: Sequence[tuple[str, tuple[float, float]]]) -> list[tuple[str, tuple[float, float]]]:
+    """Merge labels at the same place (closer than ``_LABEL`` px) into one."""
+    groups: list[tuple[list[str], tuple[float, float]]] = []
+    for name, place in places:
+        for names, taken in groups:
+            if hypot(place[0] - taken[0], place[1] - taken[1]) < _LABEL:
+                names.append(name)
+                break
+        else:
+            groups.append(([name], place))
+    return [(", ".join(names), place) for names, place in groups]
+
+
+def _distance(p: Point, q: Point) -> float:
+    return hypot(*(a - b for a, b in zip(p, q, strict=True)))
+
+
+def _gravity(spec: RobotSpec) -> list[str]:
+    """An arrow in the corner for the direction of gravity."""
+    g = tuple(float(spec.nominal(component)) for component in spec.gravity)
+    size = hypot(*g)
+    start = (WIDTH - 46.0, 30.0)
+    if size == 0.0:
+        return [_text((start[0] - 50, start[1]), "no gravity", "gravity")]
+    dx, dy = _screen((g[0] / size, g[1] / size, g[2] / size))
+    end = (start[0] + 42 * dx, start[1] + 42 * dy)
+    length = max(hypot(dx, dy), 1e-9)
+    ux, uy = dx / length, dy / length
+    wings = [(end[0] - 9 * ux + w * 4 * uy, end[1] - 9 * uy - w * 4 * ux) for w in (1, -1)]
+    head = " ".join(f"{_px(x)},{_px(y)}" for x, y in (end, *wings))
+    arrow = [_line(start, end, "gravity"), f'<polygon class="gravity" points="{head}"/>']
+    return [*arrow, _text((start[0] - 12 * ux, start[1] - 12 * uy + 4), "g", "gravity")]

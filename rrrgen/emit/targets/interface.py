@@ -1,0 +1,54 @@
+"""Interface of the targets of ``rrrgen export``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from rrrgen.emit import Real
+from rrrgen.robot.robot_spec import RobotSpec
+
+Contents = str | bytes
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Files of a target, relative path -> contents, and what the target cannot represent, one sentence each."""
+
+    files: Mapping[str, Contents]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """Options that the user gives to ``rrrgen export``.
+
+    ``real`` is the number type of the C code, ``platforms`` those to build for (empty: this machine), ``further`` what
+    the package holds besides the model: words of :data:`rrrgen.robot.file.fields.EMIT`.
+    """
+
+    real: Real = "double"
+    platforms: tuple[str, ...] = ()
+    further: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Exporter:
+    """Export target: a file format of another program, or a package that other programs load.
+
+    ``write`` makes the files of a robot; it raises :class:`rrrgen.base.errors.DerivationError` if the format cannot
+    represent the robot. If ``one_file``, the result is one file, which the user may name; otherwise a folder. If
+    ``needs_bodies``, every link must be a rigid body of positive mass; links that are not are replaced by physical ones
+    with the same base parameters. ``options`` names the fields of :class:`ExportOptions` that the target uses.
+    ``mechanisms`` says whether it supports joints coupled to others and branching chains. ``further`` are the words of
+    :data:`rrrgen.robot.file.fields.EMIT` that the package can hold.
+    """
+
+    name: str
+    meaning: str
+    write: Callable[[RobotSpec, ExportOptions], Exported]
+    one_file: bool = True
+    needs_bodies: bool = False
+    options: tuple[str, ...] = ()
+    mechanisms: bool = False
+    further: tuple[str, ...] = ()

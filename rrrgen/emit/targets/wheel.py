@@ -1,0 +1,91 @@
+"""Export as a Python wheel for one robot: its C as a shared library, called through ctypes with NumPy arrays."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from dataclasses import replace
+from typing import Any
+
+from rrrgen.base.files import as_bytes
+from rrrgen.base.templates import render
+from rrrgen.emit.description import title
+from rrrgen.emit.targets.archives import zip_archive
+from rrrgen.emit.targets.calls import described_functions, loops, nominal_values
+from rrrgen.emit.targets.code import Code, any_gravity_code, emitted_code
+from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions
+from rrrgen.emit.targets.platforms import platforms, shared_library
+from rrrgen.ik.result_layout import most_rows, reasons_of
+from rrrgen.robot.robot_spec import RobotSpec
+
+_HASH_DIGITS = 12  # of the model's hash, in the version of the package
+
+
+def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
+    chosen = platforms(options.platforms)
+    own = tuple(word for word in options.further if word != "gravity")
+    code = replace(emitted_code(spec, options.real, own), further=options.further)
+    values = _values(code)
+    modules = {"": code}
+    if "gravity" in options.further:
+        modules["any_gravity"] = any_gravity_code(spec, options.real, own)
+    files: dict[str, Contents] = {}
+    for platform in chosen:
+        package: dict[str, Contents] = {"py.typed": ""}
+        for name, each in modules.items():
+            stem = f"{values['package']}_{name}" if name else values["package"]  # any_gravity.so would be imported
+            library = f"{stem}{platform.suffix}"
+            package[f"{name or '__init__'}.py"] = render("wheel/module.py.j2", **_values(each), library=library)
+            package[library] = shared_library(each.files | loops(each), platform)
+        files[_file_name(values, platform.tag)] = _wheel(values, platform.tag, package)
+    readme = render("wheel/README.md.j2", **values, wheels=list(files))
+    return Exported({**files, "README.md": readme})
+
+
+def _values(code: Code) -> dict[str, Any]:
+    spec, hashed = code.model.spec, code.identity.model_hash
+    solved = code.plan.solvable
+    return {
+        **code.naming,
+        "package": f"{spec.name.lower()}_model",
+        "distribution": f"{spec.name.lower()}-model",
+        "release": f"{code.identity.tool_version}+{hashed[:_HASH_DIGITS]}",
+        "title": title(spec),
+        "description": spec.description,
+        "functions": described_functions(code),
+        "rows": most_rows(code.plan) if solved else 0,
+        "reasons": reasons_of(code.plan) if solved else (),
+        "nominal": nominal_values(code),
+    }
+
+
+def _file_name(values: dict[str, Any], tag: str) -> str:
+    return f"{values['package']}-{values['release']}-py3-none-{tag}.whl"
+
+
+def _wheel(values: dict[str, Any], tag: str, package: dict[str, Contents]) -> bytes:
+    """Bytes of the wheel archive: the files of ``package``, metadata, and the list of hashes (RECORD)."""
+    information = f"{values['package']}-{values['release']}.dist-info"
+    contents = {f"{values['package']}/{name}": data for name, data in package.items()}
+    contents[f"{information}/METADATA"] = render("wheel/METADATA.j2", **values)
+    contents[f"{information}/WHEEL"] = (
+        f"Wheel-Version: 1.0\nGenerator: rrrgen {values['version']}\nRoot-Is-Purelib: false\nTag: py3-none-{tag}\n"
+    )
+    record = [f"{name},sha256={_digest(data)},{len(as_bytes(data))}" for name, data in contents.items()]
+    contents[f"{information}/RECORD"] = "\n".join([*record, f"{information}/RECORD,,", ""])
+    return zip_archive(contents)
+
+
+def _digest(contents: Contents) -> str:
+    return base64.urlsafe_b64encode(hashlib.sha256(as_bytes(contents)).digest()).rstrip(b"=").decode()
+
+
+EXPORTER = Exporter(
+    "wheel",
+    "Python wheel of the robot: needs NumPy alone, neither rrrgen nor a compiler",
+    _write,
+    one_file=False,
+    mechanisms=True,
+    options=("real", "platforms"),
+    further=("control", "elastic", "gravity", "observer", "points", "timing", "trajectory"),
+)

@@ -1,1 +1,0 @@
-"""Export of robots to the formats of other programs; each module in ``targets/`` implements one format."""

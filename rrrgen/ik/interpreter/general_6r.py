@@ -1,0 +1,309 @@
+"""Candidate solutions of a general chain of six joints, found as eigenvalues.
+
+The equations are those of :mod:`rrrgen.ik.solutions.elimination`, in the same labellings as in the emitted C. There the
+kept angle is a root of a determinant. Here the tangent of half of it is an eigenvalue, whose eigenvector gives the two
+eliminated joints, so that the two backends find the roots by methods that share no code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import atan2, cos, pi, sin
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.ik.interpreter.branches import Row
+from rrrgen.ik.interpreter.kernels import FREE, TOLERANCE
+from rrrgen.ik.interpreter.refinement import PATIENT, USUAL, Task
+from rrrgen.ik.recording.float_builder import wrapped
+from rrrgen.ik.solutions.elimination import (
+    constant_links,
+    doubled,
+    features,
+    in_half_angles,
+    inverse,
+    numbered,
+    numbering,
+    pencil,
+    spread,
+)
+from rrrgen.ik.solutions.general6r import passes, shifts, tables_of
+from rrrgen.ik.tolerances import elimination
+
+if TYPE_CHECKING:
+    from rrrgen.ik.geometry.chain import Matrix
+    from rrrgen.ik.plan import SolverPlan
+
+ELIMINATION = elimination()
+
+ORIGIN = atan2(0.96, 0.28)
+"""Angles of the loop are counted from this direction (rad): at round angles the tangent of a half is then finite."""
+
+AXIAL = (3, 4, 7, 10, 11, 14)
+PLANAR = (1, 5, 8, 12)
+"""Features of a line that a rotation about z does not change, and the x components of the pairs that it rotates."""
+
+VIEWS = 8
+"""The circle of the kept angle is cut open at this many places in turn; the eigenvalues are computed where no root is
+near the cut."""
+
+
+@dataclass(frozen=True)
+class Root:
+    """A root of an elimination, or several that lie so close together that their null vectors may be mixed.
+
+    ``trials`` are trial values of the joints 3, 4, 5 of the labelling: angles (rad) counted from :data:`ORIGIN`, or the
+    displacement of a prismatic joint. ``count`` is the number of solutions that there must be: 0 where the kept angle
+    is complex; of several roots, those with complex values of the other joints are left out.
+    """
+
+    trials: tuple[tuple[float, float, float], ...]
+    count: int
+
+
+class General6R:
+    """Solver of the general chain of ``plan``, six joints besides a prescribed one, for one target ``T`` (4, 4).
+
+    ``given`` is the position of the prescribed joint, rad or m, and ``task`` what a solution must meet.
+    """
+
+    def __init__(self, plan: SolverPlan, task: Task, T: Any, given: float) -> None:
+        self._tables = tables_of(plan.solving, plan.locked)
+        self._shifts, self._task, self._given, self._locked = (
+            shifts(plan.solving, plan.locked),
+            task,
+            given,
+            plan.locked,
+        )
+        self._links = constant_links(np.array(self._tables.rows), self._tables.slide, self._tables.turn)
+        self._pose = _inner_pose(plan, T, given)
+        self._pose[:3, 3] /= self._tables.length
+        self._rows: list[Row] = []
+        self.certain = False
+
+    def candidates(self, reference: Sequence[float]) -> list[Row]:
+        """Find the solutions, refined; sets ``certain``, which tells that these are all.
+
+        The eliminations are tried in the order of :func:`~rrrgen.ik.solutions.general6r.passes`, until the number of
+        solutions is the one that the roots of an elimination at the target ask for, or those of one at a pose nearby
+        if no solution is so near a singular configuration that the number there may differ. A solution that is one of
+        a continuum has the flag FREE, and the free joint has its value in ``reference`` if a path leads there.
+        """
+        here = -1
+        for roles, _ in passes(self._tables, "double"):
+            total, moved = self._complete(roles), roles[-1] > 0
+            here = here if moved else total
+            gains = [self._task.smallest_gain(row.q) for row in self._rows]
+            steady = moved and bool(gains) and min(gains) > ELIMINATION["steady"]
+            self.certain = here in (len(gains), self._weighed(gains)) or (steady and len(gains) == total)
+            if self.certain:
+                break
+        for row in self._rows:
+            if self._task.smallest_gain(row.q) < ELIMINATION["double"]:
+                row.flags |= FREE if self._task.freed(row, reference) else 0
+        return self._rows
+
+    def _weighed(self, gains: Sequence[float]) -> int:
+        """Number of solutions, where a singular one counts twice unless its other half is listed as well."""
+        total = len(gains)
+        for k, gain in enumerate(gains):
+            others = [i for i, other in enumerate(gains) if i != k and other < ELIMINATION["double"]]
+            q = self._rows[k].q
+            twins = any(self._task.apart(q, self._rows[i].q) < 0.5 * ELIMINATION["twins"] for i in others)
+            total += gain < ELIMINATION["double"] and not twins
+        return total
+
+    def _complete(self, roles: Sequence[int]) -> int:
+        """Add the solutions of one elimination; returns their number by its roots, -1 if that is odd."""
+        start, direction, kept, shifted, other, motion = roles
+        loop = [link[None] for link in self._links]
+        loop[5] = loop[5] @ inverse((self._pose @ _nudge(motion))[None])
+        order = numbering(start, direction)
+        slide = None if self._tables.slide is None else order.index(self._tables.slide)
+        e = [x if k == slide else _turn(ORIGIN) @ x for k, x in enumerate(numbered(loop, start, direction))]
+        total = 0
+        for root in _roots(e, (kept, shifted, other), slide):
+            total += root.count
+            for trial in root.trials:
+                joints = _completed(e, trial, slide)
+                q = [direction * (x * self._tables.length if k == slide else x + ORIGIN) for k, x in enumerate(joints)]
+                self._settle([q[order.index(k)] for k in range(6)], patient=motion > 0)
+        return total if total % 2 == 0 else -1
+
+    def _settle(self, angles: Sequence[float], *, patient: bool) -> None:
+        """Refine a trial solution, given by the joints of the elimination, and add the result if it is new."""
+        slide = self._tables.slide
+        q = [x + y if k == slide else wrapped(x + y) for k, (x, y) in enumerate(zip(angles, self._shifts, strict=True))]
+        if self._locked is not None:
+            q.insert(0 if self._locked == 0 else 6, self._given)
+        q, error = self._task.refine(q, *(PATIENT if patient else USUAL))
+        new = all(self._task.apart(row.q, q) >= ELIMINATION["same"] for row in self._rows)
+        if new and error <= TOLERANCE["accept"]:
+            self._rows.append(Row(q, 0, 0, error))
+
+
+def _inner_pose(plan: SolverPlan, T: Any, given: float) -> Any:
+    """Pose of the last of the six joints of the elimination relative to the first one, behind its constant link."""
+    chain = plan.solving
+    pose = np.linalg.inv(_square(chain.base)) @ np.array(T).reshape(4, 4) @ np.linalg.inv(_square(chain.tip))
+    if plan.locked is None:
+        return pose
+    joint, link = chain.joints[plan.locked], chain.links[0 if plan.locked == 0 else -1]
+    x = given + float(joint.offset)
+    moved = _turn(x) if joint.revolute else np.eye(4)
+    moved[2, 3] = 0.0 if joint.revolute else x
+    if plan.locked == 0:
+        return np.linalg.inv(moved @ _square(link.matrix())) @ pose
+    return pose @ np.linalg.inv(_square(link.matrix()) @ moved)
+
+
+def _square(matrix: Matrix) -> Any:
+    """A rigid transform, given by its first three rows, as a 4x4 matrix of floats."""
+    return np.vstack([np.array(matrix[:3], dtype=float), [0.0, 0.0, 0.0, 1.0]])
+
+
+def _roots(e: Sequence[Any], roles: tuple[int, int, int], slide: int | None) -> list[Root]:
+    """The roots of an elimination that are real, or nearly so, in the order of the kept angle.
+
+    ``e`` are the transforms of its labelling, ``roles`` say which of its joints 3, 4, 5 (0, 1, 2) are kept, shifted and
+    other, ``slide`` (2 .. 4) which of its joints is prismatic.
+    """
+    equations = np.moveaxis(pencil(e, None if slide is None else slide - 2), [2 + role for role in roles], (2, 3, 4))
+    m = doubled(in_half_angles(equations, slides=slide is not None)[0])
+    tangents, vectors = _eigenvalues(m / np.abs(m).max(axis=(0, 2))[None, :, None])
+    with np.errstate(divide="ignore", invalid="ignore"):  # the elimination adds roots +-i, which are no angles
+        angles, near = 2.0 * np.arctan(tangents), ELIMINATION["cluster"]
+    tried = [k for k in range(len(angles)) if -near < angles[k].imag < ELIMINATION["complex"]]
+    clusters: list[list[int]] = []
+    for k in sorted(tried, key=lambda k: float(angles[k].real)):
+        if clusters and abs(angles[clusters[-1][-1]] - angles[k]) < near:
+            clusters[-1].append(k)
+        else:
+            clusters.append([k])
+    found = []
+    for cluster in clusters:
+        pairs, unreal = _pairs(vectors[cluster], slides=slide is not None)
+        kept = float(angles[cluster].real.mean())
+        trials = [tuple(value for _, value in sorted(zip(roles, (kept, *pair), strict=True))) for pair in pairs]
+        real = len(cluster) > 1 or abs(float(angles[cluster[0]].imag)) < ELIMINATION["real"]
+        found.append(Root(tuple(trials), len(cluster) - unreal if real else 0))  # type: ignore[arg-type]
+    return found
+
+
+def _pairs(vectors: Any, *, slides: bool) -> tuple[list[tuple[float, float]], int]:
+    """Pairs of the shifted and the other joint from the null vectors, shape (k, 12), of roots close to each other.
+
+    Returns them, and the number of complex ones, as far as both maps below agree on them.
+
+    An entry 3 i + j of a null vector is x^i y^j, with x and y the tangents of the half angles; y is a displacement if
+    the other joint ``slides``. Several vectors may be mixed: in their span those of that form are the eigenvectors of
+    the map by which a factor x, or y, multiplies them, or of a weighted sum of both maps.
+    """
+    unreal = 0
+    trials = [(vector / vector[np.abs(vector).argmax()]).real for vector in vectors]
+    if len(vectors) > 1:
+        left, size, _ = np.linalg.svd(np.concatenate([vectors.real, vectors.imag]).T)
+        span = left[:, : max(1, min(len(vectors), int((size > ELIMINATION["mixed"] * size[0]).sum())))]
+        maps = [np.linalg.lstsq(low, high, rcond=None)[0] for low, high in (_by_x(span), _by_y(span))]
+        maps += [0.8 * maps[0] - 0.6 * maps[1], 0.47 * maps[0] + 0.88 * maps[1]]
+        parts = [np.linalg.eig(each) for each in maps]
+        unlike = [np.abs(values.imag) > ELIMINATION["unreal"] * (1.0 + np.abs(values.real)) for values, _ in parts[2:]]
+        unreal = int(min(each.sum() for each in unlike))
+        parted = ((_by_x(span), maps[0]), (_by_y(span), maps[1]))
+        error = sum(float(np.abs(low @ x - high).max()) for (low, high), x in parted)
+        unreal = unreal if error < ELIMINATION["mapped"] ** 0.5 else 0  # else the solutions are a continuum
+        gaps = [min((abs(a - b) for k, a in enumerate(part[0]) for b in part[0][:k]), default=0.0) for part in parts]
+        trials += list((span @ parts[int(np.argmax(gaps))][1]).real.T)
+    pairs = []
+    for trial in trials:
+        x, y = _ratio(*_by_x(trial)), _ratio(*_by_y(trial))
+        if max(x[2], y[2]) < ELIMINATION["shape"]:
+            other = y[0] / (y[1] + ELIMINATION["tiny"]) if slides else 2.0 * atan2(y[0], y[1])
+            pairs.append((2.0 * atan2(x[0], x[1]), other))
+    return pairs, unreal
+
+
+def _by_x(w: Any) -> tuple[Any, Any]:
+    """The parts of null vectors ``w``, shape (12, ...), of which the second is x times the first."""
+    return w[:9], w[3:]
+
+
+def _by_y(w: Any) -> tuple[Any, Any]:
+    """The parts of null vectors ``w``, shape (12, ...), of which the second is y times the first."""
+    return np.delete(w, np.s_[2::3], axis=0), np.delete(w, np.s_[0::3], axis=0)
+
+
+def _eigenvalues(m: Any) -> tuple[Any, Any]:
+    """Tangents x of half the angles at which ``m[0] + m[1] cos + m[2] sin`` is singular, and the null vectors there.
+
+    ``m`` has shape (3, k, k). Times 1 + x^2 the matrix is quadratic in x; the angle is counted from the direction, of
+    :data:`VIEWS`, for which the matrix of x^2 is conditioned best. Returns the 2 k tangents and vectors, both complex.
+    """
+    turns = 2.0 * pi * np.arange(VIEWS) / VIEWS
+    leads = m[0] - np.cos(turns)[:, None, None] * m[1] - np.sin(turns)[:, None, None] * m[2]
+    best = int(np.argmin(np.linalg.cond(leads)))
+    c, s = np.cos(turns[best]), np.sin(turns[best])
+    zero, one = np.linalg.solve(leads[best], np.stack([m[0] + c * m[1] + s * m[2], 2.0 * (c * m[2] - s * m[1])]))
+    k = len(zero)
+    values, vectors = np.linalg.eig(np.block([[np.zeros((k, k)), np.eye(k)], [-zero, -one]]))
+    upper = np.abs(values) < 1.0  # the vector stands there twice, times 1 and times x: take the larger one
+    t = np.tan(0.5 * turns[best])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (values + t) / (1.0 - values * t), np.where(upper, vectors[:k], vectors[k:]).T
+
+
+def _ratio(low: Any, high: Any) -> tuple[float, float, float]:
+    """Numbers (s, c) on the unit circle with ``high = (s / c) low`` by total least squares, and the error left.
+
+    The error is 0 for parallel vectors, and at most 1.
+    """
+    difference, twice = float(low @ low - high @ high), 2.0 * float(low @ high)
+    whole = float(low @ low + high @ high) + ELIMINATION["tiny"]
+    half = 0.5 * atan2(twice, difference)
+    return sin(half), cos(half), 1.0 - (difference**2 + twice**2) / whole**2
+
+
+def _completed(e: Sequence[Any], joints: Sequence[float], slide: int | None) -> list[float]:
+    """All six joints of a labelling from its joints 3, 4, 5; ``slide`` (0 .. 5) is the prismatic one.
+
+    Joint 2 follows by least squares from the features of axis 6 that joint 1 does not change, joint 1 from those that
+    it rotates, and joint 6 from the rotation that is left.
+    """
+    inner = e[1][0]
+    for k, x in enumerate(joints, 2):
+        move = np.eye(4) if k == slide else _turn(x)
+        move[2, 3] = x if k == slide else 0.0
+        inner = inner @ move @ e[k][0]
+    goal = inverse(e[5])[0]
+    line = np.zeros((15, 1))
+    line[[0, 7]] = 1.0
+    near = features(e[0])[0] @ spread((features(inner[None])[0] @ line)[None], 1.0)[0]
+    far = (features(goal[None])[0] @ line)[:, 0]
+    axial = list(AXIAL)
+    (c2, s2), *_ = np.linalg.lstsq(near[axial, 1:], far[axial] - near[axial, 0], rcond=None)
+    second = atan2(s2, c2)
+    now = near @ [1.0, cos(second), sin(second)]
+    planar, across = list(PLANAR), [k + 1 for k in PLANAR]
+    (a, b), (c, d) = (now[planar], now[across]), (far[planar], far[across])
+    first = atan2(float(a @ d - b @ c), float(a @ c + b @ d))
+    left = (_turn(first) @ e[0][0] @ _turn(second) @ inner)[:3, :3].T @ goal[:3, :3]
+    return [first, second, *joints, atan2(left[1, 0] - left[0, 1], left[0, 0] + left[1, 1])]
+
+
+def _turn(x: float) -> Any:
+    c, s = cos(x), sin(x)
+    return np.array([[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def _nudge(motion: int) -> Any:
+    """A small motion of the target in no special direction, at which coinciding roots separate: 0 none, 2 back."""
+    if motion == 0:
+        return np.eye(4)
+    x, y, z = 4.8e-4, -6.0e-4, 6.4e-4
+    half = 0.5 * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    pose = np.eye(4)
+    pose[:3, :3] = np.linalg.solve(np.eye(3) - half, np.eye(3) + half)  # Cayley's formula: a rotation
+    pose[:3, 3] = y, z, x
+    return pose if motion == 1 else np.linalg.inv(pose)

@@ -1,0 +1,314 @@
+"""The geometry of a chain with the parameters that calibration estimates, and the derivatives of the tip by them.
+
+``T(q) = base  prod_i Rz(theta_i + q_i) Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i)  tool``, with d_i + q_i for a prismatic
+joint. The twist after the last joint is part of the tool. ``beta_i`` is zero in a Denavit-Hartenberg table; it is a
+parameter where the axes i and i+1 are parallel. When such axes tilt a little, their common perpendicular, and with it
+d, jumps by metres, while beta is as small as the tilt (Hayati 1983). With gains, ``g_j q_j`` stands for q_j: errors of
+gear ratios and scales. Fixtures, such as a plane that the tip touches, are part of the geometry too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rrrgen.base.arrays import Array
+from rrrgen.lab.calibrate.fixtures import KEYS, Fixture
+from rrrgen.robot.model.dh_rows import dh_rows
+from rrrgen.robot.robot_spec import FixedTransform, RobotSpec
+
+PARALLEL = 0.01  # rad; axes this near to parallel get a beta
+EXACT = 1e-12  # rad; axes this near to parallel are so but for rounding errors
+NEAR = 1e-3  # m; parallel axes this near have no certain direction from one to the other
+ROW = ("theta", "d", "a", "alpha", "beta")
+RIGID = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One geometric parameter: its ``place`` (base, row, tool, gain, fixture), its ``key``, and a number (from 0).
+
+    ``key`` is an entry of ``ROW``, ``RIGID`` or ``fixtures.KEYS``, or "gain"; ``row`` counts the rows of the table, the
+    joints of gains, or the fixtures, of which one is called ``fixture``.
+    """
+
+    place: str
+    key: str
+    row: int = -1
+    fixture: str = ""
+
+    @property
+    def name(self) -> str:
+        """The name, such as ``base_rz``, ``alpha2``, ``gain3``, ``table_tilt1``; rows and joints are counted from 1."""
+        if self.place in ("row", "gain"):
+            return f"{self.key}{self.row + 1}"
+        return f"{self.fixture or self.place}_{self.key}"
+
+    @property
+    def unit(self) -> str:
+        """The unit of the parameter: m, rad, or 1 for gains."""
+        if self.is_angle:
+            return "rad"
+        return "1" if self.place == "gain" else "m"
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether the unit is rad."""
+        return self.key in ("theta", "alpha", "beta", "rx", "ry", "rz", "tilt1", "tilt2")
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Geometry of a robot in numbers: transforms ``base`` and ``tool`` (4, 4), and between them the rows of its table.
+
+    ``rows`` (n, 5) are theta, d, a, alpha, beta in rad and m, ``revolute`` tells which rows turn and which slide. Each
+    row moves by its joint position q or, in a mechanism, by ``coupling q`` with the matrix ``coupling`` (n, joints).
+    With ``gains`` (joints,), which are then parameters, q is multiplied by them. ``fixtures`` are what is touched.
+    """
+
+    base: Array
+    rows: Array
+    tool: Array
+    revolute: tuple[bool, ...]
+    coupling: Array | None = None
+    gains: Array | None = None
+    fixtures: tuple[Fixture, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """Number of rows."""
+        return len(self.revolute)
+
+    @property
+    def joints(self) -> int:
+        """Number of measured joint positions q; in a mechanism there are fewer of them than rows."""
+        return self.n if self.coupling is None else int(self.coupling.shape[1])
+
+    def with_exact_parallels(self) -> Geometry:
+        """A copy in which nearly parallel axes are parallel: the geometry that decides what can be told apart."""
+        rows = self.rows.copy()
+        for i in (i for i in range(self.n - 1) if self.is_parallel(i)):
+            rows[i, 3:] = np.pi * np.round(rows[i, 3] / np.pi), 0.0
+        return replace(self, rows=rows)
+
+    def turning(self) -> list[bool]:
+        """Whether each joint position is an angle, the one of the first row that it moves."""
+        moved = np.eye(self.n) if self.coupling is None else self.coupling
+        return [self.revolute[int(np.argmax(moved[:, j] != 0))] for j in range(self.joints)]
+
+    def with_gains(self) -> Geometry:
+        """A copy whose gains are parameters, 1 to begin with."""
+        return replace(self, gains=np.ones(self.joints))
+
+    def entries(self) -> list[Entry]:
+        """List every parameter that measurements may determine.
+
+        Where several have the same effect on the measurements, only the first of them in this order is estimated.
+        Fixtures stand before the base, which stays where it is if they are all unknown.
+        """
+        between = range(self.n - 1)
+        parallel = [i for i in between if self.is_parallel(i)]
+        found = [Entry("fixture", key, k, each.name) for k, each in enumerate(self.fixtures) for key in KEYS[each.kind]]
+        found += [Entry("base", key) for key in RIGID] + [Entry("tool", key) for key in RIGID]
+        found += [Entry("gain", "gain", j) for j in range(self.joints if self.gains is not None else 0)]
+        found += [Entry("row", "beta", i) for i in parallel]
+        found += [Entry("row", key, i) for key in ("a", "alpha", "theta", "d") for i in between]
+        return found + [Entry("row", key, self.n - 1) for key in ("theta", "d")]
+
+    def is_parallel(self, i: int) -> bool:
+        """Whether the axes i and i+1 are parallel, or nearly so."""
+        return bool(abs(np.sin(self.rows[i, 3])) < PARALLEL)
+
+    def forward(self, q: Array) -> Array:
+        """Poses (N, 4, 4) of the tip in the world frame, for the joint positions ``q`` (N, joints)."""
+        return self._frames(q)[-1]
+
+    def _frames(self, q: Array) -> list[Array]:
+        """Poses (N, 4, 4) of the tip, last, and of every frame about whose axes a parameter turns or shifts.
+
+        For each row these are the frames before the joint's screw along z, before the twist along x, and before beta
+        about y.
+        """
+        q = q if self.gains is None else q * self.gains
+        q = q if self.coupling is None else q @ self.coupling.T
+        T = np.broadcast_to(self.base, (len(q), 4, 4))
+        frames = []
+        for i, (theta, d, a, alpha, beta) in enumerate(self.rows):
+            turn = theta + q[:, i] if self.revolute[i] else np.full(len(q), theta)
+            shift = np.full(len(q), d) if self.revolute[i] else d + q[:, i]
+            frames.append(T)
+            T = T @ _screws(turn, shift, 2)
+            frames.append(T)
+            T = T @ _screws(np.array([alpha]), np.array([a]), 0)
+            frames.append(T)
+            T = T @ _screws(np.array([beta]), np.zeros(1), 1)
+        return [*frames, T @ self.tool]
+
+    def jacobian(self, q: Array, entries: Sequence[Entry]) -> Array:
+        """Derivative (N, 6, p) of the tip's position (m) and orientation (rotation vector) in the world frame."""
+        frames = self._frames(q)
+        J = np.zeros((len(q), 6, len(entries)))
+        for k, entry in enumerate(entries):
+            if entry.place == "gain":
+                J[:, :, k] = self._by_drive(frames, entry.row) * q[:, entry.row, None]
+            elif entry.place != "fixture":
+                J[:, :, k] = _twist_of(entry, frames)
+        return J
+
+    def by_joints(self, q: Array) -> Array:
+        """Derivative (N, 6, joints) of the tip's position and orientation by the joint positions ``q`` (N, joints)."""
+        frames = self._frames(q)
+        gains = np.ones(self.joints) if self.gains is None else self.gains
+        return np.stack([self._by_drive(frames, j) * gains[j] for j in range(self.joints)], axis=2)
+
+    def _by_drive(self, frames: list[Array], j: int) -> Array:
+        """Derivative (N, 6) of the tip by the position of drive ``j``, as its gain has scaled it."""
+        factors = np.eye(self.n)[:, j] if self.coupling is None else self.coupling[:, j]
+        keys = ["theta" if turns else "d" for turns in self.revolute]
+        moving = [(factor, Entry("row", keys[i], i)) for i, factor in enumerate(factors) if factor != 0]
+        return sum((factor * _twist_of(entry, frames) for factor, entry in moving), np.zeros((len(frames[0]), 6)))
+
+    def moved(self, entries: Sequence[Entry], step: Array) -> Geometry:
+        """A copy with ``step`` (p,) added to the parameters ``entries``, in m and rad.
+
+        Base and tool move along and about the axes of their own frames.
+        """
+        rows, gains = self.rows.copy(), None if self.gains is None else self.gains.copy()
+        change = {"base": np.zeros(6), "tool": np.zeros(6)}
+        touched: list[dict[str, float]] = [{} for _ in self.fixtures]
+        for entry, value in zip(entries, step, strict=True):
+            if entry.place == "row":
+                rows[entry.row, ROW.index(entry.key)] += value
+            elif entry.place == "fixture":
+                touched[entry.row][entry.key] = float(value)
+            elif gains is not None and entry.place == "gain":
+                gains[entry.row] += value
+            else:
+                change[entry.place][RIGID.index(entry.key)] += value
+        base, tool = self.base @ rigid(change["base"]), self.tool @ rigid(change["tool"])
+        fixtures = tuple(each.moved(by) for each, by in zip(self.fixtures, touched, strict=True))
+        return replace(self, rows=rows, base=base, tool=tool, gains=gains, fixtures=fixtures)
+
+
+_AXES = {"theta": 2, "d": 2, "a": 0, "alpha": 0, "beta": 1} | {key: "xyz".index(key[-1]) for key in RIGID}
+_PLACES = {"theta": 0, "d": 0, "a": 1, "alpha": 1, "beta": 2}
+
+
+def _twist_of(entry: Entry, frames: list[Array]) -> Array:
+    """Derivative (N, 6) of the tip by a parameter of base, row or tool: a turn about, or a shift along, an axis."""
+    frame, tip = _frame_of(entry, frames), frames[-1]
+    axis = frame[:, :3, _AXES[entry.key]]
+    if entry.is_angle:
+        return np.concatenate([np.cross(axis, tip[:, :3, 3] - frame[:, :3, 3]), axis], axis=1)
+    return np.concatenate([axis, np.zeros_like(axis)], axis=1)
+
+
+def _frame_of(entry: Entry, frames: list[Array]) -> Array:
+    if entry.place == "tool":
+        return frames[-1]
+    return frames[0] if entry.place == "base" else frames[3 * entry.row + _PLACES[entry.key]]
+
+
+def _screws(angle: Array, length: Array, axis: int) -> Array:
+    """Screw motions (N, 4, 4): rotations by ``angle`` (N,) about, and shifts by ``length`` along, a coordinate axis."""
+    T = np.tile(np.eye(4), (max(len(angle), len(length)), 1, 1))
+    i, k = (axis + 1) % 3, (axis + 2) % 3
+    c, s = np.cos(angle), np.sin(angle)
+    T[:, i, i], T[:, i, k], T[:, k, i], T[:, k, k] = c, -s, s, c
+    T[:, axis, 3] = length
+    return T
+
+
+def rigid(step: Array) -> Array:
+    """The transform (4, 4) of a shift (3,) and a rotation vector (3,)."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation(np.asarray(step[3:])), step[:3]
+    return T
+
+
+def rotation(w: Array) -> Array:
+    """The rotation matrix (3, 3) of a rotation vector."""
+    angle = float(np.linalg.norm(w))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = w / angle
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K)
+
+
+def rotation_vectors(R: Array) -> Array:
+    """Rotation vectors (N, 3) of rotation matrices (N, 3, 3), up to angles of pi."""
+    skew = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1) / 2
+    sine = np.linalg.norm(skew, axis=1)
+    angle = np.arctan2(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
+    scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
+    return np.asarray(skew * scale[:, None])
+
+
+def path_to_tip(spec: RobotSpec) -> tuple[int, ...]:
+    """The numbers of the rows from base to tip; in a mechanism with branches others stand beside them."""
+    return tuple(range(spec.n)) if spec.mechanism is None else spec.mechanism.path(spec.mechanism.tip)
+
+
+def geometry_of(spec: RobotSpec) -> Geometry:
+    """The geometry of a robot file between base and tip, at its nominal parameters."""
+    found = geometry_of_table(spec)
+    return replace(found, rows=_hayati(found.rows))
+
+
+def geometry_of_table(spec: RobotSpec) -> Geometry:
+    """The same in the rows of the table, whose common perpendiculars of nearly parallel axes may be far away."""
+    path, every = path_to_tip(spec), dh_rows(spec, nominal=True)
+    table = [every[i] for i in path]
+    rows = np.zeros((len(table), 5))
+    for i, (row, following) in enumerate(zip(table, (*table[1:], None), strict=True)):
+        rows[i, :2] = float(row.theta), float(row.d)
+        if following is not None:  # one of the two twists is zero
+            rows[i, 2:4] = [float(x + y) for x, y in zip(row.behind, following.before, strict=True)]
+    base = _matrix(spec, spec.base) @ _twist(*map(float, table[0].before))
+    tool = _twist(*map(float, table[-1].behind)) @ _matrix(spec, spec.tool)
+    coupling = None if spec.mechanism is None else np.array([spec.mechanism.matrix[i] for i in path], dtype=float)
+    return Geometry(base, rows, tool, tuple(row.revolute for row in table), coupling)
+
+
+def _hayati(rows: Array) -> Array:
+    """Rows of the same chain in which nearly parallel axes have no common perpendicular far away, but an angle beta.
+
+    The axis i+1 is met where it crosses the plane through the origin of frame i at right angles to axis i. The frame
+    there differs from the one of the table by a screw along its axis, which goes into the next theta and d.
+    """
+    rows = rows.copy()
+    for i in range(len(rows) - 1):
+        if not EXACT < abs(np.sin(rows[i, 3])) < PARALLEL or rows[i, 4] != 0.0:
+            continue
+        theta, d, a, alpha, _ = rows[i]
+        T = _screws(np.array([theta]), np.array([d]), 2)[0] @ _twist(a, alpha)
+        axis, origin = T[:3, 2], T[:3, 3]
+        met = origin - axis * (origin[2] / axis[2])
+        if float(np.hypot(met[0], met[1])) < NEAR:
+            continue  # the axes nearly coincide: there is no direction between them
+        turn, length = float(np.arctan2(met[1], met[0])), float(np.hypot(met[0], met[1]))
+        across = rotation(np.array([0.0, 0.0, -turn])) @ axis
+        tilt = np.array([np.arctan2(-across[1], across[2]), np.arcsin(across[0])])
+        rows[i] = turn, 0.0, length, *tilt
+        new = (
+            _screws(np.array([turn]), np.zeros(1), 2)[0]
+            @ _twist(length, tilt[0])
+            @ _screws(tilt[1:], np.zeros(1), 1)[0]
+        )
+        rest = np.linalg.solve(new, T)
+        rows[i + 1, :2] += np.arctan2(rest[1, 0], rest[0, 0]), rest[2, 3]
+    return rows
+
+
+def _twist(a: float, alpha: float) -> Array:
+    return np.asarray(_screws(np.array([alpha]), np.array([a]), 0)[0])
+
+
+def _matrix(spec: RobotSpec, transform: FixedTransform) -> Array:
+    T = np.eye(4)
+    T[:3, :3] = np.reshape([float(spec.nominal(v)) for v in transform.rotation], (3, 3))
+    T[:3, 3] = [float(spec.nominal(v)) for v in transform.translation]
+    return T

@@ -1,0 +1,120 @@
+"""The minimal set of geometric parameters that a kind of measurement can determine.
+
+The derivative of the measurement by every parameter is stacked over random joint positions. A parameter whose column is
+a linear combination of those before it has the same effect as these together, and is left out. Since the positions are
+generic, no choice of poses can determine more parameters. The positions are moved until the computed measurements are
+those of the file, wherever there are enough joints: an arm that touches one point, or one unknown plane, in all its
+poses does not see its own size, though at other positions it would. Nearly parallel axes count as parallel: what tells
+parameters apart only by their tilt is hidden in the noise. The set is refused unless dependent and independent
+columns are clearly apart: their remainders must be below ``DEPENDENT`` or above ``INDEPENDENT``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rrrgen.base.arrays import Array
+from rrrgen.base.errors import DerivationError
+from rrrgen.lab.calibrate.geometry import Entry, Geometry
+from rrrgen.lab.calibrate.measurements import COUNT, Kind, Measurements, Numbers
+
+POSES = 120
+SEED = 1
+DEPENDENT = 1e-9  # largest remainder of a dependent column, as a share of its length: rounding errors are smaller
+INDEPENDENT = 1e-5  # least remainder of an independent column, as a share of its length; angles in rad, lengths in m
+SHOWN = 1e-6
+ON_VALUE = 1e-13  # of the reach: how near moved positions come to the measured values
+STEPS = 60
+LONGEST = 0.3  # rad or m, of one joint in a Newton step
+
+
+class UnreachableError(DerivationError):
+    """The robot reaches hardly any of the measured values."""
+
+
+@dataclass(frozen=True)
+class MinimalSet:
+    """The parameters ``kept`` for the calibration, and those that are ``left_out``.
+
+    ``left_out`` maps the name of a parameter to a sentence that says which kept parameters have the same effect.
+    """
+
+    kept: tuple[Entry, ...]
+    left_out: dict[str, str]
+
+
+def minimal_set(geometry: Geometry, measured: Measurements | Kind) -> MinimalSet:
+    """Find the parameters of ``geometry`` that the measurements, or any of that kind, determine.
+
+    Raises :class:`DerivationError` where that cannot be decided, because some axes are nearly but not quite parallel,
+    and :class:`UnreachableError` where the robot reaches hardly any of the measured values.
+    """
+    geometry = geometry.with_exact_parallels()
+    entries = geometry.entries()
+    sample = _sample(geometry, measured)
+    J = sample.jacobian(geometry, entries).reshape(-1, len(entries))
+    kept: list[int] = []
+    left_out: dict[str, str] = {}
+    basis = np.zeros((len(J), 0))
+    for k, entry in enumerate(entries):
+        column = J[:, k]
+        rest = column
+        for _ in range(2):  # twice is enough for orthogonality to round-off
+            rest = rest - basis @ (basis.T @ rest)
+        size = float(np.linalg.norm(column)) or 1.0
+        share = float(np.linalg.norm(rest)) / size
+        if share > INDEPENDENT:
+            basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
+            kept.append(k)
+        elif share < DEPENDENT or size < DEPENDENT:
+            left_out[entry.name] = _reason(column, J[:, kept], [entries[i] for i in kept])
+        else:
+            message = f"{entry.name} is told apart from other parameters only to {share:.0e}"
+            raise DerivationError(f"{message}: axes nearly parallel, and not quite; calibrate from the nominal table")
+    return MinimalSet(tuple(entries[k] for k in kept), left_out)
+
+
+def _sample(geometry: Geometry, measured: Measurements | Kind) -> Measurements:
+    """Measurements at random joint positions, where these give the values of the file."""
+    random = np.random.default_rng(SEED)
+    if isinstance(measured, str):
+        q = random.uniform(-np.pi, np.pi, (POSES, geometry.joints))
+        return Measurements(measured, q, np.zeros(POSES), 1.0, 1.0)
+    anywhere = measured.kind == "pose" or (measured.kind == "point" and geometry.joints <= COUNT["point"])
+    q = random.uniform(-np.pi, np.pi, (POSES if anywhere else 3 * POSES, geometry.joints))
+    drawn = measured.of(random.integers(len(measured.q), size=len(q)), q)
+    return drawn if anywhere else _moved_onto(geometry, drawn)
+
+
+def _moved_onto(geometry: Geometry, drawn: Measurements) -> Measurements:
+    """Move joint positions by Newton steps of least length until the residuals vanish; drop those that do not."""
+    q, every = drawn.q, np.arange(len(drawn.q))
+    reach = np.abs(geometry.forward(q)[:, :3, 3]).max()
+    found: list[tuple[Array, Numbers]] = []
+    for _ in range(STEPS):
+        at = drawn.of(every, q)
+        residuals = at.residuals(geometry)
+        arrived = np.abs(residuals).max(axis=1) < ON_VALUE * reach
+        found.append((q[arrived], every[arrived]))
+        if sum(len(numbers) for _, numbers in found) >= POSES:
+            break
+        by = at.observed(geometry, geometry.by_joints(q))[~arrived]
+        step = np.einsum("njc,nc->nj", np.linalg.pinv(by, rcond=1e-6), residuals[~arrived])
+        q = q[~arrived] + step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / LONGEST)
+        every = every[~arrived]
+    q, every = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    if len(q) < POSES / 2:
+        raise UnreachableError("the robot does not reach most of the measured values from where its base stands")
+    return drawn.of(every[:POSES], q[:POSES])
+
+
+def _reason(column: Array, kept: Array, entries: list[Entry]) -> str:
+    if float(np.linalg.norm(column)) < SHOWN:
+        return "no effect"
+    factors = np.linalg.lstsq(kept, column, rcond=None)[0]
+    parts = [
+        f"{factor:+.4g} {entry.name}" for factor, entry in zip(factors, entries, strict=True) if abs(factor) > SHOWN
+    ]
+    return "acts like " + " ".join(parts)

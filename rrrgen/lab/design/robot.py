@@ -1,0 +1,66 @@
+"""Builds the excitation problem of a compiled robot: base regressor, limits of its file, nominal torques, tip."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from rrrgen.base.errors import InputError
+from rrrgen.lab.design.problem import ExcitationLimits, ExcitationProblem, excitation_problem
+from rrrgen.robot.model.mechanism import follower_limits
+
+
+def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
+    """Motion limits of the joints from the robot file ``spec``; with ``torque`` also their torque limits."""
+
+    def row(name: str) -> tuple[float | None, ...] | None:
+        values = tuple(None if v is None else float(v) for v in (getattr(j.limits, name) for j in spec.joints))
+        return values if any(v is not None for v in values) else None
+
+    return ExcitationLimits(
+        position_lower=row("lower"),
+        position_upper=row("upper"),
+        speed=row("velocity"),
+        acceleration=row("acceleration"),
+        torque=row("torque") if torque else None,
+        followers=follower_limits(spec),
+    )
+
+
+def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings: Any) -> ExcitationProblem:
+    """Build the excitation problem of a compiled robot (:class:`rrrgen.Model`), by default within its file's limits.
+
+    Torque limits apply to the joint torques of the nominal model, drive inertia included; a Cartesian box bounds the
+    tip; rows of a mechanism whose displacement depends on several joint positions stay within their range. ``settings``
+    are further fields of ``ExcitationProblem``, such as ``harmonics`` or ``sample_period``. Raises InputError if
+    torques are limited but the robot file has no links, or for an inconsistent problem.
+    """
+    import casadi
+
+    chosen = replace(limits or limits_of(model.spec), followers=follower_limits(model.spec))
+    regressor = _of_links(model)
+    torque = tip = None
+    if chosen.torque is not None:
+        if model.beta is None:
+            raise InputError("torque limits need nominal parameters: the robot file has no links")
+        q, dq, ddq = (casadi.SX.sym(name, model.n) for name in ("q", "dq", "ddq"))
+        if model.drive_inertia is None:
+            tau = casadi.mtimes(regressor(q, dq, ddq), casadi.DM(model.beta))
+        else:
+            tau = model.casadi_function("inverse_dynamics_nominal")(q, dq, ddq)
+        torque = casadi.Function("torque", [q, dq, ddq], [tau])
+    if chosen.box_lower is not None or chosen.box_upper is not None:
+        q = casadi.SX.sym("q", model.n)
+        tip = casadi.Function("tip", [q], [model.casadi_function("forward_kinematics")(q)[:3, 3]])
+    return excitation_problem(regressor, chosen, torque=torque, tip=tip, **settings)
+
+
+def _of_links(model: Any) -> Any:
+    """The regressor of the base parameters, without the columns of the drive inertias, as a CasADi function."""
+    import casadi
+
+    regressor = model.casadi_function("regressor")
+    if model.drive_inertia is None:
+        return regressor
+    motion = [casadi.SX.sym(name, model.n) for name in ("q", "dq", "ddq")]
+    return casadi.Function("regressor", motion, [regressor(*motion)[:, : -model.drive_inertia.size]])

@@ -1,0 +1,225 @@
+"""One start of the search for an exciting trajectory: a pure function of (problem, seed).
+
+From a poor start (cond > 1e8) the gradient of the condition number is useless, so a regularised log-determinant is
+maximised first. Limits are imposed at a few instants; if the grid of the controller then shows a violation, its peak is
+added to these instants and IPOPT continues (the exchange method of semi-infinite programming).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rrrgen.base.errors import InputError
+from rrrgen.lab.design.check import ExcitationCheck, ProblemFunctions, check_trajectory, limited_quantities
+from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.lab.design.interrupts import reraised_interrupts
+from rrrgen.lab.design.nonlinear_program import MARGIN, ExcitationProgram
+from rrrgen.lab.design.problem import ExcitationProblem
+
+EXCHANGES = 8
+"""Largest number of repetitions of the last stage with the violated instants added."""
+
+LARGEST_SHRINKING = 0.03
+"""A trajectory that exceeds a limit by more than this is reported as infeasible instead of being scaled down."""
+
+STAGES: dict[str, tuple[tuple[str, int], ...]] = {
+    "cond": (("logdet", 0), ("cond", 4), ("cond", 16), ("cond", 64)),
+    "frobenius": (("logdet", 0), ("cond", 1)),
+    "sigma_min": (("logdet", 0), ("sigma_min", 8), ("sigma_min", 64)),
+    "logdet": (("logdet", 0),),
+}
+"""Objectives in the order they are minimised, with the exponent p of their norms."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartResult:
+    """Result of the search from one start.
+
+    ``seed`` is that of the start, ``trajectory`` the result with its ``check`` on the controller's sampling grid.
+    ``history`` holds for each stage its name and the objective, iteration by iteration; ``start_condition`` is the
+    condition number at the start.
+    """
+
+    seed: int
+    trajectory: FourierTrajectory
+    check: ExcitationCheck
+    history: tuple[tuple[str, tuple[float, ...]], ...]
+    start_condition: float
+
+    @property
+    def score(self) -> tuple[bool, float]:
+        """Sorting key: feasible trajectories first, then small condition numbers."""
+        return (not self.check.feasible, self.check.condition)
+
+    def objective(self, name: str) -> tuple[bool, float]:
+        """Sorting key for the objective ``name``: feasible trajectories first; smaller is better."""
+        sigma = np.asarray(self.check.singular_values)
+        value = {
+            "cond": self.check.condition,
+            "frobenius": self.check.frobenius_condition,
+            "logdet": -self.check.log_determinant,
+            "sigma_min": -float(sigma[-1]),
+        }[name]
+        return (not self.check.feasible, value)
+
+
+def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
+    """A random trajectory within the speed, acceleration and position limits, reproducible from ``seed``."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 0x52525247]))
+    n, N = problem.joints, problem.harmonics
+    a, b = rng.normal(size=(2, n, N))
+    if problem.at_rest:
+        weights = np.arange(1, N + 1) / N
+        a -= a.mean(axis=1, keepdims=True)
+        b -= (b @ weights)[:, None] * weights / (weights @ weights)
+    low, high = (np.asarray(problem.limits.row(f"position_{side}", n)) for side in ("lower", "upper"))
+    bounded = np.isfinite(high - low)
+    middle = np.where(bounded, 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)), 0.0)
+    q0 = np.where(bounded, middle, rng.uniform(-np.pi, np.pi, n))
+    trajectory = FourierTrajectory(q0, a, b, problem.base_frequency)
+    q, dq, ddq = trajectory.evaluate(np.arange(20 * N) * (trajectory.period / (20 * N)))
+    gains = np.full(n, np.inf)
+    for values, bound in (
+        (q - q0, np.where(bounded, 0.5 * (high - low), np.inf)),
+        (dq, np.asarray(problem.limits.row("speed", n))),
+        (ddq, np.asarray(problem.limits.row("acceleration", n))),
+    ):
+        gains = np.minimum(gains, bound / np.abs(values).max(axis=0))
+    gains = problem.start_amplitude * np.where(np.isfinite(gains), gains, 1.0)
+    return FourierTrajectory(q0, a * gains[:, None], b * gains[:, None], problem.base_frequency)
+
+
+@reraised_interrupts()
+def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
+    """Search from the random start of ``seed``; a pure function of its arguments, so that it can run on any machine.
+
+    Raises InputError if the columns of the regressor are linearly dependent at random states.
+    """
+    with reraised_interrupts():
+        program = ExcitationProgram(problem)
+    _require_independent_columns(program.functions, seed)
+    trajectory = random_start(problem, seed)
+    start = check_trajectory(problem, trajectory, problem.design_instants)
+    instants = _initial_instants(program, trajectory)
+    eigenvalue = float(np.mean(np.square(start.singular_values)))
+    history: list[tuple[str, tuple[float, ...]]] = []
+    for stage, p in STAGES[problem.objective]:
+        trajectory = _solve(program, stage, p, eigenvalue, trajectory, instants, history)
+        _exchange(program, trajectory, instants)
+    stage, p = STAGES[problem.objective][-1]
+    for _ in range(EXCHANGES):
+        if check_trajectory(problem, trajectory).worst_use <= 1.0 + MARGIN:
+            break
+        trajectory = _solve(program, stage, p, eigenvalue, trajectory, instants, history)
+        _exchange(program, trajectory, instants)
+    trajectory = _within_limits(problem, trajectory)
+    return StartResult(seed, trajectory, check_trajectory(problem, trajectory), tuple(history), start.condition)
+
+
+def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None:
+    problem = functions.problem
+    rng = np.random.default_rng(seed)
+    states = rng.uniform(-2.0, 2.0, (3, 10 * problem.columns, problem.joints))
+    sigma = np.linalg.svd(functions.weighted(*states), compute_uv=False)
+    rank = int(np.sum(sigma > sigma[0] * problem.columns * 1e-11))
+    if rank < problem.columns:
+        raise InputError(
+            f"excitation: the regressor has {problem.columns} columns but rank {rank}; "
+            "no trajectory excites dependent columns, use the base regressor"
+        )
+
+
+def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory) -> dict[tuple[str, int], set[int]]:
+    """Initial sample numbers at which limits are imposed, for every (quantity, joint or axis).
+
+    There are two per cycle of the highest harmonic.
+    """
+    count = min(2 * program.N, program.problem.samples_per_period)
+    chosen = {int(k) for k in np.linspace(0, program.problem.samples_per_period, count, endpoint=False)}
+    quantities = limited_quantities(program.functions, trajectory, np.zeros(1))
+    return {(quantity.name, quantity.joint): set(chosen) for quantity in quantities}
+
+
+@reraised_interrupts()
+def _exchange(
+    program: ExcitationProgram, trajectory: FourierTrajectory, instants: dict[tuple[str, int], set[int]]
+) -> None:
+    """Impose violated limits at more instants: at the local maxima of the violation on the controller's grid.
+
+    ``instants`` (quantity, joint or axis) -> sample numbers is changed in place. Instants a twelfth of a cycle of the
+    highest harmonic before and after each are added too; otherwise the peak would merely move to a neighbouring
+    instant.
+    """
+    M = program.problem.samples_per_period
+    beside = max(1, M // (12 * program.N))
+    t = np.arange(M) * (trajectory.period / M)
+    for name, i, use, _ in limited_quantities(program.functions, trajectory, t):
+        peaks = (use >= np.roll(use, 1)) & (use >= np.roll(use, -1)) & (use > 1.0 - MARGIN)
+        instants[name, i].update(int(k + d) % M for k in np.flatnonzero(peaks) for d in (-beside, 0, beside))
+
+
+@reraised_interrupts()  # the solver takes Ctrl-C for a failed evaluation and would return a perturbed result
+def _solve(
+    program: ExcitationProgram,
+    stage: str,
+    p: int,
+    eigenvalue: float,
+    trajectory: FourierTrajectory,
+    instants: dict[tuple[str, int], set[int]],
+    history: list[tuple[str, tuple[float, ...]]],
+) -> FourierTrajectory:
+    """Run IPOPT on one stage from ``trajectory``, with exact gradient and limited-memory Hessian; returns the result.
+
+    ``stage`` names the objective, ``p`` is the exponent of its norms, ``eigenvalue`` the mean eigenvalue of the
+    information matrix at the start; limits are imposed at ``instants``. The objective of every iteration is appended to
+    ``history``.
+    """
+    import casadi
+
+    constraints = program.constraints(instants)
+    linear = program.problem.limits.torque is None and program.problem.tip is None
+    options: dict[str, Any] = {
+        "print_time": False,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "ipopt.hessian_approximation": "limited-memory",
+        "ipopt.limited_memory_max_history": 6,
+        "ipopt.max_iter": program.problem.max_iterations,
+        "ipopt.tol": 1e-4,
+        "ipopt.acceptable_tol": 1e-3,
+        "ipopt.mu_init": 1e-1 if stage == "logdet" else 1e-3,
+        "ipopt.jac_d_constant": "yes" if linear else "no",
+        "ipopt.jac_c_constant": "yes",
+    }
+    objective = program.objective(stage, p, eigenvalue)
+    nlp = {"x": program.x, "f": objective, "g": casadi.vertcat(*constraints.values)}
+    solver = casadi.nlpsol("excitation", "ipopt", nlp, options)
+    solution = solver(x0=program.variables(trajectory), lbg=constraints.lower, ubg=constraints.upper)
+    statistics = solver.stats()
+    if statistics["return_status"] == "User_Requested_Stop":
+        raise KeyboardInterrupt  # the result of an interrupted search must not be used
+    path = tuple(float(v) for v in statistics.get("iterations", {}).get("obj", ()))
+    history.append((f"{stage}{p or ''}", path))
+    x = np.asarray(solution["x"]).ravel()
+    return program.trajectory(x) if np.all(np.isfinite(x)) else trajectory
+
+
+def _within_limits(problem: ExcitationProblem, trajectory: FourierTrajectory) -> FourierTrajectory:
+    """Scale the motion about q0 down to remove the small violations that the solver may leave.
+
+    A limit that is not symmetric about q0 needs more than its excess: the reduction is doubled until all limits hold.
+    """
+    excess = check_trajectory(problem, trajectory).worst_use - 1.0
+    if not 0.0 < excess < LARGEST_SHRINKING:
+        return trajectory
+    shrinking = excess * (1.0 + 1e-9)
+    while shrinking < 2.0 * LARGEST_SHRINKING:
+        gain = 1.0 - shrinking
+        smaller = FourierTrajectory(trajectory.q0, trajectory.a * gain, trajectory.b * gain, trajectory.base_frequency)
+        if check_trajectory(problem, smaller).feasible:
+            return smaller
+        shrinking *= 2.0
+    return trajectory

@@ -1,0 +1,375 @@
+"""Reads the experiment file (YAML): excitation, writing task, virtual robot and control of a simulated experiment.
+
+Every section is optional. A list has one entry per joint; a single number applies to all joints. All faults are
+reported together with their places.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rrrgen.base.errors import Fault, InputError
+from rrrgen.base.yamltext import signal_units as units
+from rrrgen.base.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
+from rrrgen.base.yamltext.reader import UNITLESS, Reader
+from rrrgen.base.yamltext.sections import describe, read_entries
+from rrrgen.lab.design.problem import OBJECTIVES, ExcitationLimits
+from rrrgen.lab.design.signals import SIGNALS
+from rrrgen.lab.experiment.experiment_keys import (
+    CONTROL_LAWS,
+    FROM_ROBOT,
+    KEYS,
+    OBSERVERS,
+    SCHEMA,
+    TORQUE_RECORDS,
+)
+from rrrgen.lab.experiment.writing import WritingPlane
+from rrrgen.robot.friction.models import FrictionModel
+
+EFFORT = units.TORQUE | units.FORCE
+
+
+@dataclass(frozen=True)
+class ControlSection:
+    """Control of the virtual robot: law, gains or bandwidth, and observer.
+
+    ``kind`` is "pd" or "computed_torque"; its gains ``kp``, ``kd`` (n,) follow from ``bandwidth`` (Hz) and ``damping``
+    if they are None. ``observer`` is "kalman" or "difference"; ``jerk`` (n,), rad/s^3 (m/s^3), tunes the Kalman
+    observer. ``bandwidth`` and ``jerk`` are designed from the arm if they are None. ``places`` are the places of the
+    keys that are stated, as faults without a message.
+    """
+
+    kind: str = "pd"
+    bandwidth: float | None = None
+    damping: float = 1.0
+    kp: tuple[float, ...] | None = None
+    kd: tuple[float, ...] | None = None
+    observer: str = "kalman"
+    jerk: tuple[float, ...] | None = None
+    places: Mapping[str, Fault] = field(default_factory=dict, compare=False)
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The content of an experiment file; absent sections are empty.
+
+    - ``excitation``: fields of the excitation problem; ``limits``: its limits, those of the robot file if None;
+      ``starts``: number of random starts.
+    - ``writing``: arguments of the writing task; ``branch`` (n,): joint positions near which its inverse kinematics
+      begins.
+    - ``virtual_robot``: friction, instruments and flexible parts by name; ``control``: control law and observer.
+    - ``response``: fields of a response experiment.
+    - ``period``: sampling period, s; ``seed``: of all random numbers.
+    """
+
+    excitation: Mapping[str, Any] = field(default_factory=dict)
+    limits: ExcitationLimits | None = None
+    starts: int = 4
+    writing: Mapping[str, Any] = field(default_factory=dict)
+    branch: tuple[float, ...] | None = None
+    virtual_robot: Mapping[str, Any] = field(default_factory=dict)
+    control: ControlSection = field(default_factory=ControlSection)
+    response: Mapping[str, Any] = field(default_factory=dict)
+    period: float = 1e-3
+    seed: int = 0
+
+
+def load_experiment(path: str | os.PathLike[str], joints: int) -> Experiment:
+    """Read the experiment file ``path`` for a robot of ``joints`` joints; raises InputError with every fault."""
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        message = f"cannot read the experiment file: {error.strerror or error}"
+        raise InputError([Fault(str(path), 0, 0, message)]) from None
+    return loads_experiment(decode(data, str(path)), joints, str(path))
+
+
+def loads_experiment(text: str, joints: int, file: str = "experiment.yaml") -> Experiment:
+    """Read an experiment from YAML ``text`` for a robot of ``joints`` joints; ``file`` names it in messages.
+
+    Raises InputError with every fault and its line and column.
+    """
+    faults = FaultList(file, text)
+    found = _Reader(faults, joints).experiment(parse_document(text, faults))
+    faults.raise_errors()
+    return found
+
+
+Take = Callable[[Node, str], Any]
+
+
+class _Reader(Reader):
+    """Reads one experiment file."""
+
+    def __init__(self, faults: FaultList, joints: int) -> None:
+        super().__init__(faults)
+        self.n = joints
+
+    def experiment(self, root: Node) -> Experiment:
+        top = self.section(
+            root,
+            "the experiment file",
+            "experiment",
+            {
+                "schema": lambda node, what: self.choice(node, what, (SCHEMA,)),
+                "excitation": self.excitation,
+                "writing": self.writing,
+                "virtual_robot": self.virtual_robot,
+                "control": self.control,
+                "response": self.response,
+                "period": self.one(units.TIME, "s", positive=True),
+                "seed": self.count,
+            },
+        )
+        excitation, writing = dict(top.get("excitation", {})), dict(top.get("writing", {}))
+        return Experiment(
+            limits=excitation.pop("limits", None),
+            starts=excitation.pop("starts", 4),
+            excitation=excitation,
+            branch=writing.pop("start", None),
+            writing=writing,
+            virtual_robot=top.get("virtual_robot", {}),
+            control=top.get("control", ControlSection()),
+            response=top.get("response", {}),
+            period=top.get("period", 1e-3),
+            seed=top.get("seed", 0),
+        )
+
+    # -- sections ----------------------------------------------------------------------------------------------------
+
+    def excitation(self, node: Node, what: str) -> dict[str, Any]:
+        return self.section(
+            node,
+            what,
+            "excitation",
+            {
+                "harmonics": self.count,
+                "base_frequency": self.one(units.RATE, "Hz", positive=True),
+                "objective": lambda n, w: self.choice(n, w, OBJECTIVES),
+                "at_rest": self.yes_or_no,
+                "starts": self.count,
+                "max_iterations": self.count,
+                "row_weights": self.each(UNITLESS, "one"),
+                "limits": self.limits,
+            },
+        )
+
+    def limits(self, node: Node, what: str) -> ExcitationLimits:
+        found = self.section(
+            node,
+            what,
+            "limits",
+            {
+                "lower": self.each(units.POSITION, "rad"),
+                "upper": self.each(units.POSITION, "rad"),
+                "speed": self.each(units.VELOCITY, "rad/s"),
+                "acceleration": self.each(units.ACCELERATION, "rad/s^2"),
+                "torque": self.each(EFFORT, "N*m"),
+                "box": self.box,
+            },
+        )
+        low, high = found.pop("box", (None, None))
+        return ExcitationLimits(
+            position_lower=found.pop("lower", None),
+            position_upper=found.pop("upper", None),
+            box_lower=low,
+            box_upper=high,
+            **found,
+        )
+
+    def box(self, node: Node, what: str) -> tuple[tuple[float | None, ...], tuple[float | None, ...]]:
+        sides = self.section(node, what, "box", dict.fromkeys("xyz", self.open_pair))
+        pairs = [sides.get(axis, (None, None)) for axis in "xyz"]
+        return tuple(p[0] for p in pairs), tuple(p[1] for p in pairs)
+
+    def writing(self, node: Node, what: str) -> dict[str, Any]:
+        found = self.section(
+            node,
+            what,
+            "writing",
+            {
+                "text": self.text,
+                "duration": self.one(units.TIME, "s", positive=True),
+                "peak_speed": self.one(units.VELOCITY, "m/s", positive=True),
+                "pace": self.pace,
+                "margin": self.one(units.LENGTH, "m"),
+                "start": self.each(units.POSITION, "rad"),
+                "plane": self.plane,
+            },
+        )
+        return found
+
+    def plane(self, node: Node, what: str) -> WritingPlane | None:
+        length = self.one(units.LENGTH, "m")
+        sides = self.section(node, what, "plane", {"x": self.pair, "y": length, "z": self.pair})
+        if any(value is None or (isinstance(value, tuple) and None in value) for value in sides.values()):
+            return None  # a fault was found in it
+        try:
+            return WritingPlane(**sides)
+        except InputError as error:
+            self.faults.error(node, f"{what}: {error.faults[0].message}")
+            return None
+
+    def virtual_robot(self, node: Node, what: str) -> dict[str, Any]:
+        torque = self.each(EFFORT, "N*m")
+        return self.section(
+            node,
+            what,
+            "virtual_robot",
+            {
+                "friction": self.friction,
+                "encoder_resolution": self.each(units.POSITION, "rad"),
+                "torque_limit": torque,
+                "torque_resolution": torque,
+                "torque_noise": torque,
+                "disturbance": torque,
+                "torque_record": lambda n, w: self.choice(n, w, TORQUE_RECORDS),
+                "delay": self.count,
+                "flexible_joints": self.flexible_joints,
+                "flexible_base": lambda n, w: self.section(
+                    n,
+                    w,
+                    "flexible_base",
+                    {
+                        "inertia": self.one(UNITLESS, "one", positive=True),
+                        "frequency": self.one(units.RATE, "Hz", positive=True),
+                        "damping_ratio": self.one(UNITLESS, "one"),
+                    },
+                ),
+            },
+        )
+
+    def flexible_joints(self, node: Node, what: str) -> dict[str, Any] | str:
+        """Read rotor inertias, stiffnesses and dampings of the joints, or the word ``from_robot``.
+
+        The word stands for the values of the robot file.
+        """
+        if isinstance(node, Scalar):
+            return self.choice(node, what, (FROM_ROBOT,))
+        take = dict.fromkeys(KEYS["flexible_joints"], self.each(UNITLESS, "one"))
+        return self.section(node, what, "flexible_joints", take)
+
+    def response(self, node: Node, what: str) -> dict[str, Any]:
+        found = self.section(
+            node,
+            what,
+            "response",
+            {
+                "joint": self.text,
+                "signal": lambda n, w: self.choice(n, w, SIGNALS),
+                "band": self.band,
+                "period": self.one(units.TIME, "s", positive=True),
+                "periods": self.count,
+                "settle": self.count,
+                "rms": self.one(units.ACCELERATION, "rad/s^2", positive=True),
+                "speed": self.one(units.VELOCITY, "rad/s", positive=True),
+                "realisations": self.count,
+                "postures": self.postures,
+                "bandwidth": self.band,
+                "damping": self.one(UNITLESS, "one", positive=True),
+            },
+        )
+        return {key: value for key, value in found.items() if value is not None}
+
+    def band(self, node: Node, what: str) -> tuple[float, float] | None:
+        """Read a pair of frequencies in rising order, Hz."""
+        if not isinstance(node, Sequence) or len(node.items) != 2:
+            self.faults.error(node, f"{what} is {describe(node)}, not a pair of frequencies")
+            return None
+        pair = [units.read_quantity(item, what, units.RATE, "Hz", self.faults) for item in node.items]
+        return None if pair[0] is None or pair[1] is None else (pair[0], pair[1])
+
+    def postures(self, node: Node, what: str) -> tuple[Any, ...] | None:
+        """Read a list of postures, each with one position per joint."""
+        if not isinstance(node, Sequence) or not node.items:
+            self.faults.error(node, f"{what} is {describe(node)}, not a list of postures [[q1, q2, ..], ..]")
+            return None
+        each = self.each(units.POSITION, "rad")
+        return tuple(each(item, f"{what}[{k}]") for k, item in enumerate(node.items))
+
+    def friction(self, node: Node, what: str) -> FrictionModel | None:
+        entries = read_entries(node, what, self.faults) or {}
+        law = entries["law"][1].text if "law" in entries and isinstance(entries["law"][1], Scalar) else ""
+        listed = entries["joints"][1] if "joints" in entries else None
+        if not isinstance(listed, Sequence) or len(listed.items) != self.n:
+            self.faults.error(listed or node, f"{what}.joints must list {self.n} mappings, one per joint")
+            return None
+        rows = []
+        for i, item in enumerate(listed.items):
+            values = read_entries(item, f"{what}.joints[{i}]", self.faults) or {}
+            take = self.one(UNITLESS, "one")
+            rows.append({key: take(value, f"{what}.joints[{i}].{key}") for key, (_, value) in values.items()})
+        try:
+            return FrictionModel.from_mapping({"law": law, "joints": rows})
+        except (InputError, TypeError) as error:
+            self.faults.error(node, str(getattr(error, "faults", [error])[0]))
+            return None
+
+    def control(self, node: Node, what: str) -> ControlSection:
+        found = self.section(
+            node,
+            what,
+            "control",
+            {
+                "kind": lambda n, w: self.choice(n, w, CONTROL_LAWS),
+                "bandwidth": self.one(units.RATE, "Hz", positive=True),
+                "damping": self.one(UNITLESS, "one"),
+                "kp": self.each(UNITLESS, "one"),
+                "kd": self.each(UNITLESS, "one"),
+                "observer": lambda n, w: self.choice(n, w, OBSERVERS),
+                "jerk": self.each({"rad/s^3": 1.0, "m/s^3": 1.0}, "rad/s^3"),
+            },
+        )
+        if ("kp" in found) != ("kd" in found):
+            self.faults.error(node, f"{what} needs both kp and kd, or a bandwidth")
+        entries = read_entries(node, what, FaultList(self.faults.file, "")) or {}
+        places = {key: self.faults.fault(entries[key][0], "", "", 0, "warning") for key in found}
+        return ControlSection(**{key: value for key, value in found.items() if value is not None}, places=places)
+
+    # -- values ------------------------------------------------------------------------------------------------------
+
+    def section(self, node: Node, what: str, kind: str, take: Mapping[str, Take]) -> dict[str, Any]:
+        """Read the values of a mapping of the section ``kind`` with the reader that ``take`` assigns to each key.
+
+        Unknown keys and absent required ones are faults; absent keys are absent from the result.
+        """
+        values = self.values(node, what, KEYS[kind]) or {}
+        return {name: take[name](value, name) for name, value in values.items()}
+
+    def one(self, table: Mapping[str, float], bare: str, positive: bool = False) -> Take:
+        """Make a reader of one value with a unit of ``table``; a number without a unit is in ``bare``."""
+        return lambda node, what: self.quantity(node, what, table, bare, positive)
+
+    def each(self, table: Mapping[str, float], bare: str) -> Take:
+        """Make a reader of one value per joint with a unit of ``table``; a number without a unit is in ``bare``."""
+        return lambda node, what: self.per_joint(node, what, self.n, table, bare)
+
+    def count(self, node: Node, what: str) -> int:
+        return self.whole(node, what, 0)
+
+    def pace(self, node: Node, what: str) -> tuple[float | None, ...]:
+        items = node.items if isinstance(node, Sequence) else [node]
+        return tuple(self.number(item, what) for item in items)
+
+    def pair(self, node: Node, what: str, open_side: bool = False) -> tuple[float | None, float | None]:
+        if not isinstance(node, Sequence) or len(node.items) != 2:
+            self.faults.error(node, f"{what} is {describe(node)}, not a pair [lowest, highest]")
+            return None, None
+        low, high = (
+            None
+            if open_side and isinstance(item, Scalar) and item.is_null
+            else units.read_quantity(item, what, units.LENGTH, "m", self.faults)
+            for item in node.items
+        )
+        return low, high
+
+    def open_pair(self, node: Node, what: str) -> tuple[float | None, float | None]:
+        """Read a pair [lowest, highest] of lengths in which either side may be null: ``[0.2, ~]``."""
+        return self.pair(node, what, open_side=True)
+
+    def yes_or_no(self, node: Node, what: str) -> bool:
+        return self.choice(node, what, ("true", "false")) == "true"

@@ -1,0 +1,147 @@
+"""The experiment for the frequency response of a joint, on the virtual robot under feedback linearisation.
+
+Equations (14.34) and (14.36).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from rrrgen.base.arrays import Array
+from rrrgen.base.errors import InputError
+from rrrgen.lab.data.kalman import KalmanMatrices, kalman_matrices
+from rrrgen.lab.data.smoother import quantisation_variance
+from rrrgen.lab.design.plan import ResponseDesign, ResponsePlan
+from rrrgen.lab.design.response_design import design_response
+from rrrgen.lab.experiment.experiment_file import Experiment
+from rrrgen.lab.experiment.setup import (
+    friction_of,
+    instruments_of,
+    plant_of,
+    resolutions_of,
+    rigid_body_of,
+)
+from rrrgen.lab.plant.controllers import BackwardDifference, ComputedTorque, DeviationFilter, Observer, RecordedInput
+from rrrgen.lab.plant.experiment import Recording, VirtualRobot
+from rrrgen.lab.plant.response_recording import LoopSignals
+from rrrgen.lab.response.controller import Controller
+
+Progress = Callable[[int, int, str], None]
+
+
+def response_plan(experiment: Experiment, joint: str | None = None) -> ResponsePlan:
+    """The plan of a response experiment, from the file's section ``response``; ``joint`` overrides its joint."""
+    settings = dict(experiment.response)
+    if joint is not None:
+        settings["joint"] = joint
+    if "joint" not in settings:
+        raise InputError("which joint? Name it, or let the section `response` of the experiment file (joint: NAME)")
+    return ResponsePlan(**settings)
+
+
+def response_design(experiment: Experiment, model: Any, plan: ResponsePlan) -> ResponseDesign:
+    """Design the runs of ``plan`` for the robot ``model``, with the sampling rate and the seed of the experiment."""
+    return design_response(model, plan, 1.0 / experiment.period, experiment.seed)
+
+
+def simulate_response(
+    experiment: Experiment, model: Any, design: ResponseDesign, progress: Progress | None = None
+) -> tuple[list[LoopSignals], Controller]:
+    """Run every run of ``design`` on the virtual robot; returns its signals, and the sampled controller of the joint.
+
+    The model torques are computed along the reference, with the friction of the virtual robot. Velocities are backward
+    differences, or those of the Kalman filter if the control states ``jerk``. Raises :class:`InputError` if the design
+    is for another robot or sampling period.
+    """
+    if model.beta is None:
+        raise InputError("the virtual robot needs masses and inertias: the robot file has no links")
+    if len(design.kp) != model.n or design.joint >= model.n:
+        raise InputError(f"the response excitation is for {len(design.kp)} joints, the robot has {model.n}")
+    if abs(design.period - experiment.period) > 1e-9 * design.period:
+        raise InputError(
+            f"the response excitation is sampled every {design.period:g} s, the experiment every "
+            f"{experiment.period:g} s"
+        )
+    filters = _filters(experiment, model)
+    found = [recorded_run(experiment, model, design, k, filters, progress)[0] for k in range(len(design.runs))]
+    i = design.joint
+    return found, sampled_controller(design.kp[i], design.kd[i], design.period, filters[i] if filters else None)
+
+
+def recorded_run(
+    experiment: Experiment,
+    model: Any,
+    design: ResponseDesign,
+    number: int,
+    filters: list[KalmanMatrices] | None = None,
+    progress: Progress | None = None,
+) -> tuple[LoopSignals, Recording]:
+    """Simulate run number ``number`` of ``design``: (signals of the excited joint, recording of all joints)."""
+    run = design.runs[number]
+    robot = VirtualRobot(plant_of(experiment, model), instruments_of(experiment, model), experiment.period)
+    law = ComputedTorque(
+        rigid_body_of(experiment, model),
+        design.kp,
+        design.kd,
+        friction=friction_of(experiment, model),
+        along_reference=True,
+    )
+    controller = RecordedInput(law)
+    excitation = np.zeros((len(run.n), model.n))
+    excitation[:, design.joint] = run.n
+    observer: Observer = BackwardDifference(experiment.period)
+    if filters is not None:
+        observer = DeviationFilter([m.E for m in filters], [m.k for m in filters])
+
+    def tell(done: int, total: int, message: str) -> None:
+        if progress is not None:
+            progress(done, total, f"{run.name}: {message}")
+
+    recording = robot.run(
+        lambda t: design.reference(run, t),
+        len(run.n) * experiment.period,
+        controller,
+        observer,
+        seed=experiment.seed + number,
+        excitation=excitation,
+        progress=tell,
+    )
+    i = design.joint
+    u = np.array(controller.inputs)[:, i]
+    clipped = int(recording.saturated.sum())
+    signals = LoopSignals(run, recording.t, run.n, u, recording.q[:, i], recording.reference[:, i], clipped)
+    return signals, recording
+
+
+def _filters(experiment: Experiment, model: Any) -> list[KalmanMatrices] | None:
+    """The Kalman filters of the joints; None unless the control section states a jerk for their design.
+
+    Without a stated jerk none can be derived, since the reference of a response experiment has no jerk.
+    """
+    control = experiment.control
+    if control.observer != "kalman" or control.jerk is None:
+        return None
+    resolutions = resolutions_of(instruments_of(experiment, model), model.n)
+    return [
+        kalman_matrices(experiment.period, quantisation_variance(step), float(jerk) ** 2)
+        for step, jerk in zip(resolutions, control.jerk, strict=True)
+    ]
+
+
+def sampled_controller(kp: float, kd: float, period: float, matrices: KalmanMatrices | None = None) -> Controller:
+    """The controller C(z) of ``u = n - C (q - q_r)`` as implemented: PD with backward difference or Kalman filter.
+
+    The filter ``matrices``, with transition matrix E and gain k, estimate ``x = (I - k c) E x z^-1 + k e`` from the
+    deviation e, c = [1, 0, 0]; x holds the deviation and its derivatives, and ``u = n - [kp, kd, 0] x``.
+    """
+    if matrices is None:
+        return Controller((kp + kd / period, -kd / period))
+    from scipy.signal import ss2tf
+
+    A = (np.eye(3) - np.outer(matrices.k, [1.0, 0.0, 0.0])) @ matrices.E
+    h: Array = np.array([[kp, kd, 0.0]])
+    numerator, denominator = ss2tf(A, matrices.k[:, None], h @ A, h @ matrices.k[:, None])
+    return Controller(tuple(numerator[0].tolist()), tuple(denominator.tolist()))

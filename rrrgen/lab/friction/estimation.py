@@ -1,0 +1,382 @@
+"""Estimates inertia, gravity and friction of one joint from one recording: fits every friction law and chooses one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from rrrgen.base.arrays import Array
+from rrrgen.base.errors import DerivationError
+from rrrgen.lab.friction.bootstrap import resampled
+from rrrgen.lab.friction.candidate_laws import DELAY, Candidate, candidates
+from rrrgen.lab.friction.choice import FOLDS, Score, choose, fold_of, score
+from rrrgen.lab.friction.initial_values import (
+    LEAST_INERTIA,
+    best_delay,
+    growth_rate,
+    sliding_samples,
+    start_values,
+)
+from rrrgen.lab.friction.joint_recording import JointData
+from rrrgen.lab.friction.kalman_filter import kalman_estimates
+from rrrgen.lab.friction.notes import notes, stiff_bristles
+from rrrgen.lab.friction.output_error import Fit, best_start, fit, likely_noise, rigid_limit
+from rrrgen.lab.friction.windows import Noise, Windows, make_noise
+
+SCHEMA = "rrrgen-friction/1"
+FIRST_RATIO = 100.0  # assumed ratio of torque noise to encoder noise, until it is estimated
+FIRST_ITERATIONS = 6
+REFITTED = 3  # iterations of a fit that leaves out one fold of the cross-validation
+BRISTLES = 15  # iterations of the fit of the bristles' stiffness and damping
+JOINT = 10  # iterations of the fit of all parameters of the LuGre law, which follows it
+STIFFNESS_FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)  # the bristles' stiffness is tried at these multiples of its first guess
+DAMPING_RATIOS = (0.05, 0.3)  # and their damping at these ratios to the critical one
+LEAST_WINDOWS = 40
+DISCRETE = 2e-4  # relative error of a simulation with steps of one sampling period; resampling does not reveal it
+UNRELATED = 0.5  # relative error of the best least-squares fit above which torque and motion count as unrelated
+FASTEST = 0.4  # frequency of an oscillation on bristles, in sampling rates, above which they count as rigid
+WIDE = 1.0  # rad: range of motion that tells an offset of the torque from gravity, which is cos q and sin q
+MIDDLE = (15.87, 84.13)  # percentiles of a normal distribution at one standard deviation from its mean
+LARGEST_INERTIA_STD = 0.1  # relative: above it the recording is refused
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class LawEstimate:
+    """Estimate of the parameters of one friction law, with the inertia and gravity of the joint.
+
+    ``theta`` (k,) are the parameters in the order of ``candidate``. ``values`` and their standard deviations ``std``
+    are the reported ones, name -> value in SI. ``score`` is the error on windows that were not fitted, ``kalman`` the
+    reported values of the Kalman filter, from which the output-error fit started. ``torque_error`` is
+    ``|tau - model| / |tau|`` by inverse dynamics over the samples at which the joint slides.
+    """
+
+    candidate: Candidate
+    theta: Array
+    values: dict[str, float]
+    std: dict[str, float]
+    score: Score
+    kalman: dict[str, float]
+    torque_error: float
+
+    @property
+    def name(self) -> str:
+        """Name of the law."""
+        return self.candidate.name
+
+    @property
+    def break_away(self) -> float:
+        """Break-away torque, N m (N): friction at rest, for the direction in which it is smaller.
+
+        The neural law vanishes at rest; for it this is the largest torque at speeds at which its neurons saturate.
+        """
+        zero, columns = np.zeros(1), self.theta.tolist()
+        if self.candidate.jumps or self.name == "lugre":
+            return float(min(abs(self.candidate.torque(zero, columns, s)[0]) for s in (1.0, -1.0)))
+        speeds = np.linspace(0.0, 1.0, 500) / max(self.values["w1"], self.values["w2"], self.values["w3"])
+        return float(np.max(self.candidate.torque(3.0 * speeds, columns)))
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionEstimate:
+    """Friction estimates of one joint: all ``laws`` fitted to ``data``, and the ``chosen`` one.
+
+    ``noise_ratio`` is the estimated ratio of torque noise to encoder noise, ``windows`` the number of windows into
+    which the recording was cut, and ``notes`` are warnings to the user.
+    """
+
+    data: JointData
+    laws: tuple[LawEstimate, ...]
+    chosen: LawEstimate
+    noise_ratio: float
+    windows: int
+    notes: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The estimate as plain data for ``results/friction.json``."""
+        return {
+            "schema": SCHEMA,
+            "joint": self.data.name,
+            "chosen": self.chosen.name,
+            "models": {
+                law.name: {
+                    "parameters": law.values,
+                    "std": law.std,
+                    "held_out": law.score.held_out,
+                    "bic": law.score.bic,
+                    "torque_error": law.torque_error,
+                    "kalman_filter": law.kalman,
+                    "equation": law.candidate.equation,
+                }
+                for law in self.laws
+            },
+            "delay": self.chosen.values["delay"],
+            "encoder_resolution": self.data.resolution,
+            "sampling_period": self.data.period,
+            "windows": self.windows,
+            "noise_ratio": self.noise_ratio,
+            "notes": list(self.notes),
+        }
+
+
+def estimate_friction(
+    data: JointData,
+    gravity: int,
+    names: Sequence[str] = (),
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> FrictionEstimate:
+    """Estimate inertia, gravity and friction of one joint with every law, and choose one law.
+
+    ``data`` is the recording. ``gravity`` is the number of gravity coefficients: 2 for a revolute joint, 1 for a
+    prismatic one, 0 where gravity does not act; the torque may have an offset. ``names`` are the laws to try, all
+    if empty. ``seed`` is that of the resampling for standard deviations; ``progress(done, total, message)`` is called
+    between steps. Least squares on sliding samples give initial values for an extended Kalman filter (14.15), whose
+    result is the initial value of the output-error fit over short windows. Raises :class:`DerivationError` if the
+    motion does not determine inertia or friction.
+    """
+    tell = progress or (lambda done, total, message: None)
+    tell(0, 0, "start values")
+    wanted = {*names, "stribeck"} if "lugre" in names else set(names)  # LuGre slides as the Stribeck law does
+    wide = float(np.ptp(data.q)) > WIDE
+    laws = [law for law in candidates(gravity, wide) if not wanted or law.name in wanted]
+    delay = best_delay(data, max(gravity, 1))
+    started = {law.name: start_values(law, data, delay) for law in laws}
+    _check_start(list(started.values()), data)
+    least = {name: theta for name, (theta, _) in started.items()}
+    filtered = _filtered(laws, least, data, tell)
+    work = _OutputError(laws, data, growth_rate(data, max(gravity, 1), delay), tell)
+    full = work.fitted({law.name: (filtered[law.name], least[law.name]) for law in laws})
+    inside = work.without_folds(full)
+    sigma = min(each.sigma for each in full.values())
+    estimates, scores = [], []
+    for k, law in enumerate(laws):
+        tell(k, len(laws), f"held-out error, {law.name}")
+        scores.append(score(full[law.name], inside[law.name], work.whole, sigma))
+        estimates.append(_estimate(full[law.name], scores[-1], work.windows(law), filtered[law.name], data, seed))
+    best = choose(scores, work.whole.block)
+    if _unresolved(full[laws[best].name], data):
+        rigid = next(k for k, law in enumerate(laws) if law.name == "stribeck")
+        limit = [rigid_limit(each, laws[rigid]) for each in (full[laws[best].name], *inside[laws[best].name])]
+        rating = score(limit[0], limit[1:], work.whole, sigma)
+        estimates[rigid] = _without_bristles(estimates[best], estimates[rigid], limit[0], rating)
+        scores[rigid] = rating
+        # rigid bristles are no law of their own: a simpler law than Stribeck's may describe the sliding as well
+        others = [k for k in range(len(laws)) if k != best]
+        best = others[choose([scores[k] for k in others], work.whole.block)]
+    chosen = estimates[best]
+    _check(chosen, data)
+    largest = chosen.values["inertia"] * (2.0 * np.pi * FASTEST / data.period) ** 2
+    told = (*notes(chosen, data), *stiff_bristles(chosen, estimates, largest))
+    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), told)
+
+
+class _OutputError:
+    """Fits all laws by output error: the error of positions simulated over short windows of the recording.
+
+    Inertia, gravity and friction are fitted to windows in which the joint slides. For the LuGre law, stiffness and
+    damping of the bristles, then all parameters are fitted to all windows, with rest and reversals.
+    """
+
+    def __init__(self, laws: Sequence[Candidate], data: JointData, growth: Array, tell: Progress) -> None:
+        self.laws, self.tell = laws, tell
+        self.sliding, self.whole = data.sliding_windows(growth), data.windows(growth)
+        if len(self.sliding) < LEAST_WINDOWS:
+            raise DerivationError(
+                f"joint '{data.name}' slides steadily in {len(self.sliding)} short stretches only: too little data to "
+                "tell inertia and friction apart; record longer"
+            )
+        self.noise = self._noise(FIRST_RATIO)
+
+    def _noise(self, ratio: float) -> Noise:
+        return make_noise(len(self.sliding.measured), self.sliding.period * self.sliding.stride, ratio)
+
+    def fitted(self, starts: dict[str, tuple[Array, ...]]) -> dict[str, Fit]:
+        """Fit all laws to the windows; returns the fits by the name of the law.
+
+        ``starts`` holds for each law several initial parameter vectors (k,), of which the best is used. A few
+        iterations with an assumed noise ratio come first; then the ratio is estimated from the errors.
+        """
+        first: dict[str, Fit] = {}
+        for k, law in enumerate(self._static):
+            self.tell(k, 2 * len(self.laws), f"output error, {law.name}")
+            better = best_start(law, starts[law.name], self.sliding, self.noise)
+            first[law.name] = fit(law, better, self.sliding, self.noise, iterations=FIRST_ITERATIONS)
+        best = min(first.values(), key=lambda each: float(np.sum(each.cost)) * each.sigma**2)
+        self.noise = likely_noise(best, self.sliding)
+        full: dict[str, Fit] = {}
+        for k, law in enumerate(self.laws):
+            self.tell(len(self.laws) + k, 2 * len(self.laws), f"output error, {law.name}")
+            if law.name in first:
+                before = first[law.name]
+                full[law.name] = fit(law, before.theta, self.sliding, self.noise, start=before.start)
+            else:
+                before = self._bristles(law, full["stribeck"], starts[law.name])
+                full[law.name] = fit(law, before.theta, self.whole, self.noise, start=before.start, iterations=JOINT)
+        return full
+
+    def without_folds(self, full: dict[str, Fit]) -> dict[str, list[Fit]]:
+        """Refit every law once for each fold of the windows, leaving this fold out, for cross-validation.
+
+        ``full`` holds the fits to all windows, from which the refits start; returns the refits by law name.
+        """
+        found: dict[str, list[Fit]] = {law.name: [] for law in self.laws}
+        for fold in range(FOLDS):
+            for law in self.laws:
+                before, windows = full[law.name], self.windows(law)
+                kept = fold_of(windows) != fold
+                again = fit(
+                    law, before.theta, windows.of(kept), self.noise, start=before.start[:, kept], iterations=REFITTED
+                )
+                found[law.name].append(again)
+        return found
+
+    def windows(self, law: Candidate) -> Windows:
+        """The windows to which ``law`` is fitted: all for a law with bristles, otherwise those in sliding."""
+        return self.whole if law.has_bristles else self.sliding
+
+    def _bristles(self, law: Candidate, sliding: Fit, starts: Sequence[Array]) -> Fit:
+        """Fit stiffness and damping of the LuGre bristles to all windows; all else is taken from the fit ``sliding``.
+
+        ``starts`` are initial parameters (k,) of the LuGre ``law``; of these and of multiples of their stiffness the
+        best are used.
+        """
+        known = dict(zip(sliding.candidate.names, sliding.theta, strict=True))
+        tried = []
+        for start in starts:
+            own = dict(zip(law.names, start, strict=True)) | known
+            for factor, ratio in product(STIFFNESS_FACTORS, DAMPING_RATIOS):
+                stiffness = factor * own["sigma0"]
+                damping = 2.0 * ratio * float(np.sqrt(stiffness * own["inertia"]))
+                bristles = {"sigma0": stiffness, "sigma1": damping}
+                tried.append(law.clipped(np.array([(own | bristles)[name] for name in law.names])))
+        better = best_start(law, tried, self.whole, self.noise)
+        return fit(law, better, self.whole, self.noise, held=tuple(known), iterations=BRISTLES)
+
+    @property
+    def _static(self) -> list[Candidate]:
+        return [law for law in self.laws if law.name != "lugre"]
+
+
+def _filtered(laws: Sequence[Candidate], starts: dict[str, Array], data: JointData, tell: Progress) -> dict[str, Array]:
+    """Refine the parameters ``starts`` (law name -> (k,)) of all ``laws`` by the extended Kalman filter.
+
+    The filter has no bristle state: the LuGre law gets the result of the Stribeck law, which is its friction in
+    sliding, and keeps the initial stiffness and damping of its bristles.
+    """
+    static = [law for law in laws if law.name != "lugre"]
+    found = kalman_estimates(
+        static,
+        [starts[law.name] for law in static],
+        data,
+        lambda done, total: tell(done, total, "Kalman filter"),
+    )
+    values = {law.name: result for law, result in zip(static, found, strict=True)}
+    for law in laws:
+        if law.name == "lugre":
+            own = dict(zip(law.names, starts["lugre"], strict=True))
+            sliding = next(each for each in static if each.name == "stribeck")
+            own |= dict(zip(sliding.names, values["stribeck"], strict=True))
+            values["lugre"] = law.clipped(np.array([own[name] for name in law.names]))
+    return values
+
+
+def _estimate(
+    found: Fit,
+    rating: Score,
+    windows: Windows,
+    kalman: Array,
+    data: JointData,
+    seed: int,
+) -> LawEstimate:
+    law = found.candidate
+    spread = resampled(found, windows.block, seed)
+    drawn = [reported(law, each, data.period) for each in spread.T]
+    values = reported(law, found.theta, data.period)
+    std = {name: _deviation(np.array([each[name] for each in drawn]), name) for name in values}
+    # a relative error of the simulated torque also shifts what may be zero: offset, angle of gravity, delay
+    scale = {"offset": float(np.sqrt(np.mean(data.u**2))), "gravity_angle": 1.0, DELAY: data.period}
+    std = {name: float(np.hypot(own, DISCRETE * scale.get(name, abs(values[name])))) for name, own in std.items()}
+    samples = sliding_samples(data, float(found.theta[-1]))
+    model = found.theta[0] * samples.ddq + law.gravity_torque(samples.q, found.theta)
+    error = samples.tau - model - law.torque(samples.dq, found.theta)
+    relative = float(np.linalg.norm(error) / np.linalg.norm(samples.tau))
+    return LawEstimate(law, law.settled(found.theta), values, std, rating, reported(law, kalman, data.period), relative)
+
+
+def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
+    """Parameters as they are reported, name -> value in SI: gravity as magnitude and angle, the delay in seconds.
+
+    ``theta`` (k,) are those of the model ``law``, ``period`` is the sampling period (s).
+    """
+    given = dict(zip(law.names, law.settled(theta).tolist(), strict=True))
+    found = {"inertia": given["inertia"]}
+    if law.gravity >= 2:
+        cos, sin = given["gravity_cos"], given["gravity_sin"]
+        found |= {"gravity": float(np.hypot(cos, sin)), "gravity_angle": float(np.arctan2(sin, cos))}
+    if law.constant_coefficient is not None:
+        found[law.constant] = given[law.constant_coefficient]
+    found |= {name: given[name] for name in law.law_names}
+    found["delay"] = given[DELAY] * period
+    return found
+
+
+def _unresolved(found: Fit, data: JointData) -> bool:
+    """Whether bristles are so stiff that the joint oscillates on them too fast for the sampling rate.
+
+    Then the recording cannot tell them from rigid ones, and the law is that of its sliding friction.
+    """
+    if not found.candidate.has_bristles:
+        return False
+    given = dict(zip(found.candidate.names, found.theta.tolist(), strict=True))
+    return float(np.sqrt(given["sigma0"] / given["inertia"])) * data.period > 2.0 * np.pi * FASTEST
+
+
+def _without_bristles(bent: LawEstimate, rigid: LawEstimate, limit: Fit, rating: Score) -> LawEstimate:
+    """The estimate ``rigid`` of the law of sliding with the values of ``bent``, the same law with bristles.
+
+    ``limit`` is the fit with these values, ``rating`` its score.
+    """
+    values, std = ({name: part[name] for name in rigid.values} for part in (bent.values, bent.std))
+    return replace(rigid, theta=limit.theta, values=values, std=std, score=rating, torque_error=bent.torque_error)
+
+
+def _deviation(values: Array, name: str) -> float:
+    """Half the range of the middle 68 % of resampled ``values`` of the parameter ``name``: a standard deviation.
+
+    An angle counts from its circular mean. Where a few stretches of the recording tell a parameter, some draws miss
+    them all: their estimates are far off, and would determine the root mean square.
+    """
+    if name == "gravity_angle":
+        values = np.angle(np.exp(1j * values) / np.mean(np.exp(1j * values)))
+    low, high = np.percentile(values, MIDDLE)
+    return 0.5 * float(high - low)
+
+
+def _check_start(started: Sequence[tuple[Array, float]], data: JointData) -> None:
+    """Raise :class:`DerivationError` if the torque is unrelated to the motion or has the wrong sign.
+
+    ``started`` holds, for every law, the least-squares parameters and the relative torque error.
+    """
+    theta, error = min(started, key=lambda each: each[1])
+    if error > UNRELATED or theta[0] <= LEAST_INERTIA:
+        what = f"inertia, gravity and friction explain {100 * max(0.0, 1.0 - error):.0f} % of the torque"
+        what += " with a negative inertia" if theta[0] <= LEAST_INERTIA else ""
+        raise DerivationError(
+            f"the torque of joint '{data.name}' does not belong to its motion: {what}; check column, sign and unit"
+        )
+
+
+def _check(chosen: LawEstimate, data: JointData) -> None:
+    """Raise :class:`DerivationError` if the inertia is too uncertain, because the joint accelerates too little."""
+    relative = chosen.std["inertia"] / chosen.values["inertia"]
+    if not relative < LARGEST_INERTIA_STD:
+        raise DerivationError(
+            f"the motion of joint '{data.name}' does not tell its inertia (standard deviation {100 * relative:.0f} %): "
+            "it accelerates too little; add a fast multisine before the slow reversals (`rrrgen excite --friction`)"
+        )

@@ -1,0 +1,198 @@
+"""A probable fault with its evidence and its remedy, and the wording of the faults that the rules can find.
+
+A fault is worded identically whichever rule finds it, so that the evidence of several rules is merged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from rrrgen.base.yamltext import signal_units
+from rrrgen.lab.data.mapping import Channel, LogMapping, Signal
+
+TABLES = {
+    ("position", True): signal_units.ANGLE,
+    ("position", False): signal_units.LENGTH,
+    ("velocity", True): signal_units.VELOCITY,
+    ("velocity", False): signal_units.VELOCITY,
+    ("torque", True): signal_units.TORQUE,
+    ("torque", False): signal_units.FORCE,
+}
+SAME_UNIT = 1e-6  # relative difference below which two conversion factors are the same
+NAMES = {"position": "position", "velocity": "speed", "torque": "torque"}
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A probable fault: its description, the evidence in numbers, and what to write instead in which file.
+
+    A ``general`` cause only states that something is wrong and is dropped if another rule finds a specific one. A cause
+    that fits several faults names them in ``either``; its evidence is added to the one that another rule found.
+    """
+
+    cause: str
+    remedy: str
+    evidence: tuple[str, ...] = ()
+    general: bool = False
+    either: tuple[str, ...] = ()
+
+    def because(self, *evidence: str) -> Cause:
+        """A copy of this cause with more ``evidence``."""
+        return replace(self, evidence=(*self.evidence, *evidence))
+
+    def lines(self) -> list[str]:
+        """The cause, its evidence and its remedy as lines to print."""
+        return [
+            f"diagnosis: {self.cause}",
+            *(f"  evidence: {sentence}" for sentence in self.evidence),
+            f"  write instead: {self.remedy}",
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """The cause as plain data for JSON."""
+        return {"cause": self.cause, "evidence": list(self.evidence), "write_instead": self.remedy}
+
+
+def merged(causes: Iterable[Cause]) -> tuple[Cause, ...]:
+    """Merge equal causes and their evidence; general causes are dropped if there are specific ones."""
+    found: dict[str, Cause] = {}
+    for each in causes:
+        before = found.get(each.cause)
+        if before is None:
+            found[each.cause] = each
+        else:
+            found[each.cause] = before.because(*(new for new in each.evidence if new not in before.evidence))
+    for each in [cause for cause in found.values() if cause.either]:
+        known = [name for name in each.either if name in found]
+        if known:
+            del found[each.cause]
+            found[known[0]] = found[known[0]].because(*each.evidence)
+    specific = [each for each in found.values() if not each.general]
+    return tuple(specific or found.values())
+
+
+@dataclass(frozen=True)
+class Wording:
+    """Formulates the causes found in one recording, with the names of its joints, columns and files.
+
+    ``joints`` are the joint names, ``revolute`` (n,) the joint types, ``mapping`` describes the recording's columns if
+    it has a mapping file, ``robot`` is the name of the robot file.
+    """
+
+    joints: tuple[str, ...]
+    revolute: tuple[bool, ...]
+    mapping: LogMapping | None = None
+    robot: str = "robot"
+
+    def named(self, joints: Sequence[int]) -> str:
+        """Text that names some ``joints`` (numbers from 0): ``joint q1``, ``joints q1, q2`` or ``all joints``."""
+        if len(joints) == len(self.joints) > 1:
+            return "all joints"
+        return f"joint{'s' if len(joints) > 1 else ''} {', '.join(self.joints[i] for i in joints)}"
+
+    def wrong_unit(self, signal: Signal, joints: Sequence[int], factor: float) -> Cause:
+        """The cause that the ``signal`` of ``joints`` was read in a wrong unit.
+
+        The true values are ``factor`` times those read.
+        """
+        units = [self._unit(signal, i, factor) for i in joints]
+        read, told = (" and ".join(dict.fromkeys(column)) for column in zip(*units, strict=True))
+        told = told if all(unit for _, unit in units) else ""
+        size = f"{factor:.4g} times too small" if factor > 1.0 else f"{1.0 / factor:.4g} times too large"
+        what = f"are in {told}, but are read in {read}" if told else f"are {size}"
+        cause = f"the {NAMES[signal]}s of {self.named(joints)} {what}"
+        if told and len(joints) == len(self.joints) and len(set(units)) == 1:
+            return Cause(cause, f"units: {{{signal}: {told}}}{self._where()}")
+        entries = [
+            self._entry(signal, i, f"unit: {unit}")
+            if unit
+            else f"{self._entry(signal, i)} with its scale times {factor:.6g}"
+            for i, (_, unit) in zip(joints, units, strict=True)
+        ]
+        return Cause(cause, "; ".join(entries) + self._where())
+
+    def wrong_sign(self, signals: Sequence[Signal], joint: int) -> Cause:
+        """The cause that one of the ``signals`` of a joint is recorded with the wrong sign."""
+        what = " or the ".join(NAMES[signal] for signal in signals)
+        entries = []
+        for signal in signals:
+            channel = self._channel(signal, joint)
+            entries.append(self._entry(signal, joint, f"sign: {'1' if channel and channel.sign < 0 else '-1'}"))
+        doubt = ", whichever of them does not follow the robot file's sense" if len(signals) > 1 else ""
+        name = self.joints[joint]
+        return Cause(
+            f"the {what} of joint {name} has the wrong sign",
+            " or ".join(entries) + doubt + self._where(),
+            either=() if len(signals) == 1 else tuple(self.wrong_sign([signal], joint).cause for signal in signals),
+        )
+
+    def swapped(self, signal: Signal, i: int, k: int) -> Cause:
+        """The cause that the columns of a ``signal`` are exchanged between the joints ``i`` and ``k``."""
+        first, second = (self._column(signal, j) for j in (i, k))
+        entries = [self._entry(signal, i, column=second), self._entry(signal, k, column=first)]
+        cause = f"the {NAMES[signal]}s of joints {self.joints[i]} and {self.joints[k]} are exchanged"
+        return Cause(cause, "; ".join(entries) + self._where())
+
+    def clock(self, factor: float) -> Cause:
+        """The cause that time was read in a wrong unit: the true instants are ``factor`` times those read."""
+        source = None if self.mapping is None else self.mapping.time
+        size = f"{factor:.4g} times too small" if factor > 1.0 else f"{1.0 / factor:.4g} times too large"
+        cause = f"the clock is wrong: the instants in seconds are {size}"
+        if source is not None and source.period is not None:
+            period = source.period * factor
+            return Cause(cause, f"time: {{rate: {1.0 / period:.6g} Hz}}{self._where()}")
+        current = 1.0 if source is None else source.factor
+        unit = _unit_of(signal_units.TIME, current * factor)
+        column = "t" if source is None else source.column
+        told = f"unit: {unit}" if unit else f"a unit of {current * factor:.3g} s"
+        if unit:
+            read = _unit_of(signal_units.TIME, current) or f"{current:g} s"
+            cause = f"the clock is in {unit}, but is read in {read}"
+        return Cause(cause, f"time: {{column: {column}, {told}}}{self._where()}")
+
+    def missing(self, joint: int, section: str, keys: Sequence[str], what: str) -> Cause:
+        """The cause that the terms ``keys`` of the ``section`` of a joint are missing in the robot file."""
+        inside = ", ".join(f"{key}: 0" for key in keys)
+        return Cause(
+            f"{what} of joint {self.joints[joint]} is not in the model",
+            f"{section}: {{{inside}}} at joint {self.joints[joint]} in {self.robot} (a key that is given is estimated)",
+        )
+
+    def _channel(self, signal: Signal, joint: int) -> Channel | None:
+        return None if self.mapping is None else self.mapping.joints[joint].channel(signal)
+
+    def _column(self, signal: Signal, joint: int) -> str:
+        channel = self._channel(signal, joint)
+        return f"the column of joint {self.joints[joint]}" if channel is None else str(channel.column)
+
+    def _entry(self, signal: Signal, joint: int, key: str = "", column: str = "") -> str:
+        """Text of a mapping file entry to write, such as ``joint q1: position: {column: q_q1, sign: -1}``.
+
+        ``key`` is an additional key with its value, ``column`` replaces the recorded column.
+        """
+        channel = self._channel(signal, joint)
+        parts = [] if channel is None or self.mapping is None or len(self.mapping.files) < 2 else [channel.file]
+        inside = [*(f"file: {part}" for part in parts), f"column: {column or self._column(signal, joint)}"]
+        return f"joint {self.joints[joint]}: {signal}: {{{', '.join([*inside, key] if key else inside)}}}"
+
+    def _unit(self, signal: Signal, joint: int, factor: float) -> tuple[str, str]:
+        """Names of the unit in which a signal is read, and of the unit ``factor`` times as large ("" for none)."""
+        table = TABLES[signal, self.revolute[joint]]
+        channel = self._channel(signal, joint)
+        read = channel.unit if channel is not None and channel.unit else _unit_of(table, 1.0)
+        return read, _unit_of(table, table[read] * factor) if read in table else ""
+
+    def _where(self) -> str:
+        if self.mapping is None:
+            return ""
+        if self.mapping.source:
+            return f", in {self.mapping.source}"
+        return ", in a mapping file of this recording (docs/identification.md, section 3)"
+
+
+def _unit_of(table: dict[str, float], factor: float) -> str:
+    """Name of the unit in ``table`` (name -> factor to SI) that has this ``factor``; "" if there is none."""
+    return next((name for name, value in table.items() if math.isclose(value, factor, rel_tol=SAME_UNIT)), "")

@@ -1,0 +1,398 @@
+"""Identification of a compiled robot from recordings: parameters, their standard deviations, scores and diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rrrgen.base.arrays import Array
+from rrrgen.base.errors import InputError
+from rrrgen.derive.parameters.physical_links import default_prior
+from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.repairs import Repairs
+from rrrgen.lab.estimate.essential import Essential, essential_parameters
+from rrrgen.lab.estimate.identifiability import Direction, collinear, unexcited, weak_directions
+from rrrgen.lab.estimate.regression import (
+    HUBER,
+    Estimate,
+    correlated_covariance,
+    least_squares,
+    robust_least_squares,
+    robust_rows,
+    weighted_least_squares,
+)
+from rrrgen.lab.estimate.statistics import Whiteness, correlation_lags, residual_whiteness
+from rrrgen.lab.estimate.structure import Structure
+from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_blocks
+from rrrgen.lab.identify.bands import TorqueBand
+from rrrgen.lab.identify.bandwidth import Tuning, reach, tune
+from rrrgen.lab.identify.choice import FrictionFit, fit_friction
+from rrrgen.lab.identify.consistency import ConsistentEstimate, consistent_estimate
+from rrrgen.lab.identify.definiteness import indefinite_share, mass_matrix, pose_limits
+from rrrgen.lab.identify.delivered import Delivered
+from rrrgen.lab.identify.diagnosis.causes import Cause
+from rrrgen.lab.identify.estimated_terms import Column, DriveTerms
+from rrrgen.lab.identify.factoring import (
+    Factors,
+    FittedRows,
+    Progress,
+    ScoredRows,
+    factor_recordings,
+    fits_in_memory,
+    rows_of_recordings,
+    score,
+)
+from rrrgen.lab.identify.fingerprint import Fingerprint, fingerprint
+from rrrgen.lab.identify.friction_columns import with_linear_friction, without_laws
+from rrrgen.lab.identify.full_regressor import FullRegressor, RigidModel
+from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.observations import Observations, Recording, RowMaker
+from rrrgen.lab.identify.options import METHODS, Options
+from rrrgen.lab.identify.parameter_names import explained_names, identified_units
+from rrrgen.lab.identify.parametrisation import Parametrisation, parametrise
+from rrrgen.lab.identify.scores import Score, score_models
+from rrrgen.robot.model.inertial_parameters import standard_names
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The result of an identification.
+
+    - ``columns``, ``structure``: all columns of the regressor, and their identifiable combinations.
+    - ``estimate``: of the identifiable combinations; ``iid_std``: its standard deviations if residuals were white;
+      ``theta`` (p,): the parameters of all columns.
+    - ``tuning``: the filters and how they were chosen; ``split``: fitted part of the data with its guard bands;
+      ``fitted``: fingerprint of the fitted samples.
+    - ``fit``, ``held_out``: scores on the fitted rows and on the held-out ones (0 rows without a split);
+      ``consistent_fit``, ``consistent_held_out``: those of the physically consistent estimate ``consistent``;
+      ``scores``: these and the scores on all rows and on unfiltered torques.
+    - ``whiteness``: of the residuals of every joint; ``essential``: the reduced model, None if not asked for.
+    - ``indefinite``: for each estimate, the share of random poses with an indefinite mass matrix.
+    - ``structural_notes``, ``motion_notes``: sentences on parameters that the structure of the robot, or the recorded
+      motion, leaves undetermined; ``hardly_determined``: on those that the data determine poorly; ``weak``:
+      combinations that the motion hardly excites.
+    - ``delivered``: the parameters of the written model, with their ``units`` and ``meanings``; ``band``: the
+      uncertainty of the torques that it predicts.
+    - ``friction``: the friction laws other than the linear one, None without any.
+    - ``repairs``, ``diagnoses``: repairs of the recordings, and probable faults in them or in the robot file.
+    - ``blocks``, ``held_out_blocks``, ``parametrisation``: the rows, and the map to the identifiable parameters;
+      ``regressor``: that of all columns.
+    """
+
+    columns: tuple[Column, ...]
+    structure: Structure
+    estimate: Estimate
+    iid_std: Array
+    theta: Array
+    tuning: Tuning
+    split: Split
+    fitted: Fingerprint
+    scores: tuple[Score, ...]
+    fit: dict[str, Any]
+    held_out: dict[str, Any]
+    whiteness: tuple[Whiteness, ...]
+    consistent: ConsistentEstimate | None
+    consistent_fit: dict[str, Any] | None
+    consistent_held_out: dict[str, Any] | None
+    essential: Essential | None
+    indefinite: dict[str, float]
+    structural_notes: tuple[str, ...]
+    motion_notes: tuple[str, ...]
+    weak: tuple[Direction, ...]
+    delivered: Delivered
+    units: tuple[str, ...]
+    meanings: tuple[str, ...]
+    hardly_determined: tuple[str, ...]
+    band: TorqueBand = field(repr=False, compare=False)
+    friction: FrictionFit | None = None
+    repairs: tuple[Repairs, ...] = ()
+    diagnoses: tuple[Cause, ...] = ()
+    blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
+    held_out_blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
+    parametrisation: Parametrisation | None = field(repr=False, compare=False, default=None)
+    regressor: FullRegressor | None = field(repr=False, compare=False, default=None)
+
+    @property
+    def processing(self) -> Processing:
+        """The preprocessing settings of the recordings, complete with those that were chosen automatically."""
+        return self.tuning.processing
+
+    @property
+    def transform(self) -> Callable[[JointFactors], JointFactors] | None:
+        """Map of the triangular factors of the rows to those of the identifiable parameters."""
+        return None if self.parametrisation is None else self.parametrisation.transform
+
+    @property
+    def parts(self) -> tuple[tuple[str, Iterable[Rows]], ...]:
+        """The fitted and the held-out rows, as pairs of a name and blocks of rows."""
+        return (("in sample", self.blocks), ("held out", self.held_out_blocks))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the identifiable combinations."""
+        return self.estimate.names
+
+
+def identify(
+    model: RigidModel,
+    recordings: Sequence[Recording],
+    processing: Processing,
+    options: Options | None = None,
+    *,
+    checkpoint: Path | None = None,
+    digest: str = "",
+    progress: Progress | None = None,
+) -> Identification:
+    """Estimate the base parameters and drive terms of ``model`` from ``recordings``.
+
+    ``processing`` holds the preprocessing settings; those left None are chosen from the bandwidth of the motion.
+    ``checkpoint`` is a file from which an interrupted run is resumed if its ``digest``, of recordings and settings,
+    agrees. ``progress(done, total, message)`` is called as the work proceeds. Raises :class:`InputError` for
+    recordings or options that cannot be used, :class:`~rrrgen.base.errors.DerivationError` if the data determine
+    nothing.
+    """
+    options = options or Options()
+    tell: Progress = progress or (lambda done, total, message: None)
+    for recording in recordings:
+        if len(recording.joints) != model.n:
+            raise InputError(f"a recording of {len(recording.joints)} joints for a robot with {model.n}")
+    tuning = tune(processing, recordings, options.split)
+    if options.split.kind != "none":
+        guard = reach(tuning) if options.guard is None else options.guard
+        options = replace(options, split=options.split.guarded(guard))
+    regressor, tuning, friction = _with_friction(model, recordings, tuning, options, tell)
+    chosen = parametrise(regressor, options.fixed, options.fixed_standard, options.seed)
+    tell(0, 0, f"{chosen.structure.rank} identifiable parameters")
+    width = len(regressor.columns)
+    maker = RowMaker(regressor, tuning.processing, width, options.known, regressor.sliding)
+    observations = Observations(tuple(recordings), maker)
+    blocks: Iterable[Rows]
+    held_out: Iterable[Rows] = []
+    if fits_in_memory(observations):
+        factors, blocks, held_out = rows_of_recordings(observations, options.split, progress)
+    else:
+        blocks = FittedRows(observations, options.split)
+        held_out = ScoredRows(observations, options.split)
+        factors = factor_recordings(
+            observations,
+            options.split,
+            jobs=options.jobs,
+            cluster=options.cluster,
+            checkpoint=checkpoint,
+            digest=digest,
+            progress=progress,
+        )
+    if int(np.sum(factors.fit.counts)) == 0:
+        raise InputError("no row is left to fit: check the split of the data and the lowest speed")
+    found = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell).result()
+    return replace(found, repairs=tuple(recording.repairs for recording in recordings), friction=friction)
+
+
+def refitted(
+    found: Identification,
+    recordings: Sequence[Recording],
+    options: Options,
+    blocks: Sequence[Rows],
+    held_out: Sequence[Rows],
+    friction: FrictionFit | None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Repeat the identification ``found`` with other rows for the same parameters, such as those of a simulated loop.
+
+    ``blocks`` are the rows to fit, ``held_out`` those to score only, ``friction`` the laws with changed shapes.
+    """
+    regressor, chosen = found.regressor, found.parametrisation
+    assert regressor is not None and chosen is not None  # noqa: PT018
+    if friction is not None:
+        regressor = replace(regressor, surfaces=friction.surfaces)
+    factors = Factors(factor_blocks(blocks), factor_blocks(held_out))
+    own = replace(options, split=found.split)
+    tell: Progress = progress or (lambda done, total, message: None)
+    run = _Run(regressor.model, regressor, chosen, recordings, found.tuning, own, factors, blocks, held_out, tell)
+    return replace(run.result(), repairs=found.repairs, friction=friction, diagnoses=found.diagnoses)
+
+
+def _with_friction(
+    model: RigidModel, recordings: Sequence[Recording], tuning: Tuning, options: Options, tell: Progress
+) -> tuple[FullRegressor, Tuning, FrictionFit | None]:
+    """Build the regressor with the requested friction laws, their shape parameters fitted to the training data.
+
+    Nonlinear laws also describe slow motion, so the returned tuning then keeps samples at low speed.
+    """
+    terms = with_linear_friction(options.terms or DriveTerms.of_spec(model.spec), model.spec)
+    every = replace(tuning, processing=replace(tuning.processing, low_speed=()))
+    fit = fit_friction(
+        model,
+        recordings,
+        every.processing,
+        terms,
+        options.friction,
+        options.split,
+        options.known,
+        lambda message: tell(0, 0, message),
+    )
+    if fit is None:
+        return FullRegressor(model, terms), tuning, None
+    return FullRegressor(model, without_laws(terms, fit.surfaces), fit.surfaces, fit.load), every, fit
+
+
+class _Run:
+    """Computes all estimates and scores from the triangular factors of the rows."""
+
+    def __init__(
+        self,
+        model: RigidModel,
+        regressor: FullRegressor,
+        chosen: Parametrisation,
+        recordings: Sequence[Recording],
+        tuning: Tuning,
+        options: Options,
+        factors: Factors,
+        blocks: Iterable[Rows],
+        held_out: Iterable[Rows],
+        tell: Progress,
+    ) -> None:
+        self.model, self.regressor, self.chosen = model, regressor, chosen
+        self.recordings, self.tuning = recordings, tuning
+        self.options, self.factors, self.tell = options, factors, tell
+        self.blocks, self.held_out = blocks, held_out
+
+    def result(self) -> Identification:
+        options, chosen = self.options, self.chosen
+        reduced = chosen.transform(self.factors.fit)
+        estimate = self.estimated(reduced)
+        theta = chosen.expand(estimate.x)
+        iid_std = estimate.std
+        self.tell(0, 0, "statistics of the residuals")
+        white = residual_whiteness(self.blocks, theta) if options.correlated else ()
+        robust = options.method == "robust"
+        if options.correlated and estimate.relative_error > 1e-9:
+            lags = max(correlation_lags(w) for w in white)
+            limit = HUBER if robust else None
+            covariance = correlated_covariance(self.blocks, estimate, lags, chosen.expand, chosen.T, limit)
+            estimate = replace(estimate, covariance=covariance)
+        rows = robust_rows(self.blocks, theta, estimate) if robust else None
+        consistent = self.consistent_estimate(estimate, rows) if options.consistent else None
+        essential = None
+        if options.essential:
+            self.tell(0, 0, "essential parameters")
+            inflation = max((w.inflation for w in white), default=1.0)
+            essential = essential_parameters(reduced, chosen.structure.names, samples_per_independent=inflation)
+        names = [column.name for column in self.regressor.columns]
+        factors = reduced if rows is None else chosen.transform(rows)
+        delivered = Delivered.of(estimate, consistent, factors, chosen, names, options, len(self.model.base_projection))
+        final = theta if consistent is None else consistent.theta
+        scatter = np.array(score(self.factors.fit, final)["joint_rms"])
+        return Identification(
+            columns=self.regressor.columns,
+            structure=chosen.structure,
+            estimate=estimate,
+            iid_std=iid_std,
+            theta=theta,
+            tuning=self.tuning,
+            split=options.split,
+            fitted=fingerprint(self.recordings, options.split),
+            scores=self.scores(theta, consistent),
+            fit=score(self.factors.fit, theta),
+            held_out=score(self.factors.score, theta),
+            whiteness=white,
+            consistent=consistent,
+            consistent_fit=None if consistent is None else score(self.factors.fit, consistent.theta),
+            consistent_held_out=None if consistent is None else score(self.factors.score, consistent.theta),
+            essential=essential,
+            indefinite=self.indefinite(theta, consistent),
+            structural_notes=chosen.structure.in_words(),
+            delivered=delivered,
+            band=TorqueBand.of(final, chosen.T, delivered.covariance, scatter),
+            units=identified_units(chosen.structure, self.regressor.columns, chosen.free, self.model),
+            meanings=explained_names(chosen.structure.names, self.regressor.columns, self.model),
+            hardly_determined=collinear(reduced, estimate),
+            motion_notes=unexcited(reduced, chosen.structure.names, estimate.weights),
+            weak=weak_directions(reduced, chosen.structure.names, estimate.weights),
+            blocks=self.blocks,
+            held_out_blocks=self.held_out,
+            parametrisation=chosen,
+            regressor=self.regressor,
+        )
+
+    def estimated(self, reduced: JointFactors) -> Estimate:
+        names = self.chosen.structure.names
+        self.tell(0, 0, f"{self.options.method} least squares")
+        if self.options.method == "ordinary":
+            return least_squares(reduced, names)
+        weighted = weighted_least_squares(reduced, names)
+        if self.options.method == "weighted":
+            return weighted
+        if self.options.method != "robust":
+            raise InputError(f"unknown method '{self.options.method}'; there are {', '.join(METHODS)}")
+        chosen = self.chosen
+        return robust_least_squares(
+            lambda: self.blocks, names, weighted, transform=chosen.transform, expand=chosen.expand
+        )
+
+    def consistent_estimate(self, estimate: Estimate, robust: JointFactors | None = None) -> ConsistentEstimate:
+        """Physically consistent estimate from the rows and weights of ``estimate``, or from the ``robust`` rows."""
+        self.tell(0, 0, "physically consistent estimate")
+        options, fit = self.options, self.factors.fit
+        columns = self.regressor.columns
+        b = len(self.model.base_parameter_names)
+        known = np.zeros(len(columns))
+        free = list(range(b))
+        for i, column in enumerate(columns[b:], start=b):
+            if column.name in options.fixed:
+                known[i] = options.fixed[column.name]
+            else:
+                free.append(i)
+        rms = float(np.sqrt(np.sum(fit.torque_squares) / np.sum(fit.counts)))
+        prior = options.prior or default_prior(self.model.spec, rms, options.prior_strength)
+        names = standard_names(np.shape(self.model.base_projection)[1] // 10)
+        fixed = {names.index(name): value for name, value in options.fixed_standard.items()}
+        T = np.eye(len(columns))[:, free]
+        found = consistent_estimate(
+            self.model,
+            (fit if robust is None else robust).mapped(T, known),
+            [columns[i] for i in free],
+            estimate.weights if robust is None else np.ones(self.model.n),
+            prior,
+            reference=estimate,
+            fixed=fixed,
+            scored=None if robust is None else fit.mapped(T, known),
+        )
+        return replace(found, theta=T @ found.theta + known, names=self.regressor.names)
+
+    def scores(self, theta: Array, consistent: ConsistentEstimate | None) -> tuple[Score, ...]:
+        """Scores of every estimate on fitted rows, on all rows and on unfiltered torques, in sample and held out."""
+        self.tell(0, 0, "scores on all samples")
+        estimates = {self.options.method: theta} | ({} if consistent is None else {"consistent": consistent.theta})
+        stacked = np.column_stack(list(estimates.values()))
+
+        def torques(q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:
+            return np.asarray(self.regressor(q, dq, ddq, s) @ stacked)
+
+        return score_models(
+            tuple(estimates),
+            torques,
+            self.recordings,
+            self.tuning,
+            self.options.split,
+            known=self.options.known,
+            columns=len(self.regressor.columns),
+            sliding=self.regressor.sliding,
+        )
+
+    def indefinite(self, theta: Array, consistent: ConsistentEstimate | None) -> dict[str, float]:
+        """Share of random poses at which M(q) is indefinite, for each estimate."""
+        self.tell(0, 0, "mass matrix at random poses")
+        given = self.options.limits
+        limits = pose_limits(self.model.spec, self.model.n) if given is None else given
+        estimates = {self.options.method: theta} | ({} if consistent is None else {"consistent": consistent.theta})
+        shares: dict[str, float] = {}
+        for name, values in estimates.items():
+            mass = partial(mass_matrix, self.model, self.regressor.columns, values)
+            shares[name], _ = indefinite_share(mass, limits[0], limits[1], self.options.poses, self.options.seed)
+        return shares

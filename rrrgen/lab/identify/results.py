@@ -1,0 +1,329 @@
+"""Writes the results of an identification: JSON record, CSV tables, figures, and the identified robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrrgen.base.errors import DerivationError
+from rrrgen.base.version import VERSION
+from rrrgen.lab.estimate.statistics import confidence_factor
+from rrrgen.lab.identify.consistency import ConsistentEstimate
+from rrrgen.lab.identify.held_out import held_out_notes
+from rrrgen.robot.friction.law import LEAST
+from rrrgen.robot.model.drive_terms import SYMBOLS
+from rrrgen.robot.model.inertial_parameters import STANDARD, link_of, standard_names
+from rrrgen.robot.robot_spec import DriveSpec, FrictionSpec, LawSpec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rrrgen.base.arrays import Array
+    from rrrgen.lab.data.run_folder import RunFolder
+    from rrrgen.lab.estimate.tsqr import Rows
+    from rrrgen.lab.identify.convergence import Convergence
+    from rrrgen.lab.identify.friction_columns import FrictionSurface
+    from rrrgen.lab.identify.full_regressor import RigidModel
+    from rrrgen.lab.identify.identification import Identification
+    from rrrgen.lab.identify.observations import Recording
+    from rrrgen.robot.robot_spec import FitSpec, RobotSpec
+
+FRICTION_SYMBOLS = {field: symbol for field, symbol in SYMBOLS.items() if field != "inertia"}
+CONFIDENCE = 0.95
+
+
+def as_record(found: Identification, joints: Sequence[str]) -> dict[str, Any]:
+    """The content of ``identification.json``: estimates, scores, filters, notes, repairs and diagnoses.
+
+    ``joints`` (n,) are the names of the joints.
+    """
+    estimate = found.estimate
+    covered = {name: found.band.coverage(blocks) for name, blocks in found.parts}
+    header, rows = parameter_table(found)
+    return {
+        "method": estimate.method,
+        "data": str(found.split),
+        "delivered": found.delivered.origin,
+        "identified": [dict(zip(header, row, strict=True)) for row in rows],
+        "names": list(found.meanings),
+        "hardly_determined": list(found.hardly_determined),
+        "torque_band": {k: None if each is None else (each.share, each.parameters) for k, each in covered.items()},
+        "torque_band_joints": {k: None if each is None else each.joints for k, each in covered.items()},
+        "held_out_notes": list(held_out_notes(found.scores, covered["held out"], joints)),
+        "friction": None if found.friction is None else found.friction.to_json(),
+        "diagnoses": [cause.to_json() for cause in found.diagnoses],
+        "repairs": [repairs.to_json() for repairs in found.repairs],
+        "identifiable_parameters": found.structure.rank,
+        "columns": len(found.columns),
+        "relative_error_fit": found.fit["relative_error"],
+        "relative_error_held_out": found.held_out["relative_error"],
+        "fit": found.fit,
+        "held_out": found.held_out,
+        "scores": [{"measured_on": score.where, **vars(score)} for score in found.scores],
+        "condition": estimate.condition,
+        "condition_scaled": estimate.scaled_condition,
+        "rank": estimate.rank,
+        "iterations": estimate.iterations,
+        "joint_sigma": estimate.joint_sigma,
+        "processing": found.processing.settings(),
+        "bandwidth": found.tuning.to_json(),
+        "guard_band": found.split.guard,
+        "whiteness": [
+            {
+                "durbin_watson": w.durbin_watson,
+                "ljung_box_p": w.p_value,
+                "samples_per_independent": w.inflation,
+                "autocorrelation": w.autocorrelation,
+            }
+            for w in found.whiteness
+        ],
+        "not_identifiable": list(found.structural_notes),
+        "not_excited": list(found.motion_notes) + [direction.sentence for direction in found.weak],
+        "indefinite_mass_matrix_share": found.indefinite,
+        "physically_consistent": _consistent_record(found),
+        "essential": None
+        if found.essential is None
+        else {
+            "parameters": list(found.essential.estimate.names),
+            "values": found.essential.estimate.x,
+            "left_out": list(found.essential.dropped),
+            "relative_error_fit": found.essential.estimate.relative_error,
+            "condition": found.essential.estimate.condition,
+            "stopped_by": found.essential.stopped_by,
+        },
+        "parameters": dict(zip((c.name for c in found.columns), found.theta, strict=True)),
+    }
+
+
+def _consistent_record(found: Identification) -> dict[str, Any] | None:
+    consistent = found.consistent
+    if consistent is None:
+        return None
+    names = standard_names(len(consistent.phi) // len(STANDARD))
+    return {
+        "relative_error_fit": None if found.consistent_fit is None else found.consistent_fit["relative_error"],
+        "relative_error_held_out": None
+        if found.consistent_held_out is None
+        else found.consistent_held_out["relative_error"],
+        "fit": found.consistent_fit,
+        "held_out": found.consistent_held_out,
+        "smallest_eigenvalues": consistent.eigenvalues,
+        "rise_of_weighted_residual": consistent.loss,
+        "standard_parameters": dict(zip(names, consistent.phi, strict=True)),
+        "parameters": dict(zip(consistent.names, consistent.theta, strict=True)),
+        **consistent.facts,
+    }
+
+
+def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Sequence[Any]]]:
+    """Header and rows of ``parameters.csv``, one row per identifiable combination.
+
+    A row holds value, standard deviation and 95 % confidence interval of the written model, and the unconstrained
+    estimate for comparison.
+    """
+    estimate, delivered = found.estimate, found.delivered
+    half = confidence_factor(CONFIDENCE, estimate.freedom)
+    header = ("parameter", "unit", "value", "std", "std_percent", "lower_95", "upper_95", "at_bound")
+    beside = ("unconstrained", "unconstrained_std", "unconstrained_std_if_white", "essential")
+    kept = None if found.essential is None else set(found.essential.kept)
+
+    def rows() -> Iterator[Sequence[Any]]:
+        for i, name in enumerate(estimate.names):
+            value, std = float(delivered.x[i]), float(delivered.std[i])
+            percent = 100.0 * std / abs(value) if value else float("inf")
+            essential = "" if kept is None else "yes" if i in kept else "no"
+            bound = "yes" if delivered.at_bound[i] else "no"
+            free = float(estimate.x[i]), float(estimate.std[i]), float(found.iid_std[i])
+            yield (
+                name,
+                found.units[i],
+                value,
+                std,
+                percent,
+                value - half * std,
+                value + half * std,
+                bound,
+                *free,
+                essential,
+            )
+
+    return (*header, *beside), rows()
+
+
+def identified_spec(
+    spec: RobotSpec,
+    consistent: ConsistentEstimate,
+    description: str = "",
+    surfaces: Sequence[FrictionSurface] = (),
+) -> RobotSpec:
+    """Copy of ``spec`` with the links, friction and (also coupled) drives of a physically consistent estimate.
+
+    Inertia is stated about the origin of the link frame, as estimated; friction and drive terms that ``spec`` lacks are
+    added; ``surfaces`` are the joints and motors with other friction laws. ``description`` replaces that of the robot
+    unless empty. Raises :class:`DerivationError` for an estimate that a robot file cannot hold: a link without mass, or
+    terms of a motor that the robot does not have.
+    """
+    phi = consistent.phi.reshape(len(spec.rows), len(STANDARD))
+    if np.any(phi[:, 0] <= 0):
+        raise DerivationError("a link without mass cannot be written into a robot file")
+    left = dict(consistent.drives)
+    laws = {surface.owner: _law(surface, left) for surface in surfaces}
+    joints = []
+    for i, joint in enumerate(spec.joints):
+        friction, inertia = _identified(f"{i + 1}", joint.friction, left, laws)
+        drive = joint.drive if inertia is None else replace(joint.drive or DriveSpec(), inertia=inertia)
+        joints.append(replace(joint, friction=friction, drive=drive))
+    drives = spec.drives
+    if drives is not None:
+        motors = []
+        for motor in drives.motors:
+            friction, inertia = _identified(f"_{motor.name}", motor.friction, left, laws)
+            motors.append(replace(motor, friction=friction, inertia=motor.inertia if inertia is None else inertia))
+        drives = replace(drives, motors=tuple(motors))
+    if left:
+        raise DerivationError(f"no motor of the robot file is that of {', '.join(left)}: describe it under 'drives'")
+    links = tuple(link_of(row) for row in phi)
+    return replace(spec, joints=tuple(joints), drives=drives, links=links, description=description or spec.description)
+
+
+def _law(surface: FrictionSurface, left: dict[str, float]) -> LawSpec:
+    """Friction law of a joint or motor with its estimated parameters, for the robot file.
+
+    ``left`` maps the names of parameters not yet used to their values; those of this law are removed from it.
+    """
+    found = [(parameter, left.pop(f"{parameter.name}{surface.owner}")) for parameter in surface.definition.linear]
+    linear = [max(value, LEAST) if parameter.positive else value for parameter, value in found]
+    return LawSpec(surface.law, tuple(float(value) for value in surface.definition.joined(linear, surface.shapes)))
+
+
+def _identified(
+    owner: str, friction: FrictionSpec | None, left: dict[str, float], laws: Mapping[str, LawSpec]
+) -> tuple[FrictionSpec | None, float | None]:
+    """Friction and inertia of the joint or motor whose parameter names end in ``owner``; removes them from ``left``."""
+    given = {field: left.pop(f"{symbol}{owner}", None) for field, symbol in FRICTION_SYMBOLS.items()}
+    found: dict[str, Any] = {field: value for field, value in given.items() if value is not None}
+    if owner in laws:
+        friction = FrictionSpec(offset=found.get("offset"), law=laws[owner])
+    elif friction is not None and friction.law is not None:
+        friction = FrictionSpec(**found)  # the user asked for the linear law instead of that of the robot file
+    elif found:
+        friction = replace(friction or FrictionSpec(), **found)
+    return friction, left.pop(f"Ia{owner}", None)
+
+
+def fitted_data(found: Identification, recordings: str = "") -> FitSpec:
+    """The ``provenance`` entry of the robot file: fingerprint of the fitted samples; ``recordings`` are file names."""
+    from rrrgen.robot.robot_spec import FitSpec
+
+    data = "all" if found.split.kind == "none" else str(found.split)
+    return FitSpec(found.fitted.hashes, found.fitted.windows, f"rrrgen {VERSION}", recordings, data)
+
+
+def write_identification(
+    folder: RunFolder,
+    found: Identification,
+    spec: RobotSpec,
+    points: int = 200,
+    recordings: str = "",
+    model: RigidModel | None = None,
+    recording: Recording | None = None,
+) -> None:
+    """Write the result of an identification into a run folder.
+
+    Writes ``identification.json``, ``parameters.csv``, ``robot.yaml`` (of the physically consistent estimate),
+    ``convergence.csv``, and the figures of :func:`identification_figures`. ``recordings`` names the data files in the
+    provenance of the robot file; ``points`` is the approximate number of points of the convergence curves. Long
+    recordings are read again for the figures.
+    """
+    from rrrgen.robot.file import dumps
+
+    folder.write_json("identification.json", as_record(found, [joint.name for joint in spec.joints]))
+    folder.write_csv("parameters.csv", *parameter_table(found))
+    if found.consistent is not None:
+        folder.write_text("robot.yaml", dumps(spec_with_provenance(found, spec, recordings)))
+    settling = _convergence(found, spec, points)
+    rows = zip(settling.samples, settling.condition, *settling.x.T, strict=True)
+    folder.write_csv("convergence.csv", ("samples", "condition", *settling.names), rows)
+    for name, draw in identification_figures(found, spec, points, model, recording, settling).items():
+        figure = draw()
+        if figure is not None:
+            folder.figure(name, figure)
+
+
+def spec_with_provenance(found: Identification, spec: RobotSpec, recordings: str = "") -> RobotSpec:
+    """The robot ``spec`` with the physically consistent estimate, which it must have, and the data that it is from.
+
+    ``recordings`` names the data files. Raises :class:`DerivationError` for an estimate that no robot file can hold.
+    """
+    assert found.consistent is not None
+    fits = {fit.hashes: fit for fit in (*spec.provenance, fitted_data(found, recordings))}
+    surfaces = () if found.friction is None else found.friction.surfaces
+    return replace(identified_spec(spec, found.consistent, surfaces=surfaces), provenance=tuple(fits.values()))
+
+
+def _convergence(found: Identification, spec: RobotSpec, points: int) -> Convergence:
+    """The estimate as a function of the number of samples, at about ``points`` numbers."""
+    from rrrgen.lab.identify.convergence import convergence
+
+    every = max(1, found.fit["rows"] // spec.n // points)
+    return convergence(found.blocks, found.names, found.estimate.weights, found.transform, every)
+
+
+def identification_figures(
+    found: Identification,
+    spec: RobotSpec,
+    points: int = 200,
+    model: RigidModel | None = None,
+    recording: Recording | None = None,
+    settling: Convergence | None = None,
+) -> dict[str, Callable[[], Figure | None]]:
+    """The figures of an identification: name -> function that draws it, None if the data do not allow it.
+
+    ``torques``, ``torques_held_out``, ``convergence``, ``whiteness``, and ``friction`` if ``model`` and ``recording``
+    are given. ``points`` is the approximate number of points of the convergence curves ``settling``, which are computed
+    if None.
+    """
+    from rrrgen.lab.identify.estimation_plots import plot_convergence, plot_whiteness
+    from rrrgen.lab.identify.torque_plots import force_units, plot_torque_curves, torque_curves
+
+    joints = [joint.name for joint in spec.joints]
+    theta = found.theta if found.consistent is None else found.consistent.theta
+
+    def torques(blocks: Iterable[Rows]) -> Figure | None:
+        curves = torque_curves(blocks, theta, band=found.band)
+        return None if curves is None else plot_torque_curves(curves, joints, force_units(spec))
+
+    return {
+        "torques": lambda: torques(found.blocks),
+        "torques_held_out": lambda: torques(found.held_out_blocks),
+        "convergence": lambda: plot_convergence(
+            _convergence(found, spec, points) if settling is None else settling, found.estimate.std, found.units
+        ),
+        "whiteness": lambda: plot_whiteness(found.whiteness, joints) if found.whiteness else None,
+        "friction": lambda: (
+            None if model is None or recording is None else _friction_figure(found, model, recording, theta)
+        ),
+    }
+
+
+def _friction_figure(found: Identification, model: RigidModel, recording: Recording, theta: Array) -> Figure | None:
+    """The estimated friction against the speed of every joint; None if the model has none."""
+    from rrrgen.lab.identify.diagnosis.sample import sample_of
+    from rrrgen.lab.identify.friction_columns import law_columns
+    from rrrgen.lab.identify.torque_plots import plot_friction
+    from rrrgen.runtime.regressor_columns import drive_columns
+
+    sample = sample_of(recording, found.processing)
+    kinds = {column.kind for column in found.columns}
+    if sample is None or not kinds & {"viscous", "coulomb", "law"}:
+        return None
+    surfaces, load = ((), ()) if found.friction is None else (found.friction.surfaces, found.friction.load)
+    drives = [column for column in found.columns if column.kind not in ("rigid", "law")]
+    rigid = np.asarray(model.regressor(sample.q, sample.dq, sample.ddq))
+    fixed = np.concatenate([rigid, drive_columns(drives, sample.dq, sample.ddq)], axis=-1)
+    W = np.concatenate([fixed, law_columns(surfaces, sample.dq, None, fixed @ load if load else None)], axis=-1)
+    revolute = [joint.is_revolute for joint in model.spec.joints]
+    return plot_friction(sample, W, found.columns, theta, recording.joints, revolute, surfaces)

@@ -1,0 +1,130 @@
+"""Fitting of models to recordings or frequency responses, one for every posture, with reasons where none is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.lab.response.difference_models import fit_difference_model
+from rrrgen.lab.response.estimate import estimate_one, estimate_responses
+from rrrgen.lab.response.frequency_response import FrequencyResponse
+from rrrgen.lab.response.modal_fit import fit_modes
+from rrrgen.lab.response.postures import modes_over_postures
+from rrrgen.lab.response.response_file import ResponseFile, ResponseRecording, read_recordings
+from rrrgen.lab.response.response_model import Resonance, ResponseModel
+
+APART = 0.02  # relative distance of the frequencies of two resonances
+
+
+@dataclass(frozen=True)
+class FittedModels:
+    """Models fitted to postures, the ``measured`` responses to draw with them, and postures without a model.
+
+    ``refused`` maps the name of each posture without a model to the reason. ``overlooked`` are resonances of the
+    frequency response that a difference equation does not have.
+    """
+
+    models: list[ResponseModel]
+    measured: list[FrequencyResponse]
+    refused: dict[str, str]
+    overlooked: tuple[Resonance, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The contents of ``results/response_model.json``: the first posture, and all of them if there are several."""
+        record = self.models[0].to_json()
+        record["overlooked"] = [mode.to_json() for mode in self.overlooked]
+        if len(self.models) + len(self.refused) > 1:
+            record["postures"] = [model.to_json() for model in self.models]
+            record["resonances_over_postures"] = [mode.to_json() for mode in modes_over_postures(self.models)]
+            record["refused"] = self.refused
+        return record
+
+
+def fit_responses(measured: Sequence[FrequencyResponse]) -> FittedModels:
+    """Fit modes to every response that can be trusted; raises :class:`DerivationError` if none can."""
+    models, refused = [], {}
+    for each in measured:
+        try:
+            models.append(fit_modes(each))
+        except DerivationError as error:
+            refused[each.name] = str(error)
+    if not models:
+        raise DerivationError("; ".join(refused.values()))
+    return FittedModels(models, list(measured), refused)
+
+
+def fit_recordings(response: ResponseFile, rows: tuple[int, int] | None, method: str) -> FittedModels:
+    """Fit models to the recordings of a response file.
+
+    ``method`` is "modes", "arx", "armax", "output_error", "subspace", "indirect" or "auto". The last fits modes to the
+    frequency response where the recording has an excitation besides the input (a closed loop) or there are several
+    recordings, and a difference equation otherwise. ``rows`` (first, last, counted from 1) are fitted, the others test
+    the model.
+    """
+    records = read_recordings(response)
+    if len(records) > 1:
+        if rows is not None or method not in ("auto", "modes"):
+            raise InputError(
+                "several recordings are fitted by their frequency responses: rows or another method need one"
+            )
+        return fit_responses(estimate_responses(response))
+    record = records[0]
+    closed = response.excitation is not None and bool((record.n != record.u).any())
+    if method == "modes" or (method == "auto" and closed):
+        return _modes_of(record, response.period, rows)
+    model = fit_difference_model(record, rows, method, response.controller)
+    try:
+        measured = estimate_one(record, response.period)
+    except DerivationError:  # too short for a frequency response to show beside the model
+        return FittedModels([model], [], {})
+    return FittedModels([model], [measured], {}, _overlooked(model, measured))
+
+
+def _overlooked(model: ResponseModel, measured: FrequencyResponse) -> tuple[Resonance, ...]:
+    """The resonances of which the frequency response is certain and that the model does not have."""
+    try:
+        modes = fit_modes(measured).resonances
+    except DerivationError:
+        return ()
+    return tuple(
+        mode
+        for mode in modes
+        if not mode.uncertain and all(abs(each.frequency / mode.frequency - 1.0) > APART for each in model.resonances)
+    )
+
+
+def _modes_of(record: ResponseRecording, period: float | None, rows: tuple[int, int] | None) -> FittedModels:
+    """Fit modes to the response of the chosen rows; if there are enough rows after them, score the model on these."""
+    if rows is None:
+        return fit_responses([estimate_one(record, period)])
+    first, last = rows
+    if last > len(record.q):
+        raise InputError(f"rows {first}:{last} of a recording with rows 1:{len(record.q)}")
+    found = fit_responses([estimate_one(_part(record, first - 1, last), period)])
+    fit = found.models[0].fit
+    fit["fitted_rows"] = [first, last]
+    try:
+        other = estimate_one(_part(record, last, len(record.q)), period)
+    except DerivationError:  # too short
+        return found
+    use = other.trusted
+    if not use.any():
+        return found
+    relative = np.abs(found.models[0].response(other.frequency[use]) / other.P[use] - 1.0)
+    fit |= {
+        "value": 100.0 * (1.0 - float(np.sqrt(np.mean(relative**2)))),
+        "protocol": "frequency response of the scored rows at its trusted lines, which includes their own noise",
+        "scored_rows": [last + 1, len(record.q)],
+        "held_out": True,
+        "lines": int(np.count_nonzero(use)),
+        "largest_relative_error_95": float(np.quantile(relative, 0.95)),
+    }
+    return found
+
+
+def _part(record: ResponseRecording, start: int, stop: int) -> ResponseRecording:
+    return replace(record, **{name: getattr(record, name)[start:stop] for name in ("n", "u", "q")})

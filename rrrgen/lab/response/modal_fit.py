@@ -1,0 +1,314 @@
+"""Fit of vibration modes to a frequency response, weighted by its variance; their number minimizes description length.
+
+The model is
+``P(z) = z^-d [ (e_0 + e_1 z^-1)/(1 - z^-1)^p + sum_i (c_i0 + c_i1 z^-1)/(1 - 2 r_i cos(w_i) z^-1 + r_i^2 z^-2) ]`` with
+the pole pairs of modes of frequency f and damping zeta, p = 2 for a joint that moves freely and 0 for one that is held.
+The numerators follow from the modes by linear least squares, so that the search is over frequencies and dampings only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rrrgen.base.arrays import Array
+from rrrgen.base.errors import DerivationError
+from rrrgen.lab.response.controller import Complex
+from rrrgen.lab.response.frequency_response import FrequencyResponse
+from rrrgen.lab.response.response_model import HIGHEST_DAMPING, ResponseModel, resonance
+from rrrgen.lab.response.uncertainty import unknown_variances
+
+MOST_MODES = 6
+DELAYS = (0, 1, 2, 3)
+NEEDED = 10.0  # a part is needed if it lowers the cost by this multiple of the logarithm of the number of values
+SCAN = 80  # number of frequencies at which a further mode is tried
+FIRST_DAMPING = (0.005, 0.03, 0.15)  # damping ratios at which a further mode is tried
+LEAST_LINES = 12
+GROWING_STEPS, LAST_STEPS = 10, 60
+MOST_OF_A_LINE = 9.0  # bound on a line's share of the cost, so that no single line decides on a mode
+LEAST_BAND = 1e-3  # least relative standard deviation of a line: error of the local polynomials where noise is small
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """The lines used for the fit: ``z`` = z^-1, response ``P``, ``weight`` 1/sigma, (L,) each; ``period`` (s)."""
+
+    z: Complex
+    P: Complex
+    weight: Array
+    period: float
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """Candidate modal model during the search, with its fit to the measured response P.
+
+    ``modes`` (m, 2) holds [ln f, ln zeta] of each mode; the ``numerators`` follow by linear least squares. ``costs``
+    (L,) are the weighted squared errors ``|P - model|^2/sigma^2`` of the L spectral lines. ``delay`` is in samples,
+    ``integrators`` the number of poles at z = 1.
+    """
+
+    modes: Array
+    numerators: Array
+    costs: Array
+    delay: int
+    integrators: int
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared errors over all lines, each divided by its variance."""
+        return float(np.sum(self.costs))
+
+    @property
+    def scale(self) -> float:
+        """Median cost of a spectral line, at least 1; it is about 1 where the model explains all but the noise."""
+        return max(1.0, float(np.median(self.costs)))
+
+    def capped(self, scale: float) -> float:
+        """Sum of the costs of the lines in units of ``scale``; a line counts for at most :data:`MOST_OF_A_LINE`."""
+        return float(np.sum(np.minimum(self.costs / scale, MOST_OF_A_LINE)))
+
+
+def fit_modes(response: FrequencyResponse) -> ResponseModel:
+    """Fit modes to the trusted lines of a response; raises :class:`DerivationError` where there are too few."""
+    use = response.trusted
+    if np.count_nonzero(use) < LEAST_LINES:
+        reason = response.findings[0].message if response.findings else f"{LEAST_LINES} are the least"
+        raise DerivationError(f"{response.name}: {np.count_nonzero(use)} lines can be trusted: {reason}")
+    raw = response.unsmoothed or response  # smoothed lines are not independent
+    P = raw.P[use]
+    # neighbouring lines that share data count for as much as independent ones in their place would
+    share = np.broadcast_to(response.independent, len(use))[use]
+    sigma = np.sqrt((raw.variance[use] + (LEAST_BAND * np.abs(P)) ** 2) / share)
+    z = np.exp(-2j * np.pi * response.frequency[use] * response.period)
+    lines = _Lines(z, P, 1.0 / sigma, response.period)
+    frequency = response.frequency[use]
+    found = [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 2)]
+    if not _integrates(lines, min(found, key=lambda each: each.cost)):
+        found += [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 0)]
+    scale = min(found, key=lambda each: each.cost).scale
+    sizes = [len(each.modes) + len(each.numerators) for each in found]
+    lengths = [each.capped(scale) + 0.5 * m * np.log(2.0 * len(P)) for each, m in zip(found, sizes, strict=True)]
+    table = tuple(
+        {
+            "integrators": each.integrators,
+            "delay": each.delay,
+            "modes": len(each.modes) // 2,
+            "misfit": float(np.mean(each.costs / share)),
+            "description_length": float(length),
+        }
+        for each, length in zip(found, lengths, strict=True)
+    )
+    best = found[int(np.argmin(lengths))]
+    chosen = best if not len(best.modes) else _refine(lines, best, LAST_STEPS)
+    return _model(response, lines, chosen, table)
+
+
+def _integrates(lines: _Lines, best: _Candidate) -> bool:
+    """Whether ``best`` needs the part with poles at z = 1 (a joint that moves freely) in addition to its modes.
+
+    If it does, no model of a joint that is held is tried.
+    """
+    held = _solve(lines, best.modes, best.delay, 0)
+    return bool(held.capped(best.scale) > best.capped(best.scale) + NEEDED * np.log(2.0 * len(lines.P)))
+
+
+def _growing(lines: _Lines, frequency: Array, delay: int, integrators: int) -> list[_Candidate]:
+    """Candidates with 0, 1, .. modes; each adds the mode that lowers the cost most, and refines all modes."""
+    found = [_solve(lines, np.empty(0), delay, integrators)]
+    grid = np.geomspace(frequency[0] * 1.05, frequency[-1] * 0.98, SCAN)
+    penalty = 2.0 * np.log(2.0 * len(lines.P))
+    while len(found) <= MOST_MODES:
+        last = found[-1]
+        mode = _best_further_mode(lines, last, grid)
+        started = _solve(lines, np.concatenate([last.modes, np.log(mode)]), delay, integrators)
+        refined = _refine(lines, started, GROWING_STEPS)
+        if refined.capped(last.scale) > last.capped(last.scale) - penalty:
+            break
+        found.append(refined)
+    return found
+
+
+def _best_further_mode(lines: _Lines, last: _Candidate, grid: Array) -> tuple[float, float]:
+    """Find on a grid the frequency and damping of the mode that explains most of the residual of ``last``.
+
+    Both columns of each mode are made orthogonal to the columns of ``last``; a 2x2 system gives the reduction of cost.
+    """
+    trials = np.array([(f, damping) for f in grid for damping in FIRST_DAMPING])
+    H = _stacked(_basis(lines, last.modes, last.delay, last.integrators) * lines.weight[:, None])
+    Q = np.linalg.qr(H / np.linalg.norm(H, axis=0))[0] if H.shape[1] else np.zeros((len(H), 0))
+    target = _stacked((lines.P * lines.weight)[:, None])[:, 0]
+    rest = target - Q @ (Q.T @ target)
+    X = _stacked(_basis(lines, np.log(trials).ravel(), last.delay, 0) * lines.weight[:, None])
+    X = X / np.linalg.norm(X, axis=0)
+    X = (X - Q @ (Q.T @ X)).reshape(len(X), len(trials), 2)
+    right = np.einsum("ltc,l->tc", X, rest)
+    normal = np.einsum("lta,ltb->tab", X, X) + 1e-9 * np.eye(2)
+    explained = np.einsum("tc,tc->t", right, np.linalg.solve(normal, right[:, :, None])[:, :, 0])
+    f, damping = trials[int(np.argmax(explained))]
+    return float(f), float(damping)
+
+
+def _stacked(values: Complex) -> Array:
+    """Convert complex rows to real ones: the real parts, then the imaginary parts below them."""
+    return np.concatenate([values.real, values.imag])
+
+
+def _basis(lines: _Lines, modes: Array, delay: int, integrators: int) -> Complex:
+    """The matrix (L, m) whose columns are the terms of the model; their coefficients are the numerators."""
+    z = lines.z
+    columns = []
+    if integrators:
+        base = z**delay / (1.0 - z) ** integrators
+        columns += [base, base * z]
+    for a1, a2 in _pole_pairs(modes, lines.period):
+        base = z**delay / (1.0 - a1 * z - a2 * z * z)
+        columns += [base, base * z]
+    return np.stack(columns, axis=1) if columns else np.empty((len(z), 0), complex)
+
+
+def _pole_pairs(modes: Array, period: float) -> list[tuple[float, float]]:
+    """The coefficients [a1, a2] of the denominator ``1 - a1 z^-1 - a2 z^-2`` of each mode."""
+    pairs = []
+    for log_f, log_damping in modes.reshape(-1, 2):
+        omega, damping = 2.0 * np.pi * np.exp(log_f) * period, min(float(np.exp(log_damping)), 0.99)
+        radius, angle = np.exp(-damping * omega), omega * np.sqrt(1.0 - damping**2)
+        pairs.append((float(2.0 * radius * np.cos(angle)), float(-(radius**2))))
+    return pairs
+
+
+def _solve(lines: _Lines, modes: Array, delay: int, integrators: int) -> _Candidate:
+    """Fit the numerators of given modes by weighted linear least squares."""
+    real = _stacked(_basis(lines, modes, delay, integrators) * lines.weight[:, None])
+    right = _stacked((lines.P * lines.weight)[:, None])[:, 0]
+    if real.shape[1] == 0:
+        return _Candidate(modes, np.empty(0), _costs(right), delay, integrators)
+    scale = np.linalg.norm(real, axis=0)
+    numerators = np.linalg.lstsq(real / scale, right, rcond=1e-13)[0] / scale
+    return _Candidate(modes, numerators, _costs(right - real @ numerators), delay, integrators)
+
+
+def _costs(rest: Array) -> Array:
+    """Squared errors (L,) per line from the residual (2 L,), real parts followed by imaginary parts."""
+    return np.asarray(np.sum(rest.reshape(2, -1) ** 2, axis=0))
+
+
+def _residual(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:
+    found = _solve(lines, modes, delay, integrators)
+    return _stacked((lines.P - _basis(lines, modes, delay, integrators) @ found.numerators) * lines.weight)
+
+
+def _slopes(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:
+    """Derivatives (2 L, 2m) of the residual by ln f and ln zeta of every mode, when the numerators are refitted.
+
+    Refitting removes from each column what the numerators can represent. Of this derivative of variable projection,
+    only Kaufman's part is computed, with which the gradient of the squared residual is exact.
+    """
+    found = _solve(lines, modes, delay, integrators)
+    basis = _basis(lines, modes, delay, integrators)
+    real = _stacked(basis * lines.weight[:, None])
+    Q = np.linalg.qr(real / np.linalg.norm(real, axis=0))[0]
+    z, first = lines.z, 2 * bool(integrators)
+    columns = []
+    for i, (log_f, log_damping) in enumerate(modes.reshape(-1, 2)):
+        omega, damping = 2.0 * np.pi * np.exp(log_f) * lines.period, float(np.exp(log_damping))
+        root = np.sqrt(1.0 - damping**2)
+        radius, angle = np.exp(-damping * omega), omega * root
+        pair = basis[:, first + 2 * i : first + 2 * i + 2]
+        own = pair @ found.numerators[first + 2 * i : first + 2 * i + 2]
+        turned = pair[:, 1] / z**delay  # z^-1/(1 - a1 z^-1 - a2 z^-2)
+        for bend in (angle, -omega * damping**2 / root):  # of the angle; the radius changes alike with both
+            change = -damping * omega * radius
+            a1 = 2.0 * (change * np.cos(angle) - radius * np.sin(angle) * bend)
+            a2 = -2.0 * radius * change
+            columns.append(own * turned * (a1 + a2 * z))
+    by_mode = np.asarray(np.stack(columns, axis=1) * lines.weight[:, None], complex)
+    J = -_stacked(by_mode)
+    return np.asarray(J - Q @ (Q.T @ J))
+
+
+def _refine(lines: _Lines, start: _Candidate, steps: int) -> _Candidate:
+    from scipy.optimize import least_squares
+
+    def residual(modes: Array) -> Array:
+        return _residual(lines, modes, start.delay, start.integrators)
+
+    def slopes(modes: Array) -> Array:
+        return _slopes(lines, modes, start.delay, start.integrators)
+
+    highest = np.tile([np.log(0.5 / lines.period), np.log(0.9)], len(start.modes) // 2)
+    begin = np.minimum(start.modes, highest - 1e-3)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a damping on which no line depends
+        found = least_squares(
+            residual, begin, slopes, bounds=(-np.inf, highest), x_scale=0.01, ftol=1e-6, max_nfev=steps
+        )
+    return _solve(lines, np.asarray(found.x), start.delay, start.integrators)
+
+
+def _model(
+    response: FrequencyResponse, lines: _Lines, best: _Candidate, table: tuple[dict[str, Any], ...]
+) -> ResponseModel:
+    """Make the model: the difference equation of the modes, and the modes with their standard deviations."""
+    factors = [np.array([1.0, -a1, -a2]) for a1, a2 in _pole_pairs(best.modes, lines.period)]
+    if best.integrators:
+        factors.insert(0, np.array([1.0, -2.0, 1.0]))
+    denominator, numerator = np.ones(1), np.zeros(1)
+    for factor, pair in zip(factors, best.numerators.reshape(-1, 2), strict=True):
+        left, right = np.convolve(numerator, factor), np.convolve(pair, denominator)
+        size = max(len(left), len(right))
+        numerator = np.pad(left, (0, size - len(left))) + np.pad(right, (0, size - len(right)))
+        denominator = np.convolve(denominator, factor)
+    spread = _deviations(lines, best)
+    use = response.trusted
+    used = response.frequency[use]
+    resonances = []
+    for (log_f, log_damping), (std_f, std_damping) in zip(best.modes.reshape(-1, 2), spread, strict=True):
+        f, damping = float(np.exp(log_f)), float(np.exp(log_damping))
+        if damping < HIGHEST_DAMPING and used[0] <= f <= used[-1]:  # a pole outside the band is no measured resonance
+            resonances.append(resonance(f, damping, float(std_f), float(std_damping)))
+    model = ResponseModel(
+        method="modes",
+        a=-denominator[1:],
+        b=np.trim_zeros(numerator, "b"),
+        delay=best.delay,
+        period=response.period,
+        resonances=tuple(sorted(resonances, key=lambda each: each.frequency)),
+        table=table,
+        name=response.name,
+        fractions=tuple(zip(best.numerators.reshape(-1, 2), factors, strict=True)),
+    )
+    relative = np.abs(model.response(used) / lines.P - 1.0)
+    model.fit.update(
+        {
+            "value": 100.0 * (1.0 - float(np.sqrt(np.mean(relative**2)))),
+            "unit": "100 (1 - RMS |P_model/P - 1|)",
+            "protocol": "frequency response at the trusted lines, each as it was fitted with weight 1/variance",
+            "held_out": False,
+            "lines": len(used),
+            "misfit_per_line": float(np.mean(best.costs / np.broadcast_to(response.independent, len(use))[use])),
+            "largest_relative_error_95": float(np.quantile(relative, 0.95)),
+        }
+    )
+    return model
+
+
+def _deviations(lines: _Lines, best: _Candidate) -> Array:
+    """Relative standard deviations (m, 2) of frequencies and dampings; scaled up where the misfit exceeds the noise.
+
+    The derivatives are those of the residual after the numerators are solved for (variable projection), so that the
+    uncertainty of the numerators is included. The variance of each real or imaginary part is 1/2.
+    """
+    if not len(best.modes):
+        return np.empty((0, 2))
+    columns = []
+    for i in range(len(best.modes)):
+        step = np.zeros(len(best.modes))
+        step[i] = 1e-5
+        ends = [_residual(lines, best.modes + sign * step, best.delay, best.integrators) for sign in (1.0, -1.0)]
+        columns.append((ends[0] - ends[1]) / 2e-5)
+    J = np.stack(columns, axis=1)
+    dof = max(2 * len(lines.P) - len(best.modes) - len(best.numerators), 1)
+    variance = max(0.5, best.cost / dof)
+    return np.sqrt(unknown_variances(J, variance)).reshape(-1, 2)

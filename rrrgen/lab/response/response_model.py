@@ -1,0 +1,227 @@
+"""A linear model of a response: difference equation, resonances, and how well it fits."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rrrgen.base.arrays import Array
+from rrrgen.base.errors import InputError
+from rrrgen.base.extras import require
+from rrrgen.emit.controller.state_space import StateSpace, in_parallel, realize
+from rrrgen.lab.response.controller import Complex
+
+SCHEMA = "rrrgen-response-model/1"
+HIGHEST_DAMPING = 0.3  # highest damping ratio of a resonance
+CERTAIN = {"frequency": 0.0025, "damping": 0.05}
+"""Relative standard deviations above which frequency or damping of a resonance counts as uncertain."""
+LOWEST_SHARE = 1e-3  # of the sampling rate: lowest frequency at which the rounding of a and b is told
+HIGHEST_ZERO = 0.8  # zeros above this share of half the sampling rate are due to sampling
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """Frequency and damping ratio of a mode with the pole ``exp(s T)`` and its conjugate, T the sampling period.
+
+    ``frequency`` is ``|s|/(2 pi)`` in Hz, ``damping`` is ``-Re s/|s|``; ``frequency_std`` and ``damping_std`` are their
+    standard deviations, None where the method gives none.
+    """
+
+    frequency: float
+    damping: float
+    frequency_std: float | None = None
+    damping_std: float | None = None
+
+    @property
+    def uncertain(self) -> tuple[str, ...]:
+        """What is hardly known: "frequency" with a 95 % interval beyond .5 %, "damping" with one beyond 10 %."""
+        pairs = {"frequency": (self.frequency, self.frequency_std), "damping": (self.damping, self.damping_std)}
+        return tuple(
+            name for name, (value, std) in pairs.items() if std is None or not std <= CERTAIN[name] * abs(value)
+        )
+
+    @property
+    def unknown(self) -> bool:
+        """Whether there may be a resonance and no more is known: frequency uncertain, damping without deviation."""
+        return "frequency" in self.uncertain and self.damping_std is None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for JSON: the values with their deviations, and what is uncertain."""
+        return vars(self) | {"uncertain": list(self.uncertain)}
+
+
+def resonance(frequency: float, damping: float, relative_frequency: float, relative_damping: float) -> Resonance:
+    """A resonance with relative standard deviations, which are None where they exceed 1: the values are not known."""
+    known = [
+        std * value if std < 1.0 else None
+        for std, value in ((relative_frequency, frequency), (relative_damping, damping))
+    ]
+    return Resonance(frequency, damping, *known)
+
+
+@dataclass(frozen=True)
+class ResponseModel:
+    """Difference equation ``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}``, i from 1, j from 0, with its resonances.
+
+    ``method`` names the kind of fit, ``delay`` is in samples, ``period`` in s. ``fit`` holds the scores of the model
+    and says how they were computed; ``table`` has one row for each model that was compared; ``name`` is that of the
+    recording or posture. ``fractions`` are the terms ``c/d`` of which the model is the sum, after its delay, each as
+    its coefficients c and d in ascending powers of z^-1; empty where only the difference equation is known. They keep
+    the precision that a and b lose where many poles are near z = 1.
+    """
+
+    method: str
+    a: Array
+    b: Array
+    delay: int
+    period: float
+    resonances: tuple[Resonance, ...] = ()
+    fit: dict[str, Any] = field(default_factory=dict)
+    table: tuple[dict[str, Any], ...] = ()
+    name: str = ""
+    fractions: tuple[tuple[Array, Array], ...] = ()
+
+    @property
+    def denominator(self) -> Array:
+        """Coefficients of the denominator ``1 - sum a_i z^-i`` in ascending powers of z^-1."""
+        return np.concatenate([[1.0], -self.a])
+
+    @property
+    def numerator(self) -> Array:
+        """Coefficients of the numerator ``sum b_j z^-(delay + j)`` in ascending powers of z^-1."""
+        return np.concatenate([np.zeros(self.delay), self.b])
+
+    def response(self, frequency: Array) -> Complex:
+        """Response of the model, complex (L,), at ``frequency`` (L,) in Hz."""
+        z = np.exp(-2j * np.pi * np.asarray(frequency) * self.period)
+        powers = np.polynomial.polynomial.polyval
+        if self.fractions:
+            return np.asarray(z**self.delay * sum(powers(z, c) / powers(z, d) for c, d in self.fractions))
+        return np.asarray(powers(z, self.numerator) / powers(z, self.denominator))
+
+    @property
+    def rounding(self) -> float:
+        """Largest relative error of the response of a and b due to their rounding, from 1e-3 of the sampling rate on.
+
+        The fractions tell it; without them a and b are the model, and it is 0.
+        """
+        if not self.fractions:
+            return 0.0
+        import mpmath
+
+        share = np.geomspace(LOWEST_SHARE, 0.49, 50)
+        exact = []
+        with mpmath.workdps(40):  # in double precision the evaluation itself would be off by more
+            for each in share:
+                z = mpmath.expjpi(-2 * mpmath.mpf(float(each)))
+                top, bottom = (mpmath.polyval(c[::-1].tolist(), z) for c in (self.numerator, self.denominator))
+                exact.append(complex(top / bottom))
+        return float(np.max(np.abs(np.array(exact) / self.response(share / self.period) - 1.0)))
+
+    @property
+    def antiresonances(self) -> tuple[Resonance, ...]:
+        """The weakly damped pairs of zeros, at whose frequency the output stands still while the rest vibrates.
+
+        Zeros near half the sampling rate are left out: they are added by sampling, not by the mechanism.
+        """
+        first = np.flatnonzero(self.b)
+        if not len(first):
+            return ()
+        found = resonances_of(-self.b[first[0] + 1 :] / self.b[first[0]], self.period)
+        return tuple(each for each in found if each.frequency < HIGHEST_ZERO * 0.5 / self.period)
+
+    def state_space(self) -> StateSpace:
+        """The model in state space, one block for each mode."""
+        if not self.fractions:
+            return realize(self.numerator, self.denominator)
+        late = min(self.delay, 1)  # the first sample of delay needs no state of its own
+        parts = [realize(np.concatenate([np.zeros(late), c]), d) for c, d in self.fractions]
+        return in_parallel(parts, self.delay - late)
+
+    def to_control(self) -> Any:
+        """The model as a ``control.StateSpace`` of python-control (extra ``response``), with its sampling period.
+
+        Raises :class:`MissingExtraError` where python-control is not installed.
+        """
+        require("the export to python-control", "control")
+        import control
+
+        found = self.state_space()
+        return control.ss(found.A, found.B[:, None], found.C[None, :], [[found.D]], self.period, name=self.name or None)
+
+    def to_json(self) -> dict[str, Any]:
+        """The model as plain data for ``results/response_model.json``."""
+        return {
+            "schema": SCHEMA,
+            "name": self.name,
+            "method": self.method,
+            "equation": "y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}, i from 1, j from 0",
+            "sampling_period": self.period,
+            "order": len(self.a),
+            "a": self.a,
+            "b": self.b,
+            "delay": self.delay,
+            "rounding": self.rounding,
+            "state_space": self.state_space().to_json(),
+            "fractions": [{"numerator": c, "denominator": d} for c, d in self.fractions],
+            "resonances": [each.to_json() for each in self.resonances],
+            "antiresonances": [vars(each) for each in self.antiresonances],
+            "fit": self.fit,
+            "candidates": list(self.table),
+        }
+
+
+def read_response_models(path: str | Path) -> list[ResponseModel]:
+    """Read the models, one for every posture, from a ``response_model.json`` of `rrrgen response-model`.
+
+    Raises :class:`InputError` for any other file.
+    """
+    try:
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+        if found["schema"] != SCHEMA:
+            raise InputError(f"{path} is no response model of `rrrgen response-model`: schema {found['schema']!r}")
+        return [_of_json(each) for each in found.get("postures", [found])]
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no response model of `rrrgen response-model`: {error!r}") from None
+
+
+def _of_json(found: dict[str, Any]) -> ResponseModel:
+    a, b = np.array(found["a"], float), np.array(found["b"], float)
+    period, delay = float(found["sampling_period"]), int(found["delay"])
+    if a.ndim != 1 or b.ndim != 1 or not period > 0.0 or delay < 0 or not np.all(np.isfinite([*a, *b])):
+        raise ValueError("coefficients, delay or sampling period")
+    return ResponseModel(
+        method=str(found["method"]),
+        a=a,
+        b=b,
+        delay=delay,
+        period=period,
+        resonances=tuple(
+            Resonance(**{key: value for key, value in each.items() if key != "uncertain"})
+            for each in found["resonances"]
+        ),
+        fit=dict(found["fit"]),
+        name=str(found["name"]),
+        fractions=tuple(
+            (np.array(each["numerator"], float), np.array(each["denominator"], float))
+            for each in found.get("fractions", ())
+        ),
+    )
+
+
+def resonances_of(a: Array, period: float) -> tuple[Resonance, ...]:
+    """The weakly damped pole pairs of ``1 - sum a_i z^-i`` as resonances, sorted by frequency; ``period`` is in s."""
+    roots = np.roots(np.concatenate([[1.0], -a]))
+    s = np.log(roots[roots.imag > 1e-9]) / period
+    found = [Resonance(float(abs(each) / (2.0 * np.pi)), float(-each.real / abs(each))) for each in s]
+    return tuple(sorted((each for each in found if abs(each.damping) < HIGHEST_DAMPING), key=_frequency))
+
+
+def _frequency(mode: Resonance) -> float:
+    return mode.frequency

@@ -1,0 +1,428 @@
+"""Identification of a robot from recordings: its options, the study and its result."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from rrrgen.base.extras import require
+from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, with_changes
+from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+from rrrgen.lab.studies.results import EstimateResult, FigureMaker, Run
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+    from rrrgen.base.arrays import Array
+    from rrrgen.lab.closed_loop.estimation import ClosedLoopEstimate
+    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.data.run_folder import RunFolder
+    from rrrgen.lab.identify.bias import BiasCheck
+    from rrrgen.lab.identify.cross_validation import CrossValidation
+    from rrrgen.lab.identify.diagnosis.causes import Cause
+    from rrrgen.lab.identify.identification import Identification
+    from rrrgen.lab.identify.observations import Recording
+    from rrrgen.lab.identify.options import Options
+    from rrrgen.lab.studies.loop_inputs import LoopInputs
+    from rrrgen.lab.studies.sources import (
+        FindingsCallback,
+        ProgressCallback,
+        RecordingInputs,
+        RecordingSources,
+        RobotInput,
+        RobotSource,
+    )
+    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.runtime.model import Model
+
+
+@dataclass(frozen=True)
+class IdentifyOptions(StudyOptions):
+    """Options of an identification."""
+
+    preprocessing: PreprocessingOptions = group(PreprocessingOptions)
+    estimator: Literal["ordinary", "weighted", "robust"] = option(
+        "weighted",
+        "Least squares: ordinary, weighted by the residual of each joint, or robust against outliers (Huber).",
+        shown=True,
+    )
+    split: str = option(
+        "none",
+        "Part of the data to fit, the rest is held out: first:0.6, blocks:0.5 (every other half second), or none.",
+        shown=True,
+    )
+    guard: float | None = option(
+        None,
+        "Guard band in seconds, left out on both sides of every border of {split}; default: reach of the filters.",
+        unit="s",
+        least=0,
+    )
+    cross_validate: int | None = option(
+        None,
+        "Also fit K times, to all but one of K parts of the recordings, and score on that part.",
+        least=2,
+        metavar="K",
+    )
+    bias_check: float | None = option(
+        None,
+        "Period of a repeated motion: check by instrumental variables whether noise in it biases the estimate.",
+        unit="s",
+        above=0,
+    )
+    friction: tuple[str, ...] = option(
+        (),
+        "Friction law to fit at all joints, or JOINT=LAW at one; auto chooses by held-out error. "
+        "Default: as the robot file states. Repeat for several.",
+        metavar="LAW",
+    )
+    controller: Path | None = option(
+        None,
+        "Controller of the recorded loop: also fit the simulated loop to the torques (closed-loop output error).",
+        metavar="FILE",
+        recorded=False,
+    )
+    tests: tuple[Path, ...] = option(
+        (),
+        "Recording that is not fitted, on which the loop with {controller} is scored; repeat for several.",
+        flags=("--test",),
+        metavar="LOG",
+        recorded=False,
+    )
+    fix: tuple[str, ...] = option(
+        (),
+        "Known value of a base, friction or standard parameter, such as my2=0; repeat for several.",
+        metavar="NAME=VALUE",
+    )
+    consistent: bool = option(True, "Compute the physically consistent estimate.", shown=True)
+    essential: bool = option(False, "Reduce the model to its essential parameters, too.")
+    jobs: int = option(1, "Number of parallel processes.", least=1, flags=("-j", "--jobs"), shown=True, recorded=False)
+    cluster: str | None = option(
+        None,
+        "Address of a Dask scheduler that distributes the work, tcp://HOST:PORT.",
+        metavar="ADDRESS",
+        recorded=False,
+    )
+    seed: int = option(0, "Seed for all random numbers; default 0.", recorded=False)
+
+    def packages(self) -> tuple[str, ...]:
+        """The optional packages that these options need."""
+        consistency = ("cvxpy", "clarabel") if self.consistent else ()
+        return ("scipy", "matplotlib", *consistency, *parallel_packages(self.jobs, self.cluster))
+
+
+def parallel_packages(jobs: int, cluster: str | None) -> tuple[str, ...]:
+    """The optional packages needed for work in several ``jobs``, or on a Dask ``cluster``."""
+    if cluster is not None:
+        return ("joblib", "dask", "distributed")
+    return ("joblib",) if jobs > 1 else ()
+
+
+def known_values(entries: Sequence[str]) -> tuple[dict[str, float], dict[str, float]]:
+    """Split ``NAME=VALUE`` entries into known columns of the regressor and known standard parameters (m2, mx2, ...)."""
+    columns: dict[str, float] = {}
+    standard: dict[str, float] = {}
+    for entry in entries:
+        match = re.fullmatch(r"\s*(\w+)\s*=\s*([-+0-9.eE]+)\s*", entry)
+        try:
+            name, value = (match.group(1), float(match.group(2))) if match else ("", 0.0)
+        except ValueError:
+            name, value = "", 0.0
+        if not name:
+            raise OptionError(f"'{entry}' is not NAME=VALUE", "fix")
+        is_standard = re.fullmatch(r"(m|m[xyz]|I[xyz][xyz])\d+", name) is not None
+        (standard if is_standard else columns)[name] = value
+    return columns, standard
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentificationResult(EstimateResult):
+    """The result of :func:`rrrgen.identify`: parameters of the identifiable combinations, scores, diagnoses.
+
+    ``identification`` holds all estimates and scores, ``model`` the compiled robot that was given, ``recordings`` the
+    recordings after their repair, ``closed_loop``, ``bias`` and ``cross_validation`` what the options asked for.
+    ``names``, ``values``, ``std`` and ``units`` are those of the written model, the physically consistent one unless
+    the options say otherwise.
+    """
+
+    robot: RobotSpec
+    model: Model
+    recordings: tuple[Recording, ...]
+    recording_names: tuple[str, ...]
+    identification: Identification
+    closed_loop: ClosedLoopEstimate | None = None
+    bias: BiasCheck | None = None
+    cross_validation: CrossValidation | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Names of the identifiable combinations."""
+        return self.identification.names
+
+    @property
+    def values(self) -> Array:  # type: ignore[override]
+        """Estimated values (r,) of the identifiable combinations, SI."""
+        return self.identification.delivered.x
+
+    @property
+    def std(self) -> Array:  # type: ignore[override]
+        """Standard deviations (r,) of :attr:`values`."""
+        return self.identification.delivered.std
+
+    @property
+    def units(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Units of :attr:`values`."""
+        return self.identification.units
+
+    @property
+    def notes(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Sentences on what the structure, the motion or the data leave undetermined or doubtful."""
+        from rrrgen.lab.identify.held_out import held_out_notes
+
+        found, covered = self.identification, None
+        for _, blocks in found.parts:
+            covered = found.band.coverage(blocks)  # that of the held-out rows, which come last
+        doubtful = held_out_notes(found.scores, covered, self._joints)
+        return (*found.structural_notes, *found.motion_notes, *found.hardly_determined, *doubtful)
+
+    @property
+    def diagnoses(self) -> tuple[Cause, ...]:
+        """Probable faults in the recordings or the robot file, with evidence and remedy."""
+        return self.identification.diagnoses
+
+    @property
+    def spec(self) -> RobotSpec:
+        """The identified robot with the physically consistent estimate, ready for :func:`rrrgen.compile`.
+
+        Raises :class:`OptionError` if the options left this estimate out, :class:`DerivationError` if no robot file can
+        hold it.
+        """
+        from rrrgen.lab.identify.results import spec_with_provenance
+
+        if self.identification.consistent is None:
+            raise OptionError("an identified robot needs the physically consistent estimate: set {consistent}")
+        return spec_with_provenance(self.identification, self.robot, ", ".join(self.recording_names))
+
+    @property
+    def _joints(self) -> tuple[str, ...]:
+        return tuple(joint.name for joint in self.robot.joints)
+
+    def lines(self, width: int | None = None) -> list[str]:
+        """The report: parameters, friction laws, filters, scores, what is doubtful."""
+        from rrrgen.lab.identify.parameter_report import parameter_lines
+        from rrrgen.lab.identify.scores import joint_table, score_table
+
+        found = self.identification
+        lines = [*parameter_lines(found, width)]
+        if found.friction is not None:
+            lines += found.friction.lines(width)
+        lines += found.tuning.sentences()
+        if found.split.kind != "none":
+            lines.append(f"data: {found.split}")
+        lines += [*score_table(found.scores, width), *joint_table(found.scores, self._joints, width)]
+        for name, blocks in found.parts:
+            covered = found.band.coverage(blocks)
+            if covered is not None:
+                lines.append(
+                    f"95 % band of the predicted torque: covers {100 * covered.share:.1f} % of the rows {name}; "
+                    f"{100 * covered.parameters:.0f} % of its width is that of the parameters"
+                )
+        if self.cross_validation is not None:
+            lines += self.cross_validation.lines(width)
+        for name, share in found.indefinite.items():
+            lines.append(f"random poses with an indefinite mass matrix, {name}: {100 * share:.2f} %")
+        return [*lines, *(f"note: {note}" for note in self.notes)]
+
+    def loop_lines(self) -> list[str]:
+        """The report on the fitted loop and on the check for bias; empty if the options did not ask for them."""
+        loop = [] if self.closed_loop is None else list(self.closed_loop.lines(self._joints))
+        return loop + ([] if self.bias is None else list(self.bias.lines()))
+
+    def __repr__(self) -> str:
+        return "\n".join([*self.lines(), *self.loop_lines()])
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``identification.json``, with cross-validation and fitted loop if there are any."""
+        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.identify.results import as_record
+
+        more = {} if self.cross_validation is None else {"cross_validation": self.cross_validation.to_json()}
+        more |= {} if self.closed_loop is None else {"closed_loop": self.closed_loop.to_json()}
+        record: dict[str, Any] = plain(as_record(self.identification, self._joints) | more)
+        return record
+
+    def figures(self) -> dict[str, FigureMaker]:
+        """The figures: torques, torques_held_out, convergence, whiteness, friction, closed_loop."""
+        from rrrgen.lab.identify.results import identification_figures
+
+        makers = identification_figures(self.identification, self.robot, model=self.model, recording=self.recordings[0])
+        return makers | ({} if self.closed_loop is None else {"closed_loop": self._loop_figure})
+
+    def _loop_figure(self) -> Figure | None:
+        from rrrgen.lab.closed_loop.plots import plot_loop
+        from rrrgen.lab.identify.torque_plots import force_units
+
+        loop = self.closed_loop
+        return None if loop is None else plot_loop(loop, self._joints, force_units(self.robot))
+
+    def write(self, folder: RunFolder) -> None:
+        """Write parameters, tables, the identified robot file and figures into an open run folder."""
+        from rrrgen.lab.identify.results import write_identification
+
+        if self.closed_loop is not None:
+            folder.write_json("closed_loop.json", self.closed_loop.to_json())
+            figure = self._loop_figure()
+            if figure is not None:
+                folder.figure("closed_loop", figure)
+        if self.cross_validation is not None:
+            folder.write_json("cross_validation.json", self.cross_validation.to_json())
+        write_identification(
+            folder,
+            self.identification,
+            self.robot,
+            recordings=", ".join(self.recording_names),
+            model=self.model,
+            recording=self.recordings[0],
+        )
+
+
+def identify(
+    robot: RobotSource,
+    recordings: RecordingSources,
+    options: IdentifyOptions | None = None,
+    *,
+    folder: str | os.PathLike[str] | None = None,
+    fresh: bool = False,
+    progress: ProgressCallback | None = None,
+    findings: FindingsCallback | None = None,
+    skip_truncated_line: bool = False,
+    **changes: Any,
+) -> IdentificationResult:
+    """Estimate base parameters, drive inertia and friction of a robot from recordings.
+
+    Every friction and drive parameter that the robot states, even as 0, is estimated.
+
+    Args:
+        robot: name of a bundled robot, robot file, ``RobotSpec`` or compiled model.
+        recordings: a recording or mapping file, a ``Log``, arrays by name in SI at the joints, or a list of these. The
+            arrays are ``t`` (N,) in s, ``q`` and ``tau`` (N, n), and ``dq``, ``ddq``, ``reference``,
+            ``reference_velocity``, ``feedforward`` (N, n) if they were recorded. They are checked and repaired as files
+            are.
+        options: an :class:`IdentifyOptions`; the default options if None.
+        folder: run folder to write to, from which an interrupted run is resumed; without, nothing is written.
+        fresh: discard the run that the folder holds.
+        progress: called as ``progress(done, total, message)``; total is 0 where the end is not known.
+        findings: called with warnings of the robot file, repairs of every recording and probable faults, before the
+            fit, which may fail because of them.
+        skip_truncated_line: leave out the last line of a text file if it is incomplete.
+        changes: single options by name, such as ``split="blocks:0.5"`` or ``fix={"my2": 0}``.
+
+    Raises:
+        InputError: robot, recordings or options cannot be used; an OptionError for the options.
+        DerivationError: the data determine nothing.
+    """
+    chosen = with_changes(IdentifyOptions, options, changes)
+    require("rrrgen identify", *chosen.packages())
+    from rrrgen.lab.studies.loop_inputs import read_loop
+    from rrrgen.lab.studies.sources import chosen_processing, recording_inputs, robot_input
+
+    arm = robot_input(robot)
+    findings = findings or (lambda finding: None)
+    for fault in arm.spec.faults:
+        findings(fault)
+    logs = recording_inputs(recordings, arm.spec, skip_truncated_line=skip_truncated_line)
+    loop = read_loop(chosen.controller, chosen.tests, arm.spec, logs, skip_truncated_line)
+    processing = chosen_processing(logs.mappings, chosen.preprocessing)
+    estimation = _estimation_options(chosen, arm.spec)
+    settings = {**processing.settings(), **chosen.settings(), "skip_truncated_line": skip_truncated_line}
+    run = Run("identify", arm.files | logs.files | loop.files, settings | arm.settings | logs.settings, chosen.seed)
+    estimate = partial(
+        _estimate, run, arm, logs, loop, processing, chosen, estimation, progress or (lambda *state: None), findings
+    )
+    if folder is None:
+        return estimate(None)
+    with run.open(folder, fresh) as opened:
+        result = estimate(opened)
+        result.write(opened)
+    return result
+
+
+def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec) -> Options:
+    """The options of the estimation itself; raises InputError for laws, splits and known values that make no sense."""
+    from rrrgen.lab.identify.choice import LawChoice
+    from rrrgen.lab.identify.estimated_terms import DriveTerms
+    from rrrgen.lab.identify.held_out_data import Split
+    from rrrgen.lab.identify.options import Options
+
+    columns, standard = known_values(chosen.fix)
+    estimation = Options(
+        method=chosen.estimator,
+        terms=DriveTerms.of_spec(spec),
+        friction=LawChoice.parse(chosen.friction, spec),
+        fixed=columns,
+        fixed_standard=standard,
+        split=Split.parse(chosen.split),
+        guard=chosen.guard,
+        consistent=chosen.consistent,
+        essential=chosen.essential,
+        seed=chosen.seed,
+        jobs=chosen.jobs,
+        cluster=chosen.cluster,
+    )
+    if chosen.cross_validate and estimation.split.kind != "none":
+        raise OptionError("{cross_validate} holds out every part in turn: leave {split} away")
+    return estimation
+
+
+def _estimate(
+    run: Run,
+    arm: RobotInput,
+    logs: RecordingInputs,
+    loop: LoopInputs,
+    processing: Processing,
+    chosen: IdentifyOptions,
+    estimation: Options,
+    progress: ProgressCallback,
+    findings: FindingsCallback,
+    folder: RunFolder | None,
+) -> IdentificationResult:
+    """Estimate, fit the loop, check and diagnose; ``folder`` keeps the state of unfinished work."""
+    from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
+    from rrrgen.lab.identify.bias import check_bias
+    from rrrgen.lab.identify.cross_validation import cross_validate
+    from rrrgen.lab.identify.diagnosis.causes import merged
+    from rrrgen.lab.identify.diagnosis.report import diagnose_fit, diagnose_recordings
+    from rrrgen.lab.identify.identification import identify as estimate
+
+    recordings = logs.open()
+    for recording in recordings:
+        findings(recording.repairs)
+    before = diagnose_recordings(arm.spec, recordings)
+    for cause in before:
+        findings(cause)
+    model = arm.model
+    found = estimate(
+        model,
+        recordings,
+        processing,
+        estimation,
+        checkpoint=None if folder is None else folder.checkpoint("factors"),
+        digest="" if folder is None else folder.digest,
+        progress=progress,
+    )
+    fitted = None
+    if loop.controller is not None:
+        fitted = closed_loop_estimate(found, recordings, loop.controller, estimation, progress, loop.open())
+        found = fitted.identification
+    bias = None if chosen.bias_check is None else check_bias(found, recordings, chosen.bias_check)
+    parts = None
+    if chosen.cross_validate:
+        parts = cross_validate(model, recordings, processing, estimation, chosen.cross_validate, progress)
+    progress(0, 0, "diagnosis")
+    found = replace(found, diagnoses=merged([*before, *diagnose_fit(model, recordings, found)]))
+    return IdentificationResult(arm.spec, model, tuple(recordings), logs.names, found, fitted, bias, parts, run=run)

@@ -1,0 +1,273 @@
+"""What a study works on: a robot, recordings from files or arrays, and the hashes by which a run folder knows them."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rrrgen.base.arrays import Array
+from rrrgen.base.errors import Fault, InputError
+from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.lab.data.mapping import SIGNALS, Channel, FileSource, JointChannels, LogMapping, TimeSource
+from rrrgen.lab.data.processing import METHODS_OF_SETTING, Processing
+from rrrgen.lab.data.recordings import Log, check_joints, check_robot, open_log
+from rrrgen.lab.data.repairs import Repairs
+from rrrgen.lab.identify.diagnosis.causes import Cause
+from rrrgen.lab.identify.observations import Recording
+from rrrgen.lab.studies.options import OptionError
+from rrrgen.lab.studies.preprocessing import MotionOptions
+from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.runtime.load import compile as compile_model
+from rrrgen.runtime.model import Model
+
+RobotSource = str | os.PathLike[str] | RobotSpec | Model
+"""A robot file, the name of a bundled robot, a description or a compiled model."""
+
+RecordingSource = str | os.PathLike[str] | Log | Mapping[str, Any]
+"""A recording or its mapping file, a recording in memory, or arrays by name: ``t`` (N,), ``q`` and ``tau`` (N, n)."""
+
+RecordingSources = RecordingSource | Sequence[RecordingSource]
+
+FindingsCallback = Callable[[Fault | Repairs | Cause], Any]
+"""Receives what was found before the estimation: warnings of the robot file, repairs, probable faults."""
+
+ProgressCallback = Callable[[int, int, str], Any]
+"""Called as ``progress(done, total, message)``; ``total`` is 0 where the end is not known."""
+
+COLUMN = {
+    "position": "q",
+    "velocity": "dq",
+    "acceleration": "ddq",
+    "torque": "tau",
+    "reference": "reference",
+    "reference_velocity": "reference_velocity",
+    "feedforward": "feedforward",
+}
+"""Names of the arrays of a recording, by signal."""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotInput:
+    """The robot of a study: its description, the compiled model if the caller has one, and what a run folder records.
+
+    ``files`` is the robot file by role; ``settings`` holds the hash of a robot that does not come from a file.
+    """
+
+    spec: RobotSpec
+    given: Model | None
+    files: dict[str, Path] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def model(self) -> Model:
+        """The compiled model."""
+        return compile_model(self.spec) if self.given is None else self.given
+
+
+def robot_input(robot: RobotSource) -> RobotInput:
+    """Read the robot of a study. Raises :class:`InputError` for a faulty file."""
+    from rrrgen.robot.file import load_spec
+    from rrrgen.robot.identity import identify
+
+    if isinstance(robot, Model):
+        if robot.spec is None:
+            raise InputError("this model has no robot file, from which a study takes joints and drives")
+        return RobotInput(robot.spec, robot, {}, {"robot": identify(robot.spec).model_hash})
+    if isinstance(robot, RobotSpec):
+        return RobotInput(robot, None, {}, {"robot": identify(robot).model_hash})
+    if not isinstance(robot, (str, os.PathLike)):
+        raise InputError(f"robot is of type {type(robot).__name__}, not a name, a file, a RobotSpec or a Model")
+    spec = load_spec(robot)
+    return RobotInput(spec, None, {"robot": Path(robot)} if Path(robot).is_file() else {})
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingInputs:
+    """The recordings of a study, and what a run folder records of them.
+
+    ``sources`` holds a mapping of columns for every recording that is streamed, or a recording in memory. ``files`` are
+    the files read by role, ``settings`` the hashes of arrays, ``names`` the names of the data files.
+    """
+
+    sources: tuple[LogMapping | Log, ...]
+    files: dict[str, Path]
+    settings: dict[str, Any]
+    names: tuple[str, ...]
+
+    @property
+    def mappings(self) -> list[LogMapping]:
+        """The mappings of the recordings that have one."""
+        found = [source.mapping if isinstance(source, Log) else source for source in self.sources]
+        return [mapping for mapping in found if mapping is not None]
+
+    def open(self) -> list[Recording]:
+        """The recordings, those of files and arrays after the first pass that finds period and repairs."""
+        return [source if isinstance(source, Log) else LogStream(source) for source in self.sources]
+
+
+def recording_inputs(
+    recordings: RecordingSources,
+    spec: RobotSpec,
+    *,
+    skip_truncated_line: bool = False,
+    role: str = "log",
+    check: bool = True,
+) -> RecordingInputs:
+    """Find out how ``recordings`` are read, and ``check`` that files fit the robot ``spec``.
+
+    ``role`` names them in the record of the run. Raises :class:`InputError` for recordings that cannot be read or are
+    not of this robot.
+    """
+    if isinstance(recordings, (str, os.PathLike, Log, Mapping)):
+        recordings = [recordings]
+    joints = tuple(joint.name for joint in spec.joints)
+    sources: list[LogMapping | Log] = []
+    files: dict[str, Path] = {}
+    hashes: dict[str, str] = {}
+    names: list[str] = []
+    for k, recording in enumerate(recordings, start=1):
+        if isinstance(recording, Log):
+            check_joints(recording.joints, joints)
+            sources.append(recording)
+            hashes[f"{role}{k}"] = hash_of_arrays(_arrays_of_log(recording))
+        elif isinstance(recording, Mapping):
+            arrays = checked_arrays(recording, len(joints), f"{role}{k}")
+            sources.append(mapping_of_arrays(arrays, joints, f"{role}{k}"))
+            hashes[f"{role}{k}"] = hash_of_arrays(arrays)
+        elif isinstance(recording, (str, os.PathLike)):
+            mapping = open_log(recording, skip_truncated=skip_truncated_line)
+            if check:
+                check_robot(mapping, spec)
+            sources.append(mapping)
+            files[f"{role}{k}"] = Path(recording)
+            files |= {f"{role}{k}.{source.name}": Path(source.path) for source in mapping.files}
+            names += [source.path.name for source in mapping.files]
+        else:
+            raise InputError(f"{role} {k} is of type {type(recording).__name__}, not a file, a Log or arrays by name")
+    if not sources:
+        raise InputError("there is no recording")
+    return RecordingInputs(tuple(sources), files, {"arrays": hashes} if hashes else {}, tuple(names))
+
+
+def single_recording(recording: RecordingSource, *, skip_truncated_line: bool = False) -> RecordingInputs:
+    """Find out how one ``recording`` is read without a robot; the joints of arrays are called q1, q2, ..."""
+    if isinstance(recording, Log):
+        return RecordingInputs((recording,), {}, {"arrays": {"log": hash_of_arrays(_arrays_of_log(recording))}}, ())
+    if isinstance(recording, Mapping):
+        shape = np.shape(recording.get("q", ()))
+        joints = tuple(f"q{i + 1}" for i in range(shape[1] if len(shape) == 2 else 1))
+        arrays = checked_arrays(recording, len(joints), "log")
+        mapping = mapping_of_arrays(arrays, joints, "log")
+        return RecordingInputs((mapping,), {}, {"arrays": {"log": hash_of_arrays(arrays)}}, ())
+    if not isinstance(recording, (str, os.PathLike)):
+        raise InputError(f"the recording is of type {type(recording).__name__}, not a file, a Log or arrays by name")
+    mapping = open_log(recording, skip_truncated=skip_truncated_line)
+    files = {"log": Path(recording)} | {source.name: Path(source.path) for source in mapping.files}
+    return RecordingInputs((mapping,), files, {}, tuple(source.path.name for source in mapping.files))
+
+
+def checked_arrays(arrays: Mapping[str, Any], joints: int, name: str) -> dict[str, Array]:
+    """The arrays of a recording as numbers; raises :class:`InputError` listing every missing, unknown or misshapen one.
+
+    ``t`` is (N,), all others (N, joints), or (N,) for one joint.
+    """
+    allowed = ("t", *COLUMN.values())
+    faults = []
+    found: dict[str, Array] = {}
+    for key, values in arrays.items():
+        if key not in allowed:
+            hint = " ".join(filter(None, (did_you_mean(str(key), allowed), f"there are {', '.join(allowed)}")))
+            faults.append(Fault("", 0, 0, f"{name} has an array '{key}', which no recording has", hint=hint))
+        elif values is not None:
+            try:
+                found[key] = np.asarray(values, float)
+            except (TypeError, ValueError):
+                faults.append(Fault("", 0, 0, f"{name}: '{key}' does not hold numbers"))
+    missing = [f"'{key}'" for key in ("t", "q") if key not in arrays]
+    if missing:
+        faults.append(Fault("", 0, 0, f"{name} has no {' and no '.join(missing)}"))
+    if "t" in found:
+        rows = found["t"].size
+        if found["t"].ndim != 1:
+            faults.append(Fault("", 0, 0, f"{name}: 't' has the shape {found['t'].shape}, not (N,)"))
+        for key in found.keys() - {"t"}:
+            if joints == 1 and found[key].ndim == 1:
+                found[key] = found[key][:, None]
+            if found[key].shape != (rows, joints):
+                faults.append(Fault("", 0, 0, f"{name}: '{key}' has the shape {found[key].shape}, not {rows, joints}"))
+    if faults:
+        raise InputError(faults)
+    return found
+
+
+def mapping_of_arrays(arrays: Mapping[str, Array], joints: Sequence[str], name: str) -> LogMapping:
+    """The mapping by which ``arrays`` in SI at the ``joints`` are read as if they stood in a file called ``name``.
+
+    So they pass the same checks and repairs: rows out of order, holes, jitter, clipped and missing torques.
+    """
+    columns = {"t": arrays["t"]}
+    channels = []
+    for i, joint in enumerate(joints):
+        columns |= {f"{key}_{joint}": values[:, i] for key, values in arrays.items() if key != "t"}
+        recorded: dict[Any, Any] = {
+            signal: Channel(name, f"{COLUMN[signal]}_{joint}") for signal in SIGNALS if COLUMN[signal] in arrays
+        }
+        channels.append(JointChannels(joint, **recorded))
+    return LogMapping(
+        (FileSource(name, Path(name), arrays=columns),), TimeSource(file=name, column="t"), tuple(channels)
+    )
+
+
+def _arrays_of_log(log: Log) -> dict[str, Array]:
+    signals = {name: getattr(log, name) for name in (*COLUMN.values(), "valid", "segment")}
+    return {"t": log.t, "period": np.array(log.period)} | {k: v for k, v in signals.items() if v is not None}
+
+
+def hash_of_arrays(arrays: Mapping[str, Array]) -> str:
+    """SHA-256 of arrays with their names and shapes: a run folder must not mix recordings that were given as arrays."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        values = np.ascontiguousarray(arrays[name], "<f8")
+        digest.update(f"{name} {values.shape} ".encode())
+        digest.update(values.tobytes())
+    return digest.hexdigest()
+
+
+def chosen_processing(mappings: Iterable[LogMapping], options: MotionOptions) -> Processing:
+    """Combine the preprocessing settings of the mapping files with the options of the study, which win.
+
+    Settings that neither states are chosen later from the bandwidth of the motion. Raises OptionError for options that
+    contradict each other or a mapping file, InputError for mapping files that contradict each other.
+    """
+    given = {name: getattr(options, name, None) for name in ("method", "cutoff", "decimate", "low_speed")}
+    named: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    settings: dict[str, Any] = {}
+    sources: dict[str, str] = {}
+    for mapping in mappings:
+        for name, value in mapping.processing.items():
+            if name not in named and settings.setdefault(name, value) != value:
+                raise InputError(
+                    f"{sources[name]} and {mapping.source} disagree on {name} of their processing, but recordings "
+                    "that are used together must be processed alike: make them agree, or set it on the command line"
+                )
+            sources.setdefault(name, mapping.source)
+    cutoff = options.cutoff
+    if cutoff is not None and options.method is None:
+        method = settings.setdefault("method", "butterworth")
+        if method != "butterworth":
+            where = f"{sources['method']} says {method}"
+            raise OptionError(f"{{cutoff}} belongs to the Butterworth filter, and {where}: add {{method}} butterworth")
+    method = named.get("method", settings.get("method", "kalman"))
+    if method not in METHODS_OF_SETTING["cutoff"] and cutoff is not None:
+        raise OptionError(f"{{cutoff}} belongs to {{method}} butterworth, not to {method}")
+    # if the options name another method, the mapping file's settings of its own method are dropped
+    settings = {name: value for name, value in settings.items() if method in METHODS_OF_SETTING.get(name, (method,))}
+    return Processing(**{**settings, **named})

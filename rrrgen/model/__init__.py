@@ -1,5 +1,0 @@
-"""The exact model of a robot: geometry in a normal form, standard inertial parameters, terms of the drives."""
-
-from rrrgen.model.robot_model import JointModel, RigidTransform, RobotModel, build_model, cosine_sine
-
-__all__ = ["JointModel", "RigidTransform", "RobotModel", "build_model", "cosine_sine"]

@@ -1,0 +1,208 @@
+"""Automatic differentiation of programs: the derivatives are programs again.
+
+Forward mode (:func:`tangents`) carries the derivatives of every node along a set of directions, reverse mode
+(:func:`pull_back`) the derivatives of a weighted sum of the outputs with respect to every node. Zeros known while
+recording never become operations, so both modes exploit sparsity: a direction costs only where a node depends on it.
+sgn x has derivative 0 and |x| has derivative sgn x; both hold everywhere except at x = 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+from rrrgen.base.errors import InternalError
+from rrrgen.program.builder import Builder, Scalar, Value, replay
+from rrrgen.program.ir import Program
+from rrrgen.program.nodes import Op
+from rrrgen.program.ports import Port
+
+Tangent = dict[int, Value]
+"""Directional derivatives of one value, keyed by the number of the direction; absent ones are zero."""
+
+
+def jacobian(program: Program, output: str, inputs: Sequence[str], reverse: bool = False) -> Program:
+    """A program with the output port ``output`` of ``program`` and its Jacobians with respect to the ports ``inputs``.
+
+    After ``output`` come the matrices ``d<output>_d<input>``, shape (output.size, input.size). Common subexpressions of
+    value and derivatives are evaluated once. ``reverse`` chooses reverse mode (one sweep per element of the output)
+    instead of forward mode (one direction per element of the inputs). Raises ValueError for an unknown port name.
+    """
+    position = [port.name for port in program.outputs].index(output)
+    port = program.outputs[position]
+    only = program.described(outputs=(port,), results=(program.results[position],), status=None)
+    names = [each.name for each in program.inputs]
+    wanted = [names.index(name) for name in inputs]
+    builder = Builder()
+    values = [builder.input(each) for each in program.inputs]
+    recorded = record(only, builder, values)
+    rows = (_by_sweeps if reverse else _by_directions)(only, builder, values, recorded, wanted)
+    outputs: list[tuple[Port, list[Value]]] = [(port, [recorded[index] for index in only.results[0]])]
+    first = 0
+    for k in wanted:
+        source = program.inputs[k]
+        block = [value for row in rows for value in row[first : first + source.size]]
+        meaning = f"derivatives of {output} with respect to {source.name}"
+        outputs.append((Port(f"d{output}_d{source.name}", (port.size, source.size), meaning=meaning), block))
+        first += source.size
+    summary = f"{program.summary.rstrip('.')}, with derivatives."
+    return builder.program(f"{program.name}_derivatives", outputs, summary, program.formula, program.notes)
+
+
+def _by_directions(
+    program: Program,
+    builder: Builder,
+    inputs: Sequence[Sequence[Value]],
+    recorded: Sequence[Value],
+    wanted: Sequence[int],
+) -> list[list[Value]]:
+    seeds: list[list[Tangent]] = [[{} for _ in row] for row in inputs]
+    count = 0
+    for k in wanted:
+        seeds[k] = [{count + element: 1} for element in range(len(inputs[k]))]
+        count += len(inputs[k])
+    (rows,) = tangents(program, builder, recorded, seeds)
+    return [[row.get(direction, 0) for direction in range(count)] for row in rows]
+
+
+def _by_sweeps(
+    program: Program,
+    builder: Builder,
+    inputs: Sequence[Sequence[Value]],
+    recorded: Sequence[Value],
+    wanted: Sequence[int],
+) -> list[list[Value]]:
+    rows = []
+    for element in range(len(program.results[0])):
+        weights: list[Value] = [int(element == other) for other in range(len(program.results[0]))]
+        adjoints = pull_back(program, builder, recorded, [weights])
+        rows.append([value for k in wanted for value in adjoints[k]])
+    return rows
+
+
+def record(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[Value]:
+    """Record ``program`` into ``builder``, reading ``inputs`` for its input ports; returns the value of every node."""
+    every = tuple(range(len(program.nodes)))
+    flat = program.described(outputs=(Port("all", (len(every),)),), results=(every,), status=None)
+    return replay(flat, builder, inputs)[0]
+
+
+def tangents(
+    program: Program,
+    builder: Builder,
+    values: Sequence[Value],
+    seeds: Sequence[Sequence[Tangent]],
+) -> list[list[Tangent]]:
+    """Forward mode: the tangents of all output elements, for the tangents ``seeds`` of all input elements.
+
+    The tangent of a value is its derivative along each of several directions in the space of the inputs. ``values``
+    are the values of all nodes as :func:`record` returned them.
+    """
+    found: list[Tangent] = []
+    for index, node in enumerate(program.nodes):
+        if node.op is Op.INPUT:
+            port, element = node.place
+            found.append(seeds[port][element])
+        elif node.op is Op.SELECT:
+            found.append(_select_tangent(builder, values[node.args[0]], *(found[a] for a in node.args[1:])))
+        else:
+            arguments = [found[a] for a in node.args]
+            if any(arguments):
+                operands = [values[a] for a in node.args]
+                found.append(_chain(builder, _partials(builder, node.op, operands, values[index]), arguments))
+            else:
+                found.append({})
+    return [[found[index] for index in row] for row in program.results]
+
+
+def _chain(builder: Builder, partials: Sequence[Value], arguments: Sequence[Tangent]) -> Tangent:
+    """The chain rule for one node: sum over its operands of partial derivative times tangent, for every direction."""
+    total: Tangent = {}
+    for partial, tangent in zip(partials, arguments, strict=True):
+        if is_zero(partial):
+            continue
+        for direction, value in tangent.items():
+            term = builder.mul(partial, value)
+            total[direction] = builder.add(total[direction], term) if direction in total else term
+    return {direction: value for direction, value in total.items() if not is_zero(value)}
+
+
+def _select_tangent(builder: Builder, condition: Value, positive: Tangent, otherwise: Tangent) -> Tangent:
+    directions = [*positive, *(d for d in otherwise if d not in positive)]
+    return {d: builder.select(condition, positive.get(d, 0), otherwise.get(d, 0)) for d in directions}
+
+
+def pull_back(
+    program: Program,
+    builder: Builder,
+    values: Sequence[Value],
+    weights: Sequence[Sequence[Value]],
+) -> list[list[Value]]:
+    """Reverse mode: the derivatives of ``sum of weight * output element`` by all input elements, by input port.
+
+    ``weights`` holds one weight for each element of each output. ``values`` are the values of all nodes as
+    :func:`record` returned them.
+    """
+    adjoints: list[Value] = [0] * len(program.nodes)
+    for elements, row in zip(program.results, weights, strict=True):
+        for index, weight in zip(elements, row, strict=True):
+            adjoints[index] = builder.add(adjoints[index], weight)
+    results: list[list[Value]] = [[0] * port.size for port in program.inputs]
+    for index in range(len(program.nodes) - 1, -1, -1):
+        node, adjoint = program.nodes[index], adjoints[index]
+        if is_zero(adjoint):
+            continue
+        if node.op is Op.INPUT:
+            port, element = node.place
+            results[port][element] = adjoint
+        elif node.op is Op.SELECT:
+            condition, positive, otherwise = node.args
+            given = builder.select(values[condition], adjoint, 0), builder.select(values[condition], 0, adjoint)
+            adjoints[positive] = builder.add(adjoints[positive], given[0])
+            adjoints[otherwise] = builder.add(adjoints[otherwise], given[1])
+        else:
+            partials = _partials(builder, node.op, [values[a] for a in node.args], values[index])
+            for argument, partial in zip(node.args, partials, strict=True):
+                adjoints[argument] = builder.add(adjoints[argument], builder.mul(partial, adjoint))
+    return results
+
+
+def _partials(builder: Builder, op: Op, x: Sequence[Value], value: Value) -> list[Value]:
+    """Partial derivatives of the operation ``op`` with respect to its operands ``x``; ``value`` is its result."""
+    match op:
+        case Op.CONST | Op.INPUT:
+            return []
+        case Op.ADD:
+            return [1, 1]
+        case Op.SUB:
+            return [1, -1]
+        case Op.MUL:
+            return [x[1], x[0]]
+        case Op.DIV:
+            inverse = builder.div(1, x[1])
+            return [inverse, builder.neg(builder.mul(value, inverse))]
+        case Op.NEG:
+            return [-1]
+        case Op.SIN:
+            return [builder.cos(x[0])]
+        case Op.COS:
+            return [builder.neg(builder.sin(x[0]))]
+        case Op.SQRT:
+            return [builder.div(Fraction(1, 2), value)]
+        case Op.ABS:
+            return [builder.sign(x[0])]
+        case Op.MIN:
+            first = builder.select(builder.sub(x[1], x[0]), 1, 0)
+            return [first, builder.sub(1, first)]
+        case Op.SIGN | Op.NONFINITE:
+            return [0]
+        case Op.EXP:
+            return [value]
+        case Op.TANH:
+            return [builder.sub(1, builder.mul(value, value))]
+    raise InternalError(f"no derivative rule for {op.value}")
+
+
+def is_zero(value: Value) -> bool:
+    """Whether ``value`` is a zero known while recording."""
+    return not isinstance(value, Scalar) and value == 0

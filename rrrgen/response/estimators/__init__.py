@@ -1,1 +1,0 @@
-"""Estimators of frequency responses, and checks of the recordings that they use."""

@@ -1,1 +1,0 @@
-"""Linear models fitted to responses and recordings, with their resonances."""

@@ -1,0 +1,182 @@
+"""The section ``drives`` of a robot file: motors that move several joints each, and the matrix that couples them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Row
+from typing import cast
+
+import sympy as sp
+
+from rrrgen.base.yamltext.document import Node, Scalar
+from rrrgen.base.yamltext.sections import describe, read_choice, read_list, read_section
+from rrrgen.robot.file.fields import LINEAR_FRICTION, MAX_JOINTS, MOTOR, ROBOT_FILE
+from rrrgen.robot.file.frictions import read_friction
+from rrrgen.robot.file.quantities import Scope, read_number, read_value
+from rrrgen.robot.names import name_fault
+from rrrgen.robot.robot_spec import DriveSpec, DrivesSpec, FrictionSpec, JointSpec, JointType, MotorSpec
+
+Matrix = tuple[tuple[sp.Expr, ...], ...]
+
+SINGULAR = 1e-9  # determinant over the product of the lengths of the rows: rounded decimals of a singular matrix
+_MATRICES = ("joint_from_drive", "drive_from_joint")
+_FRICTION = tuple(key.name for key in LINEAR_FRICTION)
+_KEYS = {key.name: key for key in MOTOR}
+
+
+def read_drives(node: Node, joints: Row[JointSpec | None], scope: Scope) -> DrivesSpec | None:
+    """Read the section ``drives`` of a robot with these joints (None for a joint with a fault); None if faulty."""
+    values = read_section(node, "drives", "drives", scope.faults, ROBOT_FILE)
+    if not values or not joints:
+        return None
+    matrix = _read_coupling(node, values, len(joints), scope)
+    motors = _read_motors(values["motors"], joints, matrix, scope) if "motors" in values else None
+    if matrix is None or motors is None:
+        return None
+    return DrivesSpec(matrix, tuple(motors))
+
+
+def _read_coupling(node: Node, values: dict[str, Node], n: int, scope: Scope) -> Matrix | None:
+    """Read the matrix ``joint_from_drive``, or invert ``drive_from_joint`` if the file states that; None if faulty."""
+    given = [name for name in _MATRICES if name in values]
+    if len(given) != 1:
+        hint = "joint_from_drive: joint speeds = matrix * drive speeds; drive_from_joint: the other way round"
+        missing = "drives needs one of the keys 'joint_from_drive' and 'drive_from_joint'"
+        twice = "drives has both 'joint_from_drive' and 'drive_from_joint'"
+        scope.faults.error(values[given[1]] if given else node, twice if given else missing, hint)
+        return None
+    name = given[0]
+    matrix = _read_square(values[name], name, n, scope)
+    if matrix is None:
+        return None
+    if _is_singular(matrix):
+        hint = "every joint speed must follow from the speeds of the drives, and these from the joints'"
+        scope.faults.error(values[name], f"{name} is singular", hint)
+        return None
+    if name == "drive_from_joint":
+        matrix = sp.Matrix(matrix).inv(method="LU")
+        return tuple(tuple(matrix[i, k] for k in range(n)) for i in range(n))
+    return matrix
+
+
+def _read_square(node: Node, name: str, n: int, scope: Scope) -> Matrix | None:
+    rows = read_list(node, name, None, scope.faults)
+    if rows is None:
+        return None
+    if len(rows) != n:
+        hint = f"one row per {'joint' if name == 'joint_from_drive' else 'drive'}, as many drives as joints"
+        scope.faults.error(node, f"{name} has {len(rows)} row{'s' * (len(rows) != 1)} for {n} joints", hint)
+        return None
+    matrix = []
+    for i, row in enumerate(rows, start=1):
+        items = read_list(row, f"row {i} of {name}", n, scope.faults)
+        entries = [
+            read_value(item, f"entry {i},{k} of {name}", "number", scope) for k, item in enumerate(items or (), start=1)
+        ]
+        matrix.append(tuple(scope.substitute(value) for value in entries if value is not None))
+    return tuple(matrix) if all(len(row) == n for row in matrix) else None
+
+
+def _is_singular(matrix: Matrix) -> bool:
+    """Whether the matrix is singular, or so near a singular one that rounding of its decimals may explain it."""
+    numbers = [[float(value) for value in row] for row in matrix]
+    lengths = [sum(value * value for value in row) ** 0.5 for row in numbers]
+    if not all(lengths):
+        return True
+    scaled = [[value / length for value in row] for row, length in zip(numbers, lengths, strict=True)]
+    return abs(float(sp.Matrix(scaled).det(method="lu"))) < SINGULAR
+
+
+def _read_motors(
+    node: Node, joints: Row[JointSpec | None], matrix: Matrix | None, scope: Scope
+) -> list[MotorSpec] | None:
+    items = read_list(node, "motors", None, scope.faults)
+    if items is None:
+        return None
+    if len(items) != len(joints):
+        number = f"{len(items)} motors for {len(joints)} joints" if len(items) <= MAX_JOINTS else f"{len(items)} motors"
+        scope.faults.error(
+            node, number, "one motor per drive and as many drives as joints; - {name: m1} for a bare one"
+        )
+        return None
+    motors = [_read_motor(item, number, scope) for number, item in enumerate(items, start=1)]
+    seen: set[str] = set()
+    for item, (motor, _) in zip(items, motors, strict=True):
+        if motor.name in seen:
+            scope.faults.error(item, f"the motor name '{motor.name}' is not unique", "m1, m2, ... where it is missing")
+        seen.add(motor.name)
+    found = [motor for motor, _ in motors]
+    if matrix is not None:
+        directions = DrivesSpec(matrix, tuple(found)).motor_from_joint
+        for k, (motor, places) in enumerate(motors):
+            _check_not_twice(list(directions.row(k)), motor, places, joints, scope)
+    return found
+
+
+def _read_motor(node: Node, number: int, scope: Scope) -> tuple[MotorSpec, dict[str, Node]]:
+    """Read one motor: (the motor, with defaults for values that are faulty, and the nodes of its values by key)."""
+    what = f"motor {number}"
+    values = read_section(node, "motor", what, scope.faults, ROBOT_FILE) or {}
+    kind = read_choice(values["type"], _KEYS["type"], scope.faults) if "type" in values else "revolute"
+    joint_type = cast(JointType, kind or "revolute")
+    gear: sp.Expr | None = sp.S.One
+    if "gear_ratio" in values:
+        gear = read_value(values["gear_ratio"], f"gear_ratio of {what}", "number", scope)
+        gear = None if gear is None else scope.substitute(gear)
+        if gear == 0:
+            scope.faults.error(values["gear_ratio"], f"gear_ratio of {what} is zero", _KEYS["gear_ratio"].meaning)
+            gear = None
+    numbers: dict[str, float | None] = {}
+    for name, positive in (("inertia", False), ("torque_limit", True)):
+        numbers[name] = _read_size(values.get(name), name, what, joint_type, positive, scope)
+    friction = read_friction(values.get("friction"), joint_type, what, scope)
+    return (
+        MotorSpec(
+            name=_read_name(values.get("name"), number, scope),
+            type=joint_type,
+            gear_ratio=sp.S.One if gear is None else gear,
+            friction=friction,
+            **numbers,
+        ),
+        values,
+    )
+
+
+def _read_size(node: Node | None, name: str, what: str, joint_type: str, positive: bool, scope: Scope) -> float | None:
+    if node is None:
+        return None
+    number = read_number(node, f"{name} of {what}", _KEYS[name].quantity_for(joint_type), scope)
+    if number is not None and (number < 0 or (positive and number == 0)):
+        allowed = "it must be positive" if positive else "it must not be negative"
+        scope.faults.error(node, f"{name} of {what} is {number:g}", allowed)
+    return number
+
+
+def _read_name(node: Node | None, number: int, scope: Scope) -> str:
+    if node is None:
+        return f"m{number}"
+    if not isinstance(node, Scalar):
+        scope.faults.error(node, f"the name of motor {number} is {describe(node)}, not a word")
+        return f"m{number}"
+    if fault := name_fault(node.text, "motor"):
+        scope.faults.error(node, *fault)
+    return node.text
+
+
+def _check_not_twice(
+    direction: Row[sp.Expr], motor: MotorSpec, places: dict[str, Node], joints: Row[JointSpec | None], scope: Scope
+) -> None:
+    """If a motor moves a single joint, refuse a friction or inertia term stated at both of them."""
+    moved = [joint for joint, weight in zip(joints, direction, strict=True) if weight != 0]
+    joint = moved[0] if len(moved) == 1 else None
+    if joint is None:
+        return
+    own, other = motor.friction or FrictionSpec(), joint.friction or FrictionSpec()
+    terms = {f"friction {name}": ("friction", getattr(own, name), getattr(other, name)) for name in _FRICTION}
+    drive = joint.drive or DriveSpec()
+    terms["friction law"] = ("friction", own.law, other.law)
+    terms["inertia"] = ("inertia", motor.inertia, drive.inertia)
+    terms["gear_ratio"] = ("gear_ratio", places.get("gear_ratio"), drive.gear_ratio)
+    for what, (key, here, there) in terms.items():
+        if here is not None and there is not None:
+            message = f"{what} is given twice: here and at joint '{joint.name}', with which motor '{motor.name}' turns"
+            scope.faults.error(places[key], message, "state it at the motor or at the joint")

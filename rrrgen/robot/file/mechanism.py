@@ -1,0 +1,192 @@
+"""Reader of mechanisms: lists of joints in which some follow others, or which branch.
+
+Keys of a row: ``follows`` gives its displacement as a sum of multiples of joint positions, none for a fixed row;
+``parent`` names the joint whose link carries it. The file's key ``tip`` names the joint whose link carries the tool.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence as Row
+from dataclasses import replace
+
+import sympy as sp
+
+from rrrgen.base.yamltext.document import Mapping, Node, Scalar, Sequence
+from rrrgen.base.yamltext.sections import describe, read_entries
+from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.robot.file.fields import BASE
+from rrrgen.robot.file.quantities import Scope, read_value
+from rrrgen.robot.robot_spec import JointSpec, Limits, MechanismSpec
+
+Factors = dict[str, sp.Expr]
+
+_OF_DRIVES = ("friction", "drive")
+
+
+def read_mechanism(
+    node: Node, tip: Node | None, joints: Row[JointSpec | None], scope: Scope
+) -> tuple[tuple[JointSpec, ...], MechanismSpec | None]:
+    """Read the driven joints, whose positions are q, and the mechanism (None for a chain of driven joints).
+
+    ``node`` is the list of joints and ``tip`` the value of the file's key ``tip``. ``joints`` are the rows as read
+    before; the sign of a row goes into the matrix of the mechanism.
+    """
+    rows = tuple(joint for joint in joints if joint is not None)
+    items = node.items if isinstance(node, Sequence) else []
+    keys = [_keys_of(item) for item in items]
+    stated = tip is not None or any("follows" in each or "parent" in each for each in keys)
+    if not stated or len(rows) != len(items):
+        return rows, None
+    names = [row.name for row in rows]
+    parents = [_read_parent(each.get("parent"), i, names, scope) for i, each in enumerate(keys)]
+    follows = [_read_follows(each.get("follows"), row, scope) for each, row in zip(keys, rows, strict=True)]
+    driven = [row.name for row, factors in zip(rows, follows, strict=True) if factors is None or row.name in factors]
+    matrix = []
+    for row, factors, each in zip(rows, follows, keys, strict=True):
+        factors = {row.name: sp.S.One} if factors is None else factors
+        _check_followed(each, row, factors, driven, rows, scope)
+        matrix.append(tuple(row.sign * factors.get(name, sp.S.Zero) for name in driven))
+    if scope.faults.errors:
+        return rows, None
+    tip_row = _read_tip(node, tip, parents, names, scope)
+    _check_rank(node, matrix, driven, scope)
+    plain = tuple(replace(row, sign=1) for row in rows)
+    return mechanism_of_rows(plain, tuple(parents), tip_row, matrix, [names.index(name) for name in driven])
+
+
+def fixed_rows(node: Node, joints: Row[JointSpec | None]) -> list[bool]:
+    """Whether each of ``joints``, the rows of the list ``node`` as read before, is fixed: it follows none."""
+    keys = [_keys_of(item) for item in node.items] if joints and isinstance(node, Sequence) else []
+    followed = [each["follows"][1] if "follows" in each else None for each in keys]
+    return [isinstance(value, Mapping) and not value.entries for value in followed]
+
+
+def mechanism_of_rows(
+    rows: Row[JointSpec],
+    parents: tuple[int, ...],
+    tip: int,
+    matrix: list[tuple[sp.Expr, ...]],
+    driven: Row[int],
+) -> tuple[tuple[JointSpec, ...], MechanismSpec]:
+    """Make the driven joints (the rows ``driven``) and the mechanism of all ``rows`` (:class:`MechanismSpec`).
+
+    The position limits of a driven joint are narrowed to those of the rows that follow it.
+    """
+    counted = tuple(_narrowed(rows[i], rows, matrix, k) for k, i in enumerate(driven))
+    bare = tuple(
+        replace(row, limits=Limits(), friction=None, drive=None) if i in driven else row for i, row in enumerate(rows)
+    )
+    return counted, MechanismSpec(bare, parents, tip, tuple(matrix))
+
+
+def _keys_of(item: Node) -> dict[str, tuple[Scalar, Node]]:
+    return {key.text: (key, value) for key, value in getattr(item, "entries", ()) if isinstance(key, Scalar)}
+
+
+def _named(node: Node, names: Row[str], what: str, scope: Scope) -> str | None:
+    """Read one of the joint names ``names``; a fault and None for anything else."""
+    if isinstance(node, Scalar) and node.text in names:
+        return node.text
+    word = node.text if isinstance(node, Scalar) else ""
+    hint = " ".join(part for part in (did_you_mean(word, names), f"allowed are {', '.join(names)}") if part)
+    scope.faults.error(node, f"{what} is {describe(node)}", hint if names else "no joint stands before it")
+    return None
+
+
+def _read_parent(entry: tuple[Scalar, Node] | None, i: int, names: list[str], scope: Scope) -> int:
+    if entry is None:
+        return i - 1
+    name = _named(entry[1], [BASE, *names[:i]], f"parent of joint {i + 1}", scope)
+    return names.index(name) if name in names[:i] else -1
+
+
+def _read_follows(entry: tuple[Scalar, Node] | None, row: JointSpec, scope: Scope) -> Factors | None:
+    """Read the factors, by joint name, of the joints that a row follows; None for a row with a drive of its own.
+
+    A row that follows none is fixed.
+    """
+    if entry is None:
+        return None
+    factors: Factors = {}
+    what = f"follows of joint '{row.name}'"
+    for name, (_, value) in (read_entries(entry[1], what, scope.faults) or {}).items():
+        number = read_value(value, f"the factor of {name} in {what}", "number", scope)
+        factor = None if number is None else scope.substitute(number)
+        if factor is not None and row.is_revolute and not factor.is_Rational:
+            hint = "write a fraction or a decimal; angles in an irrational ratio have no exact base parameters"
+            scope.faults.error(value, f"the factor of {name} in {what} is irrational", hint)
+        elif factor is not None:
+            factors[name] = factor
+    return factors
+
+
+def _check_followed(
+    keys: dict[str, tuple[Scalar, Node]],
+    row: JointSpec,
+    factors: Factors,
+    driven: list[str],
+    rows: Row[JointSpec],
+    scope: Scope,
+) -> None:
+    """Check a row with ``follows``: it names driven joints and has no drive, friction, or limits but its range.
+
+    ``keys`` are the keys of the row in the file, ``factors`` those of the joints that it follows, by name.
+    """
+    if "follows" not in keys:
+        return
+    for name, (key, _) in (read_entries(keys["follows"][1], "follows", scope.faults) or {}).items():
+        if name in driven:
+            continue
+        hint = " ".join(part for part in (did_you_mean(name, driven), f"allowed are {', '.join(driven)}") if part)
+        itself = next((each for each in rows if each.name == name), None)
+        why = "follows others itself" if itself is not None else "is no joint"
+        scope.faults.error(key, f"joint '{row.name}' follows '{name}', which {why}", hint)
+    if row.name in factors:
+        return
+    if not factors and "limits" in keys:
+        scope.faults.error(keys["limits"][0], f"joint '{row.name}' is fixed and has no limits", "it follows no joint")
+        return
+    for section in _OF_DRIVES:
+        if section in keys:
+            told = f"state it at {' or '.join(factors)}, seen there" if factors else "state it at the joint it follows"
+            scope.faults.error(keys[section][0], f"joint '{row.name}' follows others and has no {section}", told)
+    if "limits" in keys:
+        for name, (key, _) in (read_entries(keys["limits"][1], "limits", scope.faults) or {}).items():
+            if name not in ("lower", "upper"):
+                hint = "a joint that follows others has the limits lower and upper only"
+                scope.faults.error(
+                    key, f"limits of joint '{row.name}': {name} belongs to the joint that it follows", hint
+                )
+
+
+def _read_tip(node: Node, tip: Node | None, parents: list[int], names: list[str], scope: Scope) -> int:
+    ends = [name for i, name in enumerate(names) if i not in parents]
+    if tip is not None:
+        name = _named(tip, names, "tip", scope)
+        return names.index(name) if name is not None else 0
+    if len(ends) > 1:
+        hint = f"tip: {ends[-1]}; the joint whose link carries the tool"
+        scope.faults.error(node, f"the joints branch and end at {', '.join(ends)}: the file needs the key 'tip'", hint)
+    return names.index(ends[-1])
+
+
+def _check_rank(node: Node, matrix: list[tuple[sp.Expr, ...]], driven: list[str], scope: Scope) -> None:
+    if not driven:
+        scope.faults.error(node, "every joint follows another one", "at least one joint has a drive of its own")
+    elif sp.Matrix(matrix).rank() < len(driven):
+        hint = "each joint without follows, or that names itself there, has a drive; drop one or change a factor"
+        scope.faults.error(node, f"the positions of {', '.join(driven)} do not follow from those of the joints", hint)
+
+
+def _narrowed(joint: JointSpec, rows: Row[JointSpec], matrix: list[tuple[sp.Expr, ...]], k: int) -> JointSpec:
+    """Narrow the position limits of ``joint``, number k in q, to those of the rows that follow it alone."""
+    lower, upper = joint.limits.lower, joint.limits.upper
+    for row, factors in zip(rows, matrix, strict=True):
+        if row.name == joint.name or any(f != 0 for i, f in enumerate(factors) if i != k) or factors[k] == 0:
+            continue
+        ends = [None if v is None else v / float(factors[k]) for v in (row.limits.lower, row.limits.upper)]
+        least, most = ends if factors[k] > 0 else ends[::-1]
+        lower = least if lower is None else lower if least is None else max(lower, least)
+        upper = most if upper is None else upper if most is None else min(upper, most)
+    limits: Limits = replace(joint.limits, lower=lower, upper=upper)
+    return joint if limits == joint.limits else replace(joint, limits=limits)

@@ -1,0 +1,87 @@
+"""The interface of importers: the type of an importer, of its input and of its result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import sympy as sp
+
+from rrrgen.base.yamltext.document import FaultList
+from rrrgen.robot.robot_spec import Convention, RobotSpec
+
+DEFAULT_ANGLE_TOLERANCE = 1e-5
+"""Largest difference (rad) between an angle and a multiple of 15 degrees that it is taken for: 1.5708 and 3.1416 stand
+for pi/2 and pi, and differ from them by 4e-6 and 7e-6."""
+
+
+@dataclass(frozen=True)
+class ChainChoice:
+    """The user's choice of a serial chain in a tree of bodies, and the convention in which its rows are written.
+
+    ``base`` and ``tip`` are names of links; empty for the root and for the only leaf. ``held`` are joints that are kept
+    at fixed values (rad, m). Angles within ``angle_tolerance`` (rad) of a multiple of 15 degrees are taken as exact.
+    """
+
+    base: str = ""
+    tip: str = ""
+    held: Mapping[str, sp.Expr] = field(default_factory=dict)
+    convention: Convention = "standard"
+    angle_tolerance: float = DEFAULT_ANGLE_TOLERANCE
+
+
+@dataclass(frozen=True)
+class Source:
+    """The input of an importer: the text of a file, and the choices of the user.
+
+    ``values`` are exact SI values for names that the file leaves open, ``name`` is the name of the robot if the file
+    states none, and ``chain`` the choice of a chain for formats that describe trees of bodies.
+    """
+
+    text: str
+    values: Mapping[str, sp.Expr]
+    name: str
+    chain: ChainChoice = field(default_factory=ChainChoice)
+
+
+@dataclass(frozen=True)
+class ImportedChain:
+    """The serial chain that an importer took from a tree of bodies: ends, moving joints, held joints, by their names.
+
+    ``offsets`` are the displacements (rad, m) of the moving joints at q = 0; they are not zero for some joints that
+    follow others. ``rows`` are the numbers (from 0) of the moving joints' rows in the table, which may have fixed rows
+    besides.
+    """
+
+    base: str
+    tip: str
+    joints: tuple[str, ...]
+    held: Mapping[str, float]
+    offsets: tuple[float, ...] = ()
+    rows: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class Found:
+    """The result of an importer: the robot, and ``chain``, which is None where the format describes one chain only."""
+
+    spec: RobotSpec
+    chain: ImportedChain | None = None
+
+
+@dataclass(frozen=True)
+class Importer:
+    """A format of another program: its ``name``, its ``meaning`` in words and the ``suffixes`` of its files.
+
+    ``recognises`` says whether a text is of this format. ``read`` converts it to a robot, or returns None after adding
+    every error, with its place, to the list of faults. What a robot file cannot represent is a warning in that list, or
+    an error where leaving it out would change the robot. ``describes_trees`` says whether the importer uses the choice
+    ``Source.chain``; for other formats such a choice is refused.
+    """
+
+    name: str
+    meaning: str
+    suffixes: tuple[str, ...]
+    recognises: Callable[[str], bool]
+    read: Callable[[Source, FaultList], Found | None]
+    describes_trees: bool = False

@@ -1,0 +1,259 @@
+"""The serial chain from one body of a tree to another: its axes in space, and the inertia that each link carries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rrrgen.base.yamltext.document import FaultList
+from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.robot.file.fields import MAX_JOINTS
+from rrrgen.robot.importers.trees.exact_numbers import Array, identity, inverse, number, rotation, transform
+from rrrgen.robot.importers.trees.tree import MOVING, NO_INERTIA, Inertia, Tree, TreeJoint
+
+MAX_NAMED = 12  # candidates that one message lists
+
+
+@dataclass(frozen=True)
+class ChainJoint:
+    """A joint of the chain at its zero position, in the base frame: a point (3,) on its axis, its unit direction (3,).
+
+    ``frame`` (4, 4) is the frame in which the file states the axis.
+    """
+
+    joint: TreeJoint
+    point: Array
+    direction: Array
+    frame: Array
+
+
+@dataclass(frozen=True)
+class SerialChain:
+    """A serial chain at its zero position, in the base frame: its joints, their links, and the pose of the tip.
+
+    ``links`` are the inertias that the joints carry; None where no body of a link states one. ``tip_pose`` has shape
+    (4, 4), ``gravity`` (3,). ``held`` are the joints outside the chain, with the value at which they are held.
+    """
+
+    base: str
+    tip: str
+    joints: tuple[ChainJoint, ...]
+    links: tuple[Inertia | None, ...]
+    tip_pose: Array
+    gravity: Array
+    held: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Ends:
+    """The user's choice of a chain: names of the bodies at its ends, and joints to hold at a value (rad, m).
+
+    An empty ``base`` is the root of the tree, an empty ``tip`` its only leaf.
+    """
+
+    base: str = ""
+    tip: str = ""
+    held: Mapping[str, Any] | None = None
+
+
+def motion(joint: TreeJoint, q: Any) -> Array:
+    """The transform (4, 4) of a joint at ``q``, in its own frame."""
+    if joint.kind == "revolute":
+        return transform(rotation(joint.axis, q), (0, 0, 0))
+    if joint.kind == "prismatic":
+        return transform(identity(3), [q * x for x in joint.axis])
+    return identity()
+
+
+def serial_chain(tree: Tree, ends: Ends, faults: FaultList) -> SerialChain | None:
+    """The chain of ``tree`` between its ``ends``; None and faults where there is no such chain."""
+    held = dict(ends.held or {})
+    _check_held(tree, held, faults)
+    base = _body(ends.base or tree.root, tree, faults, "base")
+    tip = _body(ends.tip, tree, faults, "tip") if ends.tip else _only_tip(tree, base, held, faults)
+    if base is None or tip is None or faults.errors:
+        return None
+    path = list(_path(tree, base, tip))
+    moving = [(joint, forward) for joint, forward in path if joint.moves and joint.name not in held]
+    _check_path(base, tip, moving, faults)
+    if faults.errors:
+        return None
+    on_chain = {joint.name for joint, _ in moving}
+    beside = _beside(tree, held, on_chain, faults)
+    return _in_space(tree, base, tip, path, on_chain, beside)
+
+
+def _beside(tree: Tree, held: Mapping[str, Any], on_chain: set[str], faults: FaultList) -> dict[str, Any]:
+    """Values (rad, m), by name, of the moving joints outside the chain.
+
+    A joint has the value at which the user holds it, the value that follows from the joint that it mimics, or zero.
+    """
+    joints = {joint.name: joint for joint in tree.joints if joint.moves}
+
+    def value(joint: TreeJoint, depth: int) -> Any:
+        if joint.name in held or joint.mimic is None or depth > len(joints):
+            return number(held.get(joint.name, 0))
+        if joint.mimic.of in on_chain and depth == 0:
+            hint = "what it carries is held at the pose of the chain's zero; coupled joints are in the chain itself"
+            message = f"joint '{joint.name}' beside the chain follows '{joint.mimic.of}'"
+            faults.warning(joint.place, message, hint)
+        followed = joints.get(joint.mimic.of)
+        start = number(0) if followed is None or joint.mimic.of in on_chain else value(followed, depth + 1)
+        return joint.mimic.multiplier * start + joint.mimic.offset
+
+    return {name: value(joint, 0) for name, joint in joints.items() if name not in on_chain}
+
+
+def _check_held(tree: Tree, held: Mapping[str, Any], faults: FaultList) -> None:
+    names = [joint.name for joint in tree.joints if joint.kind in MOVING]
+    for name in held:
+        if name not in names:
+            hint = did_you_mean(name, names) or f"joints that can be held: {_listed(names)}"
+            faults.error(None, f"there is no joint '{name}' to hold", hint)
+
+
+def _body(name: str, tree: Tree, faults: FaultList, what: str) -> str | None:
+    if name in tree.bodies:
+        return name
+    hint = did_you_mean(name, list(tree.bodies)) or f"links are {_listed(list(tree.bodies))}"
+    faults.error(None, f"the {what}: there is no link '{name}'", hint)
+    return None
+
+
+def _listed(names: list[str]) -> str:
+    more = f", ... ({len(names)} in all)" if len(names) > MAX_NAMED else ""
+    return ", ".join(names[:MAX_NAMED]) + more
+
+
+def _only_tip(tree: Tree, base: str | None, held: Mapping[str, Any], faults: FaultList) -> str | None:
+    """The only leaf that moves relative to the base; a fault that lists the candidates where there are several."""
+    if base is None:
+        return None
+    below = tree.joints_below()
+    leaves: list[tuple[int, str]] = []
+    stack = [(base, 0)]
+    while stack:
+        body, count = stack.pop()
+        if not below[body] and body != base:
+            leaves.append((count, body))
+        stack += [(joint.child, count + (joint.moves and joint.name not in held)) for joint in below[body]]
+    leaves = [leaf for leaf in leaves if leaf[0]] or leaves
+    if not leaves:
+        faults.error(tree.bodies[base].place, f"no joint leads away from '{base}'", "choose another base")
+        return None
+    if len(leaves) == 1:
+        return leaves[0][1]
+    shown = sorted(leaves, key=lambda leaf: (-leaf[0], leaf[1]))[:MAX_NAMED]
+    named = ", ".join(f"{body} ({count} joints)" for count, body in shown)
+    more = ", ..." if len(leaves) > MAX_NAMED else ""
+    hint = f"choose one with --tip: {named}{more}, or a link before them"
+    faults.error(None, f"the file has {len(leaves)} chains from '{base}'", hint)
+    return None
+
+
+def _path(tree: Tree, base: str, tip: str) -> Iterator[tuple[TreeJoint, bool]]:
+    """The joints between two bodies, and whether each is passed from parent to child."""
+    above = tree.joint_above()
+
+    def to_root(body: str) -> list[TreeJoint]:
+        found = []
+        while body in above:
+            found.append(above[body])
+            body = above[body].parent
+        return found
+
+    up, down = to_root(base), to_root(tip)
+    while up and down and up[-1] is down[-1]:
+        up.pop()
+        down.pop()
+    for joint in up:
+        yield joint, False
+    for joint in reversed(down):
+        yield joint, True
+
+
+def _check_path(base: str, tip: str, moving: list[tuple[TreeJoint, bool]], faults: FaultList) -> None:
+    for joint, _ in moving:
+        if joint.kind not in MOVING:
+            hint = f"revolute and prismatic joints make a serial chain; hold it with --hold {joint.name}=0"
+            faults.error(joint.place, f"joint '{joint.name}' on the chain is {joint.kind}", hint)
+        elif joint.mimic is not None and not _leads_to_drive(joint, {each.name: each for each, _ in moving}):
+            hint = f"hold it with --hold {joint.name}=0, or choose other ends with --base and --tip"
+            message = f"joint '{joint.name}' on the chain follows '{joint.mimic.of}', which is not a moving joint of it"
+            faults.error(joint.place, message, hint)
+    if not moving:
+        faults.error(None, f"no joint moves between '{base}' and '{tip}'", "choose other ends with --base and --tip")
+    if len(moving) > MAX_JOINTS:
+        faults.error(None, f"{len(moving)} joints between '{base}' and '{tip}'", f"at most {MAX_JOINTS}")
+
+
+def _leads_to_drive(joint: TreeJoint, on_chain: Mapping[str, TreeJoint]) -> bool:
+    """Whether the joints that ``joint`` follows, one after the other, are on the chain and end at a drive."""
+    seen = {joint.name}
+    while joint.mimic is not None:
+        if joint.mimic.of in seen or joint.mimic.of not in on_chain:
+            return False
+        seen.add(joint.mimic.of)
+        joint = on_chain[joint.mimic.of]
+    return True
+
+
+def _in_space(
+    tree: Tree, base: str, tip: str, path: list[tuple[TreeJoint, bool]], on_chain: set[str], held: Mapping[str, Any]
+) -> SerialChain:
+    poses = _poses(tree, base, held)
+    joints = []
+    owner = {base: 0}
+    body = base
+    for joint, forward in path:
+        if joint.name in on_chain:
+            frame = poses[joint.parent] @ joint.origin
+            direction = frame[:3, :3] @ joint.axis
+            joints.append(ChainJoint(joint, frame[:3, 3], direction if forward else -direction, frame))
+        body = joint.child if forward else joint.parent
+        owner[body] = len(joints)
+    links = _links(tree, owner, poses, len(joints))
+    gravity = poses[tree.root][:3, :3] @ tree.gravity
+    return SerialChain(base, tip, tuple(joints), links, poses[tip], gravity, held)
+
+
+def _poses(tree: Tree, base: str, held: Mapping[str, Any]) -> dict[str, Array]:
+    """The pose (4, 4) of every body in the frame of the base, joints at zero or where they are held."""
+    poses = {tree.root: identity()}
+    below = tree.joints_below()
+    stack = [tree.root]
+    while stack:
+        body = stack.pop()
+        for joint in below[body]:
+            q = held.get(joint.name, 0)
+            poses[joint.child] = poses[body] @ joint.origin @ motion(joint, number(q))
+            stack.append(joint.child)
+    to_base = inverse(poses[base])
+    return {name: to_base @ T for name, T in poses.items()}
+
+
+def _links(tree: Tree, owner: dict[str, int], poses: Mapping[str, Array], count: int) -> tuple[Inertia | None, ...]:
+    """The inertia that each joint of the chain carries: that of the bodies after it, with branches attached to them.
+
+    ``owner`` maps the bodies on the chain to the number of the joint before them, 0 for the base; ``poses`` are the
+    poses of all bodies in the base frame, ``count`` the number of joints.
+    """
+    neighbours: dict[str, list[str]] = {name: [] for name in tree.bodies}
+    for joint in tree.joints:
+        neighbours[joint.parent].append(joint.child)
+        neighbours[joint.child].append(joint.parent)
+    carried = dict(owner)
+    stack = list(owner)
+    while stack:
+        body = stack.pop()
+        for other in neighbours[body]:
+            if other not in carried:
+                carried[other] = carried[body]
+                stack.append(other)
+    links: list[Inertia | None] = [None] * (count + 1)
+    for each in tree.bodies.values():
+        if each.inertia is not None and each.name in carried:
+            k = carried[each.name]
+            links[k] = (links[k] or NO_INERTIA) + each.inertia.moved(poses[each.name])
+    return tuple(links[1:])

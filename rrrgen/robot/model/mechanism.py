@@ -1,0 +1,100 @@
+"""Mechanisms, robots in which joints follow others or which branch: their chain to the tip, and text about them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import sympy as sp
+
+from rrrgen.robot.model.drive_text import weighted_sum
+from rrrgen.robot.robot_spec import Limits, RobotSpec
+
+
+@dataclass(frozen=True)
+class FollowerLimits:
+    """The range of a row ``name`` that follows several joints: ``lower <= factors . q <= upper``; None for no limit.
+
+    A row that follows one joint narrows the range of that joint instead.
+    """
+
+    name: str
+    factors: tuple[float, ...]
+    lower: float | None
+    upper: float | None
+
+
+def follower_limits(spec: RobotSpec) -> tuple[FollowerLimits, ...]:
+    """The ranges of all rows that follow several joints; empty for a serial chain."""
+    if spec.mechanism is None:
+        return ()
+    found = []
+    for row, factors in zip(spec.rows, spec.mechanism.matrix, strict=True):
+        several = sum(factor != 0 for factor in factors) > 1
+        lower, upper = (None if v is None else float(v) for v in (row.limits.lower, row.limits.upper))
+        if several and (lower is not None or upper is not None):
+            found.append(FollowerLimits(row.name, tuple(map(float, factors)), lower, upper))
+    return tuple(found)
+
+
+def limits_at(spec: RobotSpec, i: int, q: Sequence[float]) -> Limits:
+    """The limits of joint ``i``, its range narrowed by rows that follow it, while the other joints stand at ``q``."""
+    limits = spec.joints[i].limits
+    lower, upper = limits.lower, limits.upper
+    for each in follower_limits(spec):
+        factor = each.factors[i]
+        if factor == 0.0:
+            continue
+        rest = sum(f * float(x) for k, (f, x) in enumerate(zip(each.factors, q, strict=True)) if k != i)
+        ends = [None if v is None else (v - rest) / factor for v in (each.lower, each.upper)]
+        least, most = ends if factor > 0.0 else ends[::-1]
+        lower = least if lower is None else lower if least is None else max(float(lower), least)
+        upper = most if upper is None else upper if most is None else min(float(upper), most)
+    return replace(limits, lower=lower, upper=upper)
+
+
+def chain_to_tip(spec: RobotSpec) -> RobotSpec:
+    """Make a serial robot of the rows between base and tip, all driven and without limits, for kinematics."""
+    if spec.mechanism is None:
+        return spec
+    rows = tuple(
+        replace(spec.rows[i], limits=Limits(), friction=None, drive=None)
+        for i in spec.mechanism.path(spec.mechanism.tip)
+    )
+    return replace(spec, joints=rows, mechanism=None, links=None, drives=None, basis=None, tools={})
+
+
+def coupling_to_tip(spec: RobotSpec) -> sp.Matrix:
+    """The matrix (rows, n) that maps q to the displacements of the joints of :func:`chain_to_tip`."""
+    if spec.mechanism is None:
+        return sp.eye(spec.n)
+    return sp.Matrix([list(spec.mechanism.matrix[i]) for i in spec.mechanism.path(spec.mechanism.tip)])
+
+
+def mechanism_equations(spec: RobotSpec) -> list[str]:
+    """Describe each row of a mechanism by a clause: its parent and its motion with q. Empty for a serial chain."""
+    if spec.mechanism is None:
+        return []
+    names = [joint.name for joint in spec.joints]
+    found = []
+    for row, parent, factors in zip(spec.rows, spec.parents, spec.mechanism.matrix, strict=True):
+        carrier = spec.rows[parent].name if parent >= 0 else "base"
+        moved = weighted_sum(names, [str(value) for value in factors])
+        found.append(f"{row.name} on {carrier}" + ("" if moved == row.name else f", {row.name} = {moved}"))
+    return found
+
+
+def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:
+    """Plain data about a mechanism: every row with its parent, and the exact matrix S of ``y = S q`` as text.
+
+    None for a serial chain.
+    """
+    if spec.mechanism is None:
+        return None
+    return {
+        "rows": [row.name for row in spec.rows],
+        "parents": list(spec.parents),
+        "tip": spec.rows[spec.tip_row].name,
+        "matrix": [[str(value) for value in factors] for factors in spec.mechanism.matrix],
+    }

@@ -1,1 +1,0 @@
-"""Readers of optional sections of a robot file: transforms, basis, mechanisms, provenance, reversed joints."""

@@ -1,0 +1,232 @@
+"""Makes the methods of a model from the table of model functions: signature, docstring, body, and the stub for editors.
+
+The text of every method is compiled once, when the first model is made. A method thus costs what one written by hand
+does, and tracebacks show its lines.
+"""
+
+from __future__ import annotations
+
+import linecache
+import math
+import sys
+import textwrap
+from collections.abc import Iterator
+from typing import Any
+
+from rrrgen.derive.functions.model_function import ModelFunction
+from rrrgen.derive.functions.quantities import Quantity
+from rrrgen.derive.functions.table import ALWAYS, TABLE
+
+WIDTH = 120
+"""Longest line of a docstring and of the stub."""
+
+INDENT = " " * 4
+
+PARAMETERS = ("beta", "Ia", "gravity")
+"""Arguments that choose the program; the other arguments are inputs of it."""
+
+FROM_FILE = {
+    "friction": "self.friction_parameters if friction is None else friction",
+    "tau_max": "self._largest_torques(tau_max)",
+    "rotor_inertia": "self._drive('inertia', rotor_inertia)",
+    "stiffness": "self._drive('stiffness', stiffness)",
+    "damping": "self._drive('damping', damping, 0.0)",
+}
+"""Expressions for the arguments that the robot file can give."""
+
+
+def add_methods(owner: type) -> None:
+    """Give the class ``owner`` a method for every function of the table that has none written by hand."""
+    text, file = f"from __future__ import annotations\n\n\n{_definitions()}", "<methods of rrrgen.Model>"
+    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
+    from rrrgen.runtime import results
+
+    scope: dict[str, Any] = {**vars(results), "__name__": owner.__module__, "inf": math.inf}
+    exec(compile(text, file, "exec"), scope)
+    for function in made_functions():
+        method = scope[function.name]
+        method.__qualname__ = f"{owner.__qualname__}.{function.name}"
+        setattr(owner, function.name, method)
+
+
+def made_functions() -> tuple[ModelFunction, ...]:
+    """The functions of the table whose methods are made from it."""
+    return tuple(function for function in TABLE if not function.by_hand)
+
+
+def _definitions() -> str:
+    return "\n\n".join(definition(function) for function in made_functions())
+
+
+def definition(function: ModelFunction) -> str:
+    """The text of the method of ``function``."""
+    lines = [*_signature(function), textwrap.indent(f'"""{docstring(function)}\n"""', INDENT), *_body(function)]
+    return "\n".join(lines) + "\n"
+
+
+def stub() -> str:
+    """The stub of the module that holds the methods, for type checkers and editors."""
+    used = sorted({function.result for function in made_functions() if function.result})
+    head = [
+        '"""The methods of a model that are made from the table of model functions. Written by `make stubs`."""\n',
+        "from typing import Literal, overload\n",
+        "from numpy.typing import ArrayLike\n",
+        "from rrrgen.runtime.functions.calls import Array, Calls",
+        "from rrrgen.runtime.results import (",
+        *(f"{INDENT}{name}," for name in used),
+        ")\n",
+        "class TableFunctions(Calls):",
+        f'{INDENT}"""Methods for the functions of the model."""\n',
+    ]
+    methods = [_stub_of(function) for function in made_functions()]
+    parts = [text if text.endswith(" ...\n") else f"{text}\n" for text in methods]  # as ruff formats stubs
+    return "\n".join(head) + "\n" + textwrap.indent("".join(parts).rstrip("\n"), INDENT) + "\n"
+
+
+def _stub_of(function: ModelFunction) -> str:
+    """The signatures of one method in the stub: of a function with a status, one for each kind of result."""
+    document = textwrap.indent(f'"""{docstring(function, len(INDENT))}\n"""', INDENT)
+    if not function.status:
+        return "\n".join([*_signature(function), document]) + "\n"
+    kind = function.result or "Array"
+    kinds = {"Literal[False] = ...": kind, "Literal[True]": f"tuple[{kind}, Array]"}
+    kinds["bool"] = " | ".join(kinds.values())
+    first, *others = (["@overload", *_signature(function, *of)] for of in kinds.items())
+    overloads = [[*first, document], *([*lines[:-1], f"{lines[-1]} ..."] for lines in others)]
+    return "\n".join("\n".join(lines) for lines in overloads) + "\n"
+
+
+def _signature(function: ModelFunction, with_status: str = "bool = False", returned: str = "") -> list[str]:
+    """The lines of the signature of ``function``'s method."""
+    arguments = ["self", *(_argument(q) for q in function.arguments if q not in function.keywords)]
+    keywords = [_argument(q) for q in function.keywords]
+    if function.status:
+        keywords.append(f"with_status: {with_status}")
+    arguments += ["*", *keywords] if keywords else []
+    kind = returned or ("Any" if function.status else function.result or "Array")
+    short = f"def {function.name}({', '.join(arguments)}) -> {kind}:"
+    if len(INDENT) + len(short) + len(" ...") <= WIDTH:
+        return [short]
+    return [f"def {function.name}(", *(f"{INDENT}{argument}," for argument in arguments), f") -> {kind}:"]
+
+
+def _argument(q: Quantity) -> str:
+    if q.default is not None:
+        return f"{q.name}: ArrayLike = {q.default!r}"
+    return f"{q.name}: ArrayLike | None = None" if q.from_file or q.optional else f"{q.name}: ArrayLike"
+
+
+# -- docstrings --------------------------------------------------------------------------------------------------
+
+
+def docstring(function: ModelFunction, margin: int = 0) -> str:
+    """The docstring of ``function``'s method, in lines that leave room for the indentation and ``margin``."""
+    width = WIDTH - len(INDENT) - margin
+    entries = [f"{q.name}: {described(q)}" for q in function.arguments]
+    if function.status:
+        kinds = " or ".join(dict.fromkeys(kind.removeprefix("numpy.linalg.") for kind, _ in _errors(function)))
+        entries.append(f"with_status: return ``(result, status)`` instead of raising {kinds}.")
+    parts = [_wrapped(function.summary, width - 3)]
+    parts += [_wrapped(paragraph, width) for paragraph in function.details.split("\n\n") if paragraph]
+    parts.append(_section("Args", entries, width))
+    refused = f" Where the input is refused the status, (...), is 2; {function.refuses}." if function.refuses else ""
+    parts.append("Returns:\n" + textwrap.indent(_wrapped(function.returns + refused, width - len(INDENT)), INDENT))
+    if errors := _errors(function):
+        parts.append(_section("Raises", [f"{kind}: {text}" for kind, text in errors], width))
+    return "\n\n".join(parts)
+
+
+def _errors(function: ModelFunction) -> list[tuple[str, str]]:
+    """The errors that ``function``'s method raises: kind and condition."""
+    if not function.refuses:
+        return list(function.raises)
+    text = "an input is not finite or out of its range, and ``with_status`` is False."
+    return [*function.raises, ("ValueError", text)]
+
+
+def described(q: Quantity) -> str:
+    """A sentence about an argument: meaning, shape, unit, default."""
+    shape = "(...)" if not q.shape else f"(..., {', '.join(_sizes(q))})"
+    if q.constant:
+        single = ", ".join(_sizes(q)) + ("," if len(_sizes(q)) == 1 else "")
+        shape = f"({single}), {shape} or one number" if q.spread else f"({single}) or {shape}"
+    units = {"SI": "SI units", "1": "", "1, m": "translation in m", "m, 1": "SI units", "any": "in any unit"}
+    unit = units.get(q.unit, q.unit.replace(" | ", " or ").replace(", ", " and "))
+    default = f"; by default {q.from_file}" if q.from_file else ""
+    return f"{', '.join(filter(None, (q.meaning, shape, unit)))}{q.note}{default}."
+
+
+def _sizes(q: Quantity) -> list[str]:
+    return [size.replace("10n", "10 n") for size in q.shape.split()]
+
+
+def _section(title: str, entries: list[str], width: int) -> str:
+    lines = [textwrap.indent(_wrapped(entry, width - len(INDENT), INDENT), INDENT) for entry in entries]
+    return "\n".join([f"{title}:", *lines])
+
+
+def _wrapped(text: str, width: int, further: str = "") -> str:
+    return textwrap.fill(text, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
+
+
+# -- bodies ------------------------------------------------------------------------------------------------------
+
+
+def _body(function: ModelFunction) -> Iterator[str]:
+    """The statements of ``function``'s method."""
+    if function.absent:
+        yield f"{INDENT}if {function.name!r} not in self.derived.programs:"
+        yield f"{INDENT * 2}raise ValueError({function.absent!r})"
+    results = _evaluation(function)
+    if function.status:
+        yield f"{INDENT}*values, status = {results}"
+        value = f"{function.result}(*values)" if function.result else "values[0]"
+        if function.result and function.links_only:
+            yield f"{INDENT}result = {value}"
+            value = f"result._replace({function.links_only}=self._of_links(result.{function.links_only}))"
+        yield f"{INDENT}return self._checked({function.name!r}, {value}, status, with_status)"
+    elif function.result and function.links_only:
+        yield f"{INDENT}result = {function.result}(*{results})"
+        yield f"{INDENT}return result._replace({function.links_only}=self._of_links(result.{function.links_only}))"
+    elif function.result:
+        yield f"{INDENT}return {function.result}(*{results})"
+    else:
+        yield f"{INDENT}return {f'self._of_links({results}[0])' if function.links_only else f'{results}[0]'}"
+
+
+def _evaluation(function: ModelFunction) -> str:
+    """The expression for all results of ``function``."""
+    name, arguments = repr(function.name), function.arguments
+    inputs = [q for q in arguments if q.name not in PARAMETERS]
+    chosen = [q.name for q in arguments if q.name in PARAMETERS]
+    places = [parameter if parameter in chosen else "None" for parameter in PARAMETERS]
+    while places and places[-1] == "None":
+        places.pop()
+    given = "".join(f", {place}" for place in places)
+    if not any(q.from_file or q in function.keywords for q in inputs):
+        values = "".join(f"{_value(function, q)}, " for q in inputs)
+        if chosen:
+            return f"self._evaluate({name}, ({values.rstrip(' ')}){given})"
+        engine = "self.engine" if function.group in ALWAYS else f"self._with({name}).engine"
+        return f"{engine}.call({name}, ({values.rstrip(' ')}))"
+    values = ", ".join(f"{q.name!r}: {_value(function, q)}" for q in inputs)
+    return f"self._named({name}, {{{values}}}{given})"
+
+
+def _value(function: ModelFunction, q: Quantity) -> str:
+    """The expression for one input."""
+    if q.from_file:
+        return FROM_FILE[q.name]
+    if q.spread:
+        return f"self._widths({q.name})"
+    if q.rigid:
+        return f"self._rigid({q.name!r}, {q.name})"
+    if q.optional:
+        return f"*self._loads({function.name!r}, {q.name})"
+    if q.for_drives is not None:
+        return f"self._lengthened({function.name!r}, {q.name}, {q.for_drives!r})"
+    return q.name
+
+
+if __name__ == "__main__":
+    sys.stdout.write(stub())

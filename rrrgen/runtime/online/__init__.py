@@ -1,1 +1,0 @@
-"""Online parameter estimators and differential inverse kinematics in Python: the emitted C, or the same in NumPy."""

@@ -1,1 +1,0 @@
-"""Time-optimal motion along given paths in Python; the emitted C computes it."""

@@ -1,1 +1,0 @@
-"""Sampled signals: reconstruction of motion, Kalman filter and smoother, Fourier series, decimation."""

@@ -1,0 +1,196 @@
+"""The robot as floating-point numbers, the input of every reference implementation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rrrgen.robot.robot_spec import FixedTransform, RobotSpec
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A robot in numbers: rows of the DH table (links,) in rad and m, fixed transforms (4, 4), gravity (3,), drives.
+
+    ``gravity`` is in the base frame, m/s^2. ``drive_inertia`` (n, n) is what the drives add to the mass matrix: a
+    diagonal, unless drives are coupled. ``parents`` are the links that carry the rows (-1: the base), ``tip`` is the
+    link that carries the tool. ``coupling`` (links, n) maps q to the displacements of the rows; it is a diagonal of the
+    signs of the joints unless they follow others. ``angles`` (n,) says which entries of q are angles.
+    """
+
+    name: str
+    convention: str
+    revolute: tuple[bool, ...]
+    alpha: Array
+    a: Array
+    d: Array
+    theta: Array
+    gravity: Array
+    base: Array
+    tool: Array
+    drive_inertia: Array
+    parents: tuple[int, ...]
+    tip: int
+    coupling: Array
+    angles: tuple[bool, ...]
+
+    @property
+    def n(self) -> int:
+        """Number n of joint positions q."""
+        return int(self.coupling.shape[1])
+
+    @property
+    def links(self) -> int:
+        """Number of links, which is that of DH rows."""
+        return len(self.revolute)
+
+    @property
+    def plain(self) -> bool:
+        """Whether the robot is an unbranched chain in which every DH row has its own joint position, up to its sign."""
+        chained = self.parents == tuple(range(-1, self.links - 1))
+        return chained and np.array_equal(np.abs(self.coupling), np.eye(self.links))
+
+    @property
+    def moving(self) -> list[int]:
+        """The rows that move with q; the others are fixed."""
+        return [i for i in range(self.links) if np.any(self.coupling[i])]
+
+    def path(self, row: int) -> list[int]:
+        """Indices of the DH rows from the base to ``row``, in order."""
+        return [] if row < 0 else [*self.path(self.parents[row]), row]
+
+    def depth_first(self, parent: int = -1) -> list[int]:
+        """The rows in depth-first order: branch by branch, each after the row whose link carries it."""
+        rows = [i for i in range(self.links) if self.parents[i] == parent]
+        return [k for i in rows for k in (i, *self.depth_first(i))]
+
+    def behind(self, after: list[Array], row: int) -> Array:
+        """The constant transform after the motion of the row that carries ``row``; the base transform for the base."""
+        return self.base if self.parents[row] < 0 else after[self.parents[row]]
+
+    def around_joints(self) -> list[tuple[Array, Array]]:
+        """For every row i the constant transforms (before, after) in ``A_i(q) = before S(q) after``.
+
+        S is the motion of the row about or along z. Standard ``Rz(theta) Tz(d) Tx(a) Rx(alpha)``, modified ``Rx(alpha)
+        Tx(a) Rz(theta) Tz(d)``.
+        """
+        pairs = []
+        for alpha, a, d, theta in zip(self.alpha, self.a, self.d, self.theta, strict=True):
+            twist, screw = np.eye(4), np.eye(4)
+            twist[1:3, 1:3] = [[np.cos(alpha), -np.sin(alpha)], [np.sin(alpha), np.cos(alpha)]]
+            twist[0, 3] = a
+            screw[:2, :2] = [[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]
+            screw[2, 3] = d
+            pairs.append((np.eye(4), screw @ twist) if self.convention == "standard" else (twist @ screw, np.eye(4)))
+        return pairs
+
+
+def chain_of(spec: RobotSpec) -> Chain:
+    """Build the chain of a robot description, with named parameters at their nominal values."""
+
+    def matrix(transform: FixedTransform) -> Array:
+        T = np.eye(4)
+        T[:3, :3] = np.reshape([float(spec.nominal(v)) for v in transform.rotation], (3, 3))
+        T[:3, 3] = [float(spec.nominal(v)) for v in transform.translation]
+        return T
+
+    rows = spec.dh_table()
+    return Chain(
+        name=spec.name,
+        convention=spec.convention,
+        revolute=tuple(row[0] == "revolute" for row in rows),
+        alpha=np.array([row[1] for row in rows]),
+        a=np.array([row[2] for row in rows]),
+        d=np.array([row[3] for row in rows]),
+        theta=np.array([row[4] for row in rows]),
+        gravity=np.array([float(spec.nominal(g)) for g in spec.gravity]),
+        base=matrix(spec.base),
+        tool=matrix(spec.tool),
+        drive_inertia=_drive_inertia(spec),
+        parents=spec.parents,
+        tip=spec.tip_row,
+        coupling=_coupling(spec),
+        angles=tuple(joint.is_revolute for joint in spec.joints),
+    )
+
+
+def _coupling(spec: RobotSpec) -> Array:
+    if spec.mechanism is None:
+        return np.diag([float(joint.sign) for joint in spec.joints])
+    return np.array([[float(value) for value in row] for row in spec.mechanism.matrix])
+
+
+def _drive_inertia(spec: RobotSpec) -> Array:
+    """Contribution (n, n) of all drives to the mass matrix: second derivatives of their energy by the joint speeds.
+
+    Coupled motors turn at their gear ratios times the speeds ``dq_m`` with ``S dq_m = dq``, S the coupling matrix.
+    """
+    own = [0.0 if j.drive is None or j.drive.inertia is None else float(j.drive.inertia) for j in spec.joints]
+    if spec.drives is None:
+        return np.diag(own)
+    rotors = [0.0 if motor.inertia is None else float(motor.inertia) for motor in spec.drives.motors]
+    speeds = motor_speeds(spec, np.eye(spec.n))  # row k: the speeds of all motors while only joint k moves, at speed 1
+    return np.asarray(np.diag(own) + (speeds * rotors) @ speeds.T)
+
+
+def motor_speeds(spec: RobotSpec, dq: Array) -> Array:
+    """Speeds (N, n) of coupled motors at the joint speeds ``dq`` (N, n), by numerical solution."""
+    assert spec.drives is not None
+    gears = np.array([float(motor.gear_ratio) for motor in spec.drives.motors])
+    coupling = np.array([[float(value) for value in row] for row in spec.drives.joint_from_drive])
+    return np.asarray(np.linalg.solve(coupling, dq.T).T * gears)
+
+
+def motor_loads(spec: RobotSpec, tau: Array) -> Array:
+    """Torques (N, n) of coupled motors that correspond to the joint torques ``tau`` (N, n), by equal power."""
+    return np.asarray(np.linalg.solve(motor_speeds(spec, np.eye(spec.n)), tau.T).T)
+
+
+def nominal_parameters(spec: RobotSpec) -> Array | None:
+    """Standard parameters (n, 10) of the description's links, or None where it has none.
+
+    The order is m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz, about the origin of the link frame, with tensor signs.
+    """
+    if spec.links is None:
+        return None
+    rows = []
+    for link in spec.links:
+        m, (x, y, z) = float(link.mass), (float(c) for c in link.com)
+        xx, yy, zz, xy, xz, yz = (float(v) for v in link.inertia_about_origin())
+        rows.append([m, m * x, m * y, m * z, xx, xy, yy, xz, yz, zz])
+    return np.array(rows)
+
+
+def without_mass(chain: Chain, phi: Array) -> list[int]:
+    """The links without any inertia in ``phi`` (links, 10) that only hold a fixed row: no body at all."""
+    return [i for i in range(chain.links) if i not in chain.moving and not np.any(phi[i])]
+
+
+def inertia_tensor(parameters: Array) -> Array:
+    """Inertia tensor (3, 3) about the origin of the link frame, from the standard ``parameters`` (10,) of one link."""
+    xx, xy, yy, xz, yz, zz = parameters[4:]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def centre_and_tensor(parameters: Array) -> tuple[Array, Array]:
+    """Centre of mass (3,) and inertia tensor (3, 3) about it, from standard ``parameters`` (10,) with m > 0."""
+    m = float(parameters[0])
+    c = parameters[1:4] / m
+    return c, inertia_tensor(parameters) - m * (c @ c * np.eye(3) - np.outer(c, c))
+
+
+def is_physical(parameters: Array) -> bool:
+    """Whether the pseudo-inertia of every link is positive definite, which implies M(q) > 0 for all q."""
+    for row in parameters:
+        S = inertia_tensor(row)
+        P = np.empty((4, 4))
+        P[:3, :3] = 0.5 * np.trace(S) * np.eye(3) - S
+        P[:3, 3] = P[3, :3] = row[1:4]
+        P[3, 3] = row[0]
+        if np.linalg.eigvalsh(P)[0] <= 0.0:
+            return False
+    return True

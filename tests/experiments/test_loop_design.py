@@ -1,0 +1,179 @@
+"""The control loop of the virtual robot is designed from the arm: stable with its margin, whatever the arm."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import rrrgen
+from rrrgen.cli.main import cli
+from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.lab.experiment.experiment_file import Experiment, loads_experiment
+from rrrgen.lab.experiment.loop_design import BANDWIDTH, MARGIN, NOISE, checked, design_loop
+from rrrgen.lab.experiment.setup import arm_of, simulate_motion
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """The arm that `rrrgen new` writes, whose lightest direction is ten times lighter than its joints alone."""
+    path = tmp_path_factory.mktemp("loop") / "demo.yaml"
+    assert run("new", "demo", "-o", path).return_value in (None, 0)
+    return path
+
+
+@pytest.fixture(scope="module")
+def trajectory(demo):
+    path = demo.parent / "trajectory.json"
+    path.write_text(json.dumps(motion_of(3).to_json()))
+    return path
+
+
+def motion_of(joints: int, amplitude: float = 0.5) -> FourierTrajectory:
+    rng = np.random.default_rng(2)
+    return FourierTrajectory.from_coefficients(rng.uniform(-amplitude, amplitude, (11, joints)), 0.2)
+
+
+def growing(model, design, poses, period: float) -> float:
+    """The largest closed-loop pole at these poses, from the filter's own matrices and M(q): not the code under test."""
+    n, worst = model.n, 0.0
+    E, k = np.asarray(design.observer.E), np.asarray(design.observer.k)
+    kp, kd = np.diag(design.controller.kp), np.diag(design.controller.kd)
+    X = np.zeros((n, 3, 5 * n))  # the filtered deviation from [q, dq, predictions]
+    for i in range(n):
+        X[i, :, 2 * n + 3 * i : 2 * n + 3 * i + 3] = np.eye(3) - np.outer(k[i], [1, 0, 0])
+        X[i, :, i] = k[i]
+    torque = -kp @ X[:, 0] - kd @ X[:, 1]
+    for M in model.mass_matrix(poses):
+        A = np.zeros((5 * n, 5 * n))
+        A[:n, :n], A[:n, n : 2 * n], A[n : 2 * n, n : 2 * n] = np.eye(n), period * np.eye(n), np.eye(n)
+        ddq = np.linalg.solve(M, torque)
+        A[:n] += 0.5 * period**2 * ddq
+        A[n : 2 * n] += period * ddq
+        A[2 * n :] = np.einsum("irs,isj->irj", E, X).reshape(3 * n, 5 * n)
+        worst = max(worst, float(np.abs(np.linalg.eigvals(A)).max()))
+    return worst
+
+
+@pytest.mark.parametrize("rate", [250.0, 1000.0, 5000.0])
+@pytest.mark.parametrize("name", ["demo", "rrr", "scara", "gantry"])
+def test_default_loops_are_robust_at_every_rate(demo, name: str, rate: float) -> None:
+    """Stable by an analysis of its own at poses between those of the design; a loop too fast for the rate is slowed."""
+    model = rrrgen.compile(demo if name == "demo" else name)
+    motion, experiment = motion_of(model.n, 0.2), Experiment(period=1.0 / rate)
+    design = design_loop(arm_of(experiment, model, motion.evaluate, 5.0), experiment.control)
+    assert design.robust
+    assert design.margin.modulus >= MARGIN
+    poses = motion.evaluate(np.linspace(0.0, 5.0, 333))[0]
+    assert growing(model, design, poses, experiment.period) < 1.0
+    assert design.bandwidth is not None
+    if rate >= 1000.0:
+        assert design.bandwidth == BANDWIDTH
+
+
+def test_the_loop_of_a_new_arm_follows_and_a_slow_observer_does_not(demo) -> None:
+    """With the default settings the torque was a thousand times what the motion takes."""
+    model, motion = rrrgen.compile(demo), motion_of(3)
+    experiment = Experiment()
+    arm = arm_of(experiment, model, motion.evaluate, 2.0)
+    loop = design_loop(arm, experiment.control)
+    recording, _ = simulate_motion(experiment, model, motion.evaluate, 2.0, loop=loop)
+    assert checked(recording, arm, loop, [False] * 3).ok
+    assert np.all(np.abs(recording.held).max(axis=0) < 1.5 * arm.load)  # the arm starts with a deviation: it overshoots
+    slow = loads_experiment("schema: rrrgen-experiment/1\ncontrol: {bandwidth: 4, jerk: 20}\n", 3, "slow.yaml")
+    unstable = design_loop(arm, slow.control)
+    assert unstable.margin.unstable
+    (warning,) = unstable.warnings
+    assert str(warning).startswith(
+        "slow.yaml:2:11: warning: `bandwidth`, `jerk` make a loop that is not robust: unstable"
+    )
+    assert "without them: PD control of 4 Hz" in warning.hint
+    recording, _ = simulate_motion(slow, model, motion.evaluate, 2.0, loop=unstable)
+    tracking = checked(recording, arm, unstable, [False] * 3)
+    assert not tracking.ok
+    assert {swing.joint for swing in tracking.oscillations} >= {1, 2}
+    # the loop of the posture in which it swings: within a factor of two of that of the worst posture
+    assert all(0.5 < swing.frequency / unstable.margin.frequency < 2.0 for swing in tracking.oscillations)
+
+
+def test_coarse_encoders_get_a_slower_loop(demo) -> None:
+    """Their steps would shake the drives: the torque of the noise stays below a tenth of that of the motion."""
+    model, motion = rrrgen.compile(demo), motion_of(3)
+    coarse = loads_experiment("schema: rrrgen-experiment/1\nvirtual_robot: {encoder_resolution: 2e-3}\n", 3)
+    arm = arm_of(coarse, model, motion.evaluate, 2.0)
+    design = design_loop(arm, coarse.control)
+    assert design.robust
+    assert np.all(design.noise <= NOISE * arm.load)
+    assert design.bandwidth < BANDWIDTH
+    assert any("encoder steps" in line for line in design.lines())
+
+
+def test_stated_gains_are_kept(demo) -> None:
+    model, motion = rrrgen.compile(demo), motion_of(3)
+    text = "schema: rrrgen-experiment/1\ncontrol: {kp: [900, 800, 100], kd: [50, 40, 5]}\n"
+    stated = loads_experiment(text, 3)
+    design = design_loop(arm_of(stated, model, motion.evaluate, 2.0), stated.control)
+    assert design.controller.kp == (900.0, 800.0, 100.0)
+    assert design.controller.kd == (50.0, 40.0, 5.0)
+    assert design.robust
+    assert design.warnings == ()
+
+
+def test_simulate_exits_with_one_where_the_loop_oscillates(demo, trajectory, tmp_path) -> None:
+    good = run("simulate", demo, "--trajectory", trajectory, "--duration", 1, "-o", tmp_path / "good")
+    assert good.return_value == 0, good.output
+    assert "modulus margin 0.5" in good.output
+    fast = ["--rate", 200, "--bandwidth", 5, "--duration", 2]
+    bad = run("simulate", demo, "--trajectory", trajectory, *fast, "-o", tmp_path / "bad")
+    assert bad.return_value == 1
+    assert "--bandwidth: warning: `bandwidth` makes a loop that is not robust: unstable" in bad.stderr
+    assert "FAIL q3 oscillates at" in bad.stderr
+    assert "FAIL q3 does not follow the motion" in bad.stderr
+    told = run("simulate", demo, "--trajectory", trajectory, *fast, "-o", tmp_path / "bad", "--json")
+    assert told.return_value == 1
+    content = json.loads(told.stdout)
+    assert content["loop"]["stable"] is False
+    assert content["tracking"]["ok"] is False
+
+
+def test_every_second_row_of_a_recording_tells_the_same_friction(demo, trajectory, tmp_path) -> None:
+    """Of a loop that oscillated, these rows put every friction value 3 to 5 of its deviations off."""
+    robot, text = tmp_path / "rubbing.yaml", demo.read_text()
+    rows = text.split("\n")
+    place = next(k for k, row in enumerate(rows) if row.startswith("    limits:"))
+    rows.insert(place, "    friction: {viscous: 0.8, coulomb: 2.0}")
+    robot.write_text("\n".join(rows).replace("theta: 0,\n", "theta: 0, friction: {viscous: 0.5, coulomb: 1.2},\n"))
+    noise = ["--torque-noise", 0.1, "-o", tmp_path / "recorded"]
+    assert run("simulate", robot, "--trajectory", trajectory, *noise).return_value == 0
+    results = tmp_path / "recorded" / "results"
+    lines = (results / "log.csv").read_text().splitlines()
+    (results / "log.csv").write_text("\n".join([lines[0], *lines[1::2]]) + "\n")
+    log = ["--log", results / "log.yaml", "-o", tmp_path / "found"]
+    found = run("identify", robot, *log)
+    assert found.return_value == 0, found.output
+    assert json.loads((tmp_path / "found" / "results" / "identification.json").read_text())["diagnoses"] == []
+    with (tmp_path / "found" / "results" / "parameters.csv").open() as file:
+        values = {row["parameter"]: (float(row["value"]), float(row["std"])) for row in csv.DictReader(file)}
+    truth = {"fv1": 0.8, "fc1": 2.0, "fv2": 0.5, "fc2": 1.2, "fv3": 0.5, "fc3": 1.2}
+    for name, true in truth.items():
+        value, std = values[name]
+        assert abs(value - true) < 3.0 * std, name
+        assert std < 0.05 * true, name
+
+
+def test_a_loop_that_runs_away_is_a_failed_check(demo, trajectory, tmp_path) -> None:
+    wild = tmp_path / "wild.yaml"
+    wild.write_text("schema: rrrgen-experiment/1\ncontrol: {kp: 1e9, kd: 1e7}\n")
+    arguments = [str(a) for a in ("simulate", demo, "--trajectory", trajectory, "--experiment", wild)]
+    from rrrgen.base.errors import UnstableLoopError
+
+    with pytest.raises(UnstableLoopError, match="ran away") as caught, np.errstate(all="ignore"):
+        run(*arguments, "-o", tmp_path / "wild")
+    assert caught.value.exit_code == 1

@@ -1,0 +1,57 @@
+"""The methods that are made from the table of model functions, and their stub."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import linecache
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rrrgen
+from rrrgen.derive.functions.table import GROUPS, TABLE
+from rrrgen.runtime.functions import table_functions
+from rrrgen.runtime.functions.methods import made_functions, stub
+
+STUB = Path(table_functions.__file__).with_suffix(".pyi")
+
+
+def test_the_stub_is_up_to_date():
+    assert STUB.read_text(encoding="utf-8") == stub(), "make stubs writes it"
+
+
+def test_the_stub_and_the_methods_agree():
+    command = [sys.executable, "-m", "mypy.stubtest", table_functions.__name__]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def test_every_function_is_a_method():
+    hand = {function.name for function in TABLE if function.by_hand}
+    assert hand == {"base_parameters", "add_payload", "add_payload_at", "friction"}
+    for function in made_functions():
+        method = inspect.getattr_static(rrrgen.Model, function.name)
+        assert method.__qualname__ == f"TableFunctions.{function.name}"
+        assert method.__module__ == table_functions.__name__
+        assert ast.get_docstring(ast.parse(inspect.cleandoc(f'"""{method.__doc__}"""'))) == inspect.getdoc(method)
+
+
+def test_groups_are_described():
+    assert list(GROUPS) == list(dict.fromkeys(function.group for function in TABLE))
+
+
+def test_tracebacks_show_the_line_of_a_method():
+    code = rrrgen.Model.inverse_dynamics.__code__
+    assert "inverse_dynamics" in linecache.getline(code.co_filename, code.co_firstlineno)
+
+
+def test_arguments_are_positional_until_those_by_keyword():
+    model = rrrgen.compile("pendulum", backend="numpy")
+    with pytest.raises(TypeError, match="positional"):
+        model.inverse_dynamics([0.1], [0.2], [0.3], None, np.zeros(3))
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'ddq'"):
+        model.inverse_dynamics([0.1], [0.2])
