@@ -25,6 +25,8 @@ if TYPE_CHECKING:
         RobotFileWarning,
         RrrgenError,
     )
+    from rrrgen.lab.studies.fit_response import FitResponseOptions, fit_response
+    from rrrgen.lab.studies.frequency_response import FrequencyResponseOptions, frequency_response
     from rrrgen.lab.studies.identify import IdentifyOptions, identify
     from rrrgen.lab.studies.preprocessing import MotionOptions
     from rrrgen.lab.studies.reconstruct import reconstruct
@@ -36,6 +38,15 @@ if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
     from rrrgen.runtime.path import Path, spline_path
 
+_STUDIES = {
+    "fit_response": "FitResponseOptions",
+    "frequency_response": "FrequencyResponseOptions",
+    "identify": "IdentifyOptions",
+    "reconstruct": "MotionOptions",
+    "validate": "ValidateOptions",
+}
+"""The studies of the laboratory, each in a module of its name, and their options."""
+
 _HOMES = {
     "compile": "rrrgen.runtime.load",
     "load_spec": "rrrgen.robot.file",
@@ -46,12 +57,6 @@ _HOMES = {
     "Path": "rrrgen.runtime.path",
     "spline_path": "rrrgen.runtime.path",
     "online_estimator": "rrrgen.runtime.estimator",
-    "identify": "rrrgen.lab.studies.identify",
-    "IdentifyOptions": "rrrgen.lab.studies.identify",
-    "reconstruct": "rrrgen.lab.studies.reconstruct",
-    "MotionOptions": "rrrgen.lab.studies.preprocessing",
-    "validate": "rrrgen.lab.studies.validate",
-    "ValidateOptions": "rrrgen.lab.studies.validate",
     "RrrgenError": "rrrgen.base.errors",
     "InputError": "rrrgen.base.errors",
     "DerivationError": "rrrgen.base.errors",
@@ -59,12 +64,14 @@ _HOMES = {
     "BuildError": "rrrgen.base.errors",
     "InternalError": "rrrgen.base.errors",
     "RobotFileWarning": "rrrgen.base.errors",
-}
+} | {name: f"rrrgen.lab.studies.{study}" for study, options in _STUDIES.items() for name in (study, options)}
 
 __all__ = [
     "BackendError",
     "BuildError",
     "DerivationError",
+    "FitResponseOptions",
+    "FrequencyResponseOptions",
     "IdentifyOptions",
     "InputError",
     "InternalError",
@@ -77,6 +84,8 @@ __all__ = [
     "__version__",
     "bundled_names",
     "compile",
+    "fit_response",
+    "frequency_response",
     "from_toolbox",
     "identify",
     "load_spec",

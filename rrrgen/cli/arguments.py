@@ -43,6 +43,13 @@ def complete_function(ctx: click.Context, param: click.Parameter, incomplete: st
     return [name for name in (*names, "friction", "inverse_kinematics") if name.startswith(incomplete)]
 
 
+def flag_here(name: str) -> str:
+    """The flag of the option ``name`` of the command that runs; the name itself if the command has none."""
+    context = click.get_current_context(silent=True)
+    options = () if context is None else context.command.params
+    return next((each.opts[-1] for each in options if isinstance(each, click.Option) and each.name == name), name)
+
+
 def robot_argument(function: F) -> F:
     """Add the argument ROBOT: the path of a robot file, the name of a bundled robot, or - for the standard input."""
     return click.argument("robot", shell_complete=complete_robot)(function)

@@ -16,7 +16,9 @@ import click
 
 from rrrgen.base.errors import InputError, InternalError, RrrgenError, storage_error
 from rrrgen.base.extras import missing_extra
+from rrrgen.base.option_names import options_written
 from rrrgen.base.version import VERSION
+from rrrgen.cli.arguments import flag_here
 from rrrgen.cli.colour import Context, failed, fault_text, preference, say_error, usage_text
 from rrrgen.cli.commands import COMMANDS
 
@@ -80,7 +82,8 @@ class LazyGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; a reader that closes the pipe early, such as head, is no failure."""
         try:
-            return super().invoke(ctx)
+            with options_written(flag_here):
+                return super().invoke(ctx)
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0

@@ -9,7 +9,9 @@ from typing import Any, TypeVar
 
 import click
 
-from rrrgen.lab.studies.options import OptionError, OptionField, StudyOptions, option_fields, with_changes, with_names
+from rrrgen.base.option_names import options_written, with_names
+from rrrgen.cli.arguments import flag_here
+from rrrgen.lab.studies.options import OptionError, OptionField, StudyOptions, option_fields, with_changes
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -30,11 +32,12 @@ def click_options(kind: type[StudyOptions]) -> Callable[[F], F]:
         def command(**values: Any) -> Any:
             given = {name: values.pop(name) for name in fields}
             try:
-                return function(options=with_changes(kind, None, given), **values)
+                with options_written(flag_here):
+                    return function(options=with_changes(kind, None, given), **values)
             except OptionError as error:
                 if error.option in fields:
-                    raise click.BadParameter(error.text(shown), param_hint=shown(error.option)) from None
-                raise click.UsageError(error.text(shown)) from None
+                    raise click.BadParameter(str(error), param_hint=shown(error.option)) from None
+                raise click.UsageError(str(error)) from None
 
         decorated: Any = command
         for entry in reversed(fields.values()):

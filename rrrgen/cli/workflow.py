@@ -149,7 +149,7 @@ def chosen_processing(
         options: Any = {"method": reconstruction, "cutoff": cutoff, "decimate": decimate}
         return chosen_processing(mappings, PreprocessingOptions(**options))
     except OptionError as error:
-        raise click.UsageError(error.text(lambda name: f"--{name}")) from None
+        raise click.UsageError(str(error)) from None
 
 
 def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:

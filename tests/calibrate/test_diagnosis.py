@@ -95,7 +95,7 @@ def test_values_out_of_reach_and_many_outliers_are_explained(tmp_path):
     T = measure("pose", true, q, random).values
     T[:12, :3, 3] += random.normal(size=(12, 3)) * 0.1
     table = written(tmp_path / "m.csv", q, T)
-    with pytest.raises(InputError, match="--robust sets 12 of them aside as outliers"):
+    with pytest.raises(InputError, match="robust sets 12 of them aside as outliers"):
         estimate_checked(nominal, table.measurements(NOISE, 1e-4), table)
     assert estimate_checked(nominal, table.measurements(NOISE, 1e-4), table, robust=True).outliers == list(range(12))
 

@@ -41,7 +41,7 @@ def test_a_cut_line_is_a_fault_that_names_the_option_or_is_left_out(tmp_path, cu
     fault = caught.value.faults[0]
     assert (fault.line, fault.column) == (201, len(last) + 1)
     assert "the last line is cut off" in fault.message
-    assert "--skip-truncated-line" in fault.hint
+    assert "; skip_truncated_line leaves it out" in fault.hint
 
 
 def test_a_number_cut_in_the_middle_of_its_exponent_is_seen(tmp_path):

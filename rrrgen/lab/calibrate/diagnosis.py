@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rrrgen.base.errors import DerivationError, Fault, InputError
+from rrrgen.base.option_names import option_name
 from rrrgen.lab.calibrate.estimation import USED, Calibration, calibrate, fitted_ends, largest_consensus
 from rrrgen.lab.calibrate.geometry import Geometry, rotation_vectors
 from rrrgen.lab.calibrate.measurement_file import MeasurementTable
@@ -149,7 +150,7 @@ def _outliers(found: Calibration, nominal: Geometry, measured: Measurements, rob
     except DerivationError:
         return None
     if trial.outliers and _belongs(trial, nominal, measured) and trial.chi2_per_dof < MENDED:
-        return f"--robust sets {len(trial.outliers)} of them aside as outliers; the others fit"
+        return f"{option_name('robust')} sets {len(trial.outliers)} of them aside as outliers; the others fit"
     return _minority(trial, nominal, measured)
 
 

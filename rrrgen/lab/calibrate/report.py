@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
+from rrrgen.base.option_names import option_name
 from rrrgen.lab.calibrate.estimation import USED, Calibration
 from rrrgen.lab.calibrate.measurements import COUNT, Measurements
 from rrrgen.lab.data.figure_style import new_figure, save_figure, style_axes
@@ -105,8 +106,8 @@ def _doubts(found: Calibration, measured: Measurements) -> list[str]:
     widened = 3 * np.sqrt(2 / max(found.degrees_of_freedom, 1))
     if PLAUSIBLE[0] - widened < found.chi2_per_dof < PLAUSIBLE[1] + widened:
         return []
-    stated = f"--sigma {measured.sigma:g} m" + (
-        f", --sigma-angle {measured.sigma_angle:g} rad" * (measured.kind == "pose")
+    stated = f"{option_name('sigma')} {measured.sigma:g} m" + (
+        f", {option_name('sigma_angle')} {measured.sigma_angle:g} rad" * (measured.kind == "pose")
     )
     lines = [f"warning: the residuals do not fit the stated noise ({stated})"]
     sizes = np.linalg.norm(found.residuals * measured.weights, axis=1)
@@ -114,12 +115,15 @@ def _doubts(found: Calibration, measured: Measurements) -> list[str]:
     worst = int(np.argmax(sizes))
     if sizes[worst] > SPOILT * np.median(sizes[sizes > 0]):
         length = np.linalg.norm(found.residuals[worst, :3])
-        return [*lines, f"  measurement {worst + 1} is off by {1e3 * length:.3g} mm; --robust sets outliers aside"]
+        return [
+            *lines,
+            f"  measurement {worst + 1} is off by {1e3 * length:.3g} mm; {option_name('robust')} sets outliers aside",
+        ]
     used = found.residuals[found.weights >= USED]
     share = np.sqrt(used.size / max(found.degrees_of_freedom, 1))
-    noise = f"--sigma {share * np.sqrt(np.mean(used[:, :3] ** 2)):.2g}"
+    noise = f"{option_name('sigma')} {share * np.sqrt(np.mean(used[:, :3] ** 2)):.2g}"
     if measured.kind == "pose":
-        noise += f" --sigma-angle {share * np.sqrt(np.mean(used[:, 3:] ** 2)):.2g}"
+        noise += f" {option_name('sigma_angle')} {share * np.sqrt(np.mean(used[:, 3:] ** 2)):.2g}"
     return [
         *lines,
         f"  {noise} would fit, if the device is no better; otherwise the arm has errors that no table states",

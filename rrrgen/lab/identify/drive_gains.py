@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.base.option_names import option_name
 from rrrgen.lab.data.processing import Processing
 from rrrgen.lab.estimate.statistics import residual_whiteness
 from rrrgen.lab.estimate.structure import structure_of
@@ -170,7 +171,10 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
     determined = (std <= CERTAIN * np.abs(gain)) & ~untold & ~absent
     notes = _notes(joints, gain, std, absent, ~determined & ~absent & (factors.counts > 0))
     if np.any(determined) and np.all(gain[determined] < 0.0):
-        notes = (*notes, "no joint carries the payload in the recording --loaded: are the recordings exchanged?")
+        notes = (
+            *notes,
+            f"no joint carries the payload in the recording {option_name('loaded')}: are the recordings exchanged?",
+        )
         determined[:] = False
     if not np.any(determined):
         raise DerivationError("; ".join(notes))

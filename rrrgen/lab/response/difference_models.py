@@ -12,6 +12,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.base.option_names import option_name
 from rrrgen.lab.response.armax import armax
 from rrrgen.lab.response.controller import Controller
 from rrrgen.lab.response.equations import Equation, arx
@@ -77,11 +78,11 @@ def fit_difference_model(
         )
     best = min(finite)[0]
     if best > 1.0 - LEAST_FIT:
-        kinds, hint = ("", "") if method == "auto" else (f"{method} ", " Or choose --method auto.")
+        kinds, hint = ("", "") if method == "auto" else (f"{method} ", f" Or choose {option_name('method')} auto.")
         raise DerivationError(
             f"{record.name}: fitted to the rows {start + 1}:{cut}, no {kinds}model foretells the rows {cut + 1}:{stop} "
-            "better than their mean: are the columns right, and do the rows to fit (--fit-rows) excite every mode "
-            f"several times, not in a single sweep?{hint}"
+            "better than their mean: are the columns right, and do the rows to fit "
+            f"({option_name('fit_rows')}) excite every mode several times, not in a single sweep?{hint}"
         )
     limit = NEARLY_BEST * best
     _, order, kind, delay = min((each[1], each) for each in finite if each[0] <= limit)[1]

@@ -65,6 +65,18 @@ class FrequencyResponse:
         """Mask (L,) of the spectral lines whose estimate may be used."""
         return np.array([not reason for reason in self.reasons])
 
+    def lines(self) -> list[str]:
+        """The verdict on the response as text."""
+        trusted, f = self.trusted, self.frequency
+        lines = [
+            f"{self.name}: {len(f)} lines from {f[0]:.4g} to {f[-1]:.4g} Hz, {self.method}; 95 % band "
+            f"{100 * np.median(self.band95):.2g} % (median)"
+        ]
+        if self.findings:
+            return lines + [f"  not trusted: {finding.message}" for finding in self.findings]
+        share = f"{np.count_nonzero(trusted)} of {len(trusted)} lines ({100 * np.mean(trusted):.0f} %)"
+        return [*lines, f"  trusted: {share}"]
+
     def to_json(self) -> dict[str, Any]:
         """The response as plain data for ``results/frf.json``."""
         raw = self.unsmoothed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.base.extras import require
+from rrrgen.base.tables import text_table
 from rrrgen.emit.controller.state_space import StateSpace, in_parallel, realize
 from rrrgen.lab.response.controller import Complex
 
@@ -20,6 +22,12 @@ HIGHEST_DAMPING = 0.3  # highest damping ratio of a resonance
 CERTAIN = {"frequency": 0.0025, "damping": 0.05}
 """Relative standard deviations above which frequency or damping of a resonance counts as uncertain."""
 LOWEST_SHARE = 1e-3  # of the sampling rate: lowest frequency at which the rounding of a and b is told
+COARSE = 1e-6  # relative error by the rounding of a and b from which on the report states it
+OTHER_PROTOCOLS = {
+    "free_run_with_state_from_fitted_rows": "free run with the state that the fitted rows lead to",
+    "free_run_from_zero_state": "free run from the state zero",
+    "one_step": "one step ahead",
+}
 HIGHEST_ZERO = 0.8  # zeros above this share of half the sampling rate are due to sampling
 
 
@@ -52,6 +60,14 @@ class Resonance:
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON: the values with their deviations, and what is uncertain."""
         return vars(self) | {"uncertain": list(self.uncertain)}
+
+    def __str__(self) -> str:
+        frequency, damping = (
+            f"{value:.4g} +- {std:.2g}" if std is not None else f"{value:.4g}"
+            for value, std in ((self.frequency, self.frequency_std), (self.damping, self.damping_std))
+        )
+        doubt = f" ({' and '.join(self.uncertain)} hardly known: record longer)" if self.uncertain else ""
+        return f"{frequency} Hz, damping {damping}{doubt}"
 
 
 def resonance(frequency: float, damping: float, relative_frequency: float, relative_damping: float) -> Resonance:
@@ -153,6 +169,23 @@ class ResponseModel:
         found = self.state_space()
         return control.ss(found.A, found.B[:, None], found.C[None, :], [[found.D]], self.period, name=self.name or None)
 
+    def lines(self, width: int | None = None) -> list[str]:
+        """The report as text: order, scores, resonances, and the models that were compared."""
+        fit = self.fit
+        lines = [f"{self.name}: {self.method}, order {len(self.a)}, delay {self.delay} samples"]
+        lines.append(f"fit {fit['value']:.2f} %: {fit['protocol']}")
+        for key, other in OTHER_PROTOCOLS.items():
+            if key in fit and fit[key] != fit["value"]:
+                lines.append(f"  {fit[key]:.2f} %: {other}")
+        if "scored_rows" in fit:
+            first, last = fit["scored_rows"]
+            lines.append(f"  scored on rows {first}:{last}{'' if fit['held_out'] else ', which were fitted'}")
+        if self.rounding > COARSE:
+            held = f"{100.0 * self.rounding:.2g} %"
+            lines.append(f"  a and b, in double precision, hold the response to {held}: take the state space")
+        lines += [f"  resonance {mode}" for mode in self.resonances]
+        return [*lines, "candidates:", *text_table(_candidates(self.table), width)]
+
     def to_json(self) -> dict[str, Any]:
         """The model as plain data for ``results/response_model.json``."""
         return {
@@ -173,6 +206,14 @@ class ResponseModel:
             "fit": self.fit,
             "candidates": list(self.table),
         }
+
+
+def _candidates(table: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """The rows of the table of models that were compared, below their headings."""
+    keys = list(dict.fromkeys(key for row in table for key in row))
+    values = ([row.get(key, "-") for key in keys] for row in table)
+    rows = (tuple(f"{v:.5g}" if isinstance(v, float) else str(v) for v in row) for row in values)
+    return [tuple(key.replace("_", " ") for key in keys), *rows]
 
 
 def read_response_models(path: str | Path) -> list[ResponseModel]:

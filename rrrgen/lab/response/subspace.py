@@ -9,6 +9,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.base.extras import require
+from rrrgen.base.option_names import option_name
 from rrrgen.lab.response.equations import Equation
 
 MOST_BLOCK_ROWS = 30
@@ -21,7 +22,7 @@ def check_rows(rows: int) -> None:
     if rows > MOST_ROWS:
         raise DerivationError(
             f"{rows} rows are too many for subspace identification, whose library needs memory that grows with their "
-            f"square: choose up to {MOST_ROWS} with --fit-rows"
+            f"square: choose up to {MOST_ROWS} with {option_name('fit_rows')}"
         )
 
 
@@ -32,7 +33,7 @@ class SubspaceIdentification:
     """
 
     def __init__(self, u: Array, y: Array, start: int, stop: int) -> None:
-        require("--method subspace", "nfoursid", "pandas")
+        require(f"{option_name('method')} subspace", "nfoursid", "pandas")
         from nfoursid.nfoursid import NFourSID
         from pandas import DataFrame
 

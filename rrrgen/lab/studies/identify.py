@@ -329,27 +329,18 @@ def identify(
     chosen = with_changes(IdentifyOptions, options, changes)
     require("rrrgen identify", *chosen.packages())
     from rrrgen.lab.studies.loop_inputs import read_loop
-    from rrrgen.lab.studies.sources import chosen_processing, recording_inputs, robot_input
+    from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input
 
-    arm = robot_input(robot)
-    findings = findings or (lambda finding: None)
-    for fault in arm.spec.faults:
-        findings(fault)
+    findings, progress = findings or ignore, progress or ignore
+    arm = robot_input(robot, findings)
     logs = recording_inputs(recordings, arm.spec, skip_truncated_line=skip_truncated_line)
     loop = read_loop(chosen.controller, chosen.tests, arm.spec, logs, skip_truncated_line)
     processing = chosen_processing(logs.mappings, chosen.preprocessing)
     estimation = _estimation_options(chosen, arm.spec)
     settings = {**processing.settings(), **chosen.settings(), "skip_truncated_line": skip_truncated_line}
     run = Run("identify", arm.files | logs.files | loop.files, settings | arm.settings | logs.settings, chosen.seed)
-    estimate = partial(
-        _estimate, run, arm, logs, loop, processing, chosen, estimation, progress or (lambda *state: None), findings
-    )
-    if folder is None:
-        return estimate(None)
-    with run.open(folder, fresh) as opened:
-        result = estimate(opened)
-        result.write(opened)
-    return result
+    estimate = partial(_estimate, run, arm, logs, loop, processing, chosen, estimation, progress, findings)
+    return run.result(estimate, folder, fresh)
 
 
 def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec) -> Options:
@@ -399,9 +390,7 @@ def _estimate(
     from rrrgen.lab.identify.diagnosis.report import diagnose_fit, diagnose_recordings
     from rrrgen.lab.identify.identification import identify as estimate
 
-    recordings = logs.open()
-    for recording in recordings:
-        findings(recording.repairs)
+    recordings = logs.open(findings)
     before = diagnose_recordings(arm.spec, recordings)
     for cause in before:
         findings(cause)

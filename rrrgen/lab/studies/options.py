@@ -10,8 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from pathlib import Path
@@ -19,6 +18,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from rrrgen.base.errors import InputError
+from rrrgen.base.option_names import with_names
 from rrrgen.base.yamltext.suggest import did_you_mean
 
 OptionsType = TypeVar("OptionsType", bound="StudyOptions")
@@ -33,19 +33,10 @@ class OptionError(InputError):
 
     def __init__(self, template: str, option: str = "") -> None:
         self.template, self.option = template, option
-        super().__init__(self.text(lambda name: name))
-
-    def text(self, shown: Callable[[str], str]) -> str:
-        """The message, with the name of every option as ``shown(name)`` writes it."""
-        return with_names(self.template, shown)
+        super().__init__(with_names(template))
 
     def __reduce__(self) -> tuple[type[OptionError], tuple[str, str]]:
         return OptionError, (self.template, self.option)
-
-
-def with_names(template: str, shown: Callable[[str], str]) -> str:
-    """The text of a ``template`` with every ``{option}`` in it written as ``shown(option)``."""
-    return re.sub(r"\{(\w+)\}", lambda match: shown(match.group(1)), template)
 
 
 @dataclass(frozen=True)

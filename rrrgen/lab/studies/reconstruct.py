@@ -121,22 +121,14 @@ def reconstruct(
     """
     chosen = with_changes(MotionOptions, options, changes)
     require("rrrgen reconstruct", "scipy", "matplotlib")
-    from rrrgen.lab.studies.sources import chosen_processing, single_recording
+    from rrrgen.lab.studies.sources import chosen_processing, ignore, single_recording
 
     log = single_recording(recording, skip_truncated_line=skip_truncated_line)
     processing = chosen_processing(log.mappings, chosen)
     settings = {**processing.settings(), "skip_truncated_line": skip_truncated_line, **log.settings}
     run = Run("reconstruct", log.files, settings)
-    progress = progress or (lambda *state: None)
-    compute = partial(_reconstruct, run, log, processing, progress, findings or (lambda finding: None))
-    if folder is None:
-        return compute()
-    with run.open(folder, fresh) as opened:
-        result = compute()
-        samples = len(result.t)
-        progress(samples, samples, "writing the motion")
-        result.write(opened)
-    return result
+    compute = partial(_reconstruct, run, log, processing, progress or ignore, findings or ignore)
+    return run.result(compute, folder, fresh)
 
 
 def _reconstruct(
@@ -145,19 +137,16 @@ def _reconstruct(
     processing: Processing,
     progress: ProgressCallback,
     findings: FindingsCallback,
+    folder: RunFolder | None,
 ) -> ReconstructionResult:
     """Tune the filter to the recording and apply it stretch by stretch."""
     import numpy as np
 
-    from rrrgen.lab.data.log_stream import LogStream
-    from rrrgen.lab.data.recordings import Log, load_stream
     from rrrgen.lab.identify.bandwidth import tune
     from rrrgen.lab.identify.observations import reconstruct as reconstruct_part
 
     progress(0, 0, "reading")
-    (source,) = log.sources
-    recording = source if isinstance(source, Log) else load_stream(LogStream(source))
-    findings(recording.repairs)
+    (recording,) = log.load(findings)
     progress(0, 0, "bandwidth and noise of the positions")
     tuning = tune(replace(processing, decimate=1), [recording])  # no decimation: every sample is reconstructed
     motions, done = [], 0
@@ -166,4 +155,6 @@ def _reconstruct(
         motions.append(reconstruct_part(part, tuning.processing))
         done += len(part)
     t, q, dq, ddq = (np.concatenate([getattr(motion, name) for motion in motions]) for name in ("t", "q", "dq", "ddq"))
+    if folder is not None:
+        progress(len(t), len(t), "writing the motion")
     return ReconstructionResult(t, q, dq, ddq, tuning, recording, run=run)

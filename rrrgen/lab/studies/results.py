@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rrrgen.base.errors import InputError
 from rrrgen.base.yamltext.suggest import did_you_mean
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
     from rrrgen.base.arrays import Array
     from rrrgen.lab.data.run_folder import RunFolder
+
+ResultType = TypeVar("ResultType", bound="StudyResult")
 
 FigureMaker = Callable[[], "Figure | None"]
 """Draws a figure; None if the data do not allow one."""
@@ -37,6 +39,20 @@ class Run:
         from rrrgen.lab.data.run_folder import RunFolder
 
         return RunFolder(folder, self.command, self.inputs, self.settings, self.seed, fresh)
+
+    def result(
+        self,
+        compute: Callable[[RunFolder | None], ResultType],
+        folder: str | os.PathLike[str] | None = None,
+        fresh: bool = False,
+    ) -> ResultType:
+        """The result of ``compute(opened)``, which is written into the run folder at ``folder`` unless that is None."""
+        if folder is None:
+            return compute(None)
+        with self.open(folder, fresh) as opened:
+            result = compute(opened)
+            result.write(opened)
+        return result
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -14,11 +14,12 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
+from rrrgen.base.option_names import option_name
 from rrrgen.base.yamltext.suggest import did_you_mean
 from rrrgen.lab.data.log_stream import LogStream
 from rrrgen.lab.data.mapping import SIGNALS, Channel, FileSource, JointChannels, LogMapping, TimeSource
 from rrrgen.lab.data.processing import METHODS_OF_SETTING, Processing
-from rrrgen.lab.data.recordings import Log, check_joints, check_robot, open_log
+from rrrgen.lab.data.recordings import Log, check_joints, check_robot, load_stream, open_log
 from rrrgen.lab.data.repairs import Repairs
 from rrrgen.lab.identify.diagnosis.causes import Cause
 from rrrgen.lab.identify.observations import Recording
@@ -41,6 +42,11 @@ FindingsCallback = Callable[[Fault | Repairs | Cause], Any]
 
 ProgressCallback = Callable[[int, int, str], Any]
 """Called as ``progress(done, total, message)``; ``total`` is 0 where the end is not known."""
+
+
+def ignore(*_: Any) -> None:
+    """Take no notice: the callback of a caller who gave none."""
+
 
 COLUMN = {
     "position": "q",
@@ -72,8 +78,15 @@ class RobotInput:
         return compile_model(self.spec) if self.given is None else self.given
 
 
-def robot_input(robot: RobotSource) -> RobotInput:
-    """Read the robot of a study. Raises :class:`InputError` for a faulty file."""
+def robot_input(robot: RobotSource, findings: FindingsCallback) -> RobotInput:
+    """Read the robot of a study, whose warnings ``findings`` receives. Raises :class:`InputError` for a faulty file."""
+    arm = _robot_input(robot)
+    for fault in arm.spec.faults:
+        findings(fault)
+    return arm
+
+
+def _robot_input(robot: RobotSource) -> RobotInput:
     from rrrgen.robot.file import load_spec
     from rrrgen.robot.identity import identify
 
@@ -108,9 +121,24 @@ class RecordingInputs:
         found = [source.mapping if isinstance(source, Log) else source for source in self.sources]
         return [mapping for mapping in found if mapping is not None]
 
-    def open(self) -> list[Recording]:
-        """The recordings, those of files and arrays after the first pass that finds period and repairs."""
-        return [source if isinstance(source, Log) else LogStream(source) for source in self.sources]
+    def open(self, findings: FindingsCallback = ignore) -> list[Recording]:
+        """The recordings, those of files and arrays after the first pass, which finds the period.
+
+        ``findings`` receives the repairs of every recording.
+        """
+        recordings: list[Recording] = [
+            source if isinstance(source, Log) else LogStream(source) for source in self.sources
+        ]
+        for recording in recordings:
+            findings(recording.repairs)
+        return recordings
+
+    def load(self, findings: FindingsCallback = ignore) -> list[Log]:
+        """The recordings in memory; ``findings`` receives their repairs."""
+        logs = [source if isinstance(source, Log) else load_stream(LogStream(source)) for source in self.sources]
+        for log in logs:
+            findings(log.repairs)
+        return logs
 
 
 def recording_inputs(
@@ -174,12 +202,18 @@ def single_recording(recording: RecordingSource, *, skip_truncated_line: bool = 
     return RecordingInputs((mapping,), files, {}, tuple(source.path.name for source in mapping.files))
 
 
-def checked_arrays(arrays: Mapping[str, Any], joints: int, name: str) -> dict[str, Array]:
+def checked_arrays(
+    arrays: Mapping[str, Any],
+    joints: int,
+    name: str,
+    allowed: Sequence[str] = ("t", *COLUMN.values()),
+    needed: Sequence[str] = ("t", "q"),
+) -> dict[str, Array]:
     """The arrays of a recording as numbers; raises :class:`InputError` listing every missing, unknown or misshapen one.
 
-    ``t`` is (N,), all others (N, joints), or (N,) for one joint.
+    ``t`` is (N,), all others (N, joints), or (N,) for one joint. ``allowed`` are the names of arrays that a recording
+    of this kind may have, ``needed`` those that it must have.
     """
-    allowed = ("t", *COLUMN.values())
     faults = []
     found: dict[str, Array] = {}
     for key, values in arrays.items():
@@ -191,7 +225,7 @@ def checked_arrays(arrays: Mapping[str, Any], joints: int, name: str) -> dict[st
                 found[key] = np.asarray(values, float)
             except (TypeError, ValueError):
                 faults.append(Fault("", 0, 0, f"{name}: '{key}' does not hold numbers"))
-    missing = [f"'{key}'" for key in ("t", "q") if key not in arrays]
+    missing = [f"'{key}'" for key in needed if key not in arrays]
     if missing:
         faults.append(Fault("", 0, 0, f"{name} has no {' and no '.join(missing)}"))
     if "t" in found:
@@ -256,7 +290,7 @@ def chosen_processing(mappings: Iterable[LogMapping], options: MotionOptions) ->
             if name not in named and settings.setdefault(name, value) != value:
                 raise InputError(
                     f"{sources[name]} and {mapping.source} disagree on {name} of their processing, but recordings "
-                    "that are used together must be processed alike: make them agree, or set it on the command line"
+                    f"that are used together must be processed alike: make them agree, or set {option_name(name)}"
                 )
             sources.setdefault(name, mapping.source)
     cutoff = options.cutoff

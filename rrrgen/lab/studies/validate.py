@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.extras import require
+from rrrgen.base.option_names import with_names
 from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.preprocessing import PreprocessingOptions
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
@@ -137,7 +138,9 @@ class ValidationResult(StudyResult):
             lines.append(f"data: {result.split}")
         lines.append(f"scored on {result.label}{share}; {verdict(text, result.passed)}")
         if result.label == UNKNOWN and not self.origin_known:
-            lines.append("the robot file does not tell what it was fitted to: say it with --fitted-on LOG, or none")
+            lines.append(
+                with_names("the robot file does not tell what it was fitted to: say it with {fitted_on} LOG, or none")
+            )
         return lines
 
     def table(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
@@ -211,13 +214,10 @@ def validate(
     require("rrrgen validate", "scipy", "matplotlib")
     from rrrgen.lab.identify.held_out_data import Split
     from rrrgen.lab.studies.loop_inputs import read_loop
-    from rrrgen.lab.studies.sources import chosen_processing, recording_inputs, robot_input
+    from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input
 
-    arm = robot_input(robot)
-    findings = findings or (lambda finding: None)
-    progress = progress or (lambda done, total, message: None)
-    for fault in arm.spec.faults:
-        findings(fault)
+    findings, progress = findings or ignore, progress or ignore
+    arm = robot_input(robot, findings)
     logs = recording_inputs(recordings, arm.spec, skip_truncated_line=skip_truncated_line)
     processing = chosen_processing(logs.mappings, chosen.preprocessing)
     progress(0, 0, "compiling the model")
@@ -235,12 +235,7 @@ def validate(
     inputs = arm.files | logs.files | ({} if fitted is None else fitted.files) | loop.files
     run = Run("validate", inputs, settings)
     score = partial(_score, run, arm, logs, fitted, loop, processing, chosen, split, progress, findings)
-    if folder is None:
-        return score()
-    with run.open(folder, fresh) as opened:
-        result = score()
-        result.write(opened)
-    return result
+    return run.result(score, folder, fresh)
 
 
 def _score(
@@ -254,6 +249,7 @@ def _score(
     split: Split,
     progress: ProgressCallback,
     findings: FindingsCallback,
+    _: RunFolder | None,
 ) -> ValidationResult:
     """Diagnose the recordings, find out whether they were fitted, and score the torques of robot and loop."""
     from rrrgen.lab.closed_loop.validation import validate_loop
@@ -266,9 +262,7 @@ def _score(
     progress(0, 0, "comparing torques")
     spec, model, controller = arm.spec, arm.model, loop.controller
     by_loop = controller is not None and not controller.records_what_acts  # inverse dynamics lack what is not recorded
-    recordings = logs.open()
-    for recording in recordings:
-        findings(recording.repairs)
+    recordings = logs.open(findings)
     causes = diagnose_recordings(spec, recordings)
     for cause in causes:
         findings(cause)

@@ -14,6 +14,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
+from rrrgen.base.option_names import with_names
 from rrrgen.lab.data.mapping import FileSource
 from rrrgen.lab.data.tables.interface import named_column, table_fault
 
@@ -155,7 +156,7 @@ class CsvTable:
             return short or broken or not ended
         if short or broken:
             what = f"the last line is cut off: {len(cells)} entries, the last one '{last[:20]}', of {self.width}"
-            hint = "the recording ended in the middle of it; --skip-truncated-line leaves it out"
+            hint = with_names("the recording ended in the middle of it; {skip_truncated_line} leaves it out")
             raise table_fault(self.path, what, hint, number, len(line) + 1, line)
         return False
 
