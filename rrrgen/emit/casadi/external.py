@@ -13,8 +13,8 @@ from fractions import Fraction
 
 from rrrgen.base.templates import render
 from rrrgen.emit.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
-from rrrgen.emit.casadi.printing import RESERVED, Listing, listing
 from rrrgen.emit.comments import plain
+from rrrgen.emit.expressions import RESERVED, Listing, listing
 from rrrgen.emit.interface import CHOICE, PRODUCT, SUM, Text
 from rrrgen.emit.names import Names
 from rrrgen.emit.printing import decimal

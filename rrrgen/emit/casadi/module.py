@@ -6,61 +6,27 @@ import json
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 from rrrgen.base.templates import render
 from rrrgen.derive.parameters.listing import ParameterListing
 from rrrgen.emit.casadi.derivatives import matrix_size
-from rrrgen.emit.casadi.printing import RESERVED, listing
-from rrrgen.emit.interface import PRODUCT, Text
+from rrrgen.emit.expressions import RESERVED, PythonTarget, element_names, folded, listing, quoted
 from rrrgen.emit.names import Names
-from rrrgen.emit.printing import decimal
 from rrrgen.program import Op, Port, Program
 
-_LINE = 116
-_GLUED = "\0=\0"
-
-
-_FUNCTIONS = {Op.SQRT: "ca.sqrt", Op.ABS: "ca.fabs", Op.EXP: "ca.exp", Op.TANH: "ca.tanh", Op.NONFINITE: "_nonfinite"}
-
-
-class _Python:
-    """Python as a target language: assignments of expressions over CasADi's symbols."""
-
-    @property
-    def reserved(self) -> frozenset[str]:
-        """Names that local variables must not have: Python keywords, names in the module."""
-        return RESERVED
-
-    def literal(self, value: Fraction | int) -> str:
-        """The text of a number: an integer, or the decimal of the nearest double."""
-        whole = value.denominator == 1 and abs(value.numerator) < 2**53
-        return str(value.numerator) if whole else decimal(value)
-
-    def declaration(self, name: str, value: str) -> str:
-        """The assignment that defines a local."""
-        return f"{name} = {value}"
-
-    def call(self, op: Op, argument: str) -> str:
-        """The call of CasADi's function for an operation."""
-        return f"{_FUNCTIONS[op]}({argument})"
-
-    def sign(self, x: Text) -> Text:
-        """The call of CasADi's sign, which is 0 at 0."""
-        return Text(f"ca.sign({x.code})")
-
-    def minimum(self, x: Text, y: Text) -> Text:
-        """The call of CasADi's ``fmin``."""
-        return Text(f"ca.fmin({x.code}, {y.code})")
-
-    def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
-        """The call of CasADi's ``if_else`` that is ``positive`` where ``condition > 0``, else ``otherwise``."""
-        return Text(f"ca.if_else({condition.within(PRODUCT)} > 0, {positive.code}, {otherwise.code})")
-
-    def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
-        """Assignments of sine and cosine, one call for each that is used."""
-        wanted = ((f"ca.sin({angle})", sine), (f"ca.cos({angle})", cosine))
-        return [self.declaration(name, call) for call, name in wanted if name is not None]
+_CALLS = {
+    Op.SIN: "ca.sin",
+    Op.COS: "ca.cos",
+    Op.SQRT: "ca.sqrt",
+    Op.EXP: "ca.exp",
+    Op.TANH: "ca.tanh",
+    Op.ABS: "ca.fabs",
+    Op.NONFINITE: "_nonfinite",
+    Op.SIGN: "ca.sign",
+    Op.MIN: "ca.fmin",
+    Op.SELECT: "ca.if_else",
+}
+_PYTHON = PythonTarget(_CALLS, whole=True)
 
 
 @dataclass(frozen=True)
@@ -89,10 +55,10 @@ def rebuild_module(
     return render(
         "casadi/module.py.j2",
         robot=robot,
-        header=[_quoted(line) for line in header],
+        header=[quoted(line) for line in header],
         definitions=[_definition(robot, name, program) for name, program in programs],
         checks=any(node.op is Op.NONFINITE for _, program in programs for node in program.nodes),
-        convention=textwrap.wrap(parameters.statement, _LINE - 2) if parameters else (),
+        convention=textwrap.wrap(parameters.statement, 114) if parameters else (),
         drives=bool(parameters and parameters.drives),
         base_parameters=[(json.dumps(p.name), json.dumps(str(p.expression))) for p in rows],
         beta_nominal=values if parameters and len(values) == len(rows) else None,
@@ -110,12 +76,12 @@ def _definition(robot: str, public: str, program: Program) -> _Definition:
     for port in program.inputs:
         rows, cols = matrix_size(port)
         opening.append(f'{port.name} = ca.SX.sym("{port.name}", {rows}, {cols})')
-        elements.append([port.name] if port.size == 1 else _element_names(names, port))
-    written = listing(program, elements, names, _Python())
+        elements.append([port.name] if port.size == 1 else element_names(names, port, rows, cols))
+    written = listing(program, elements, names, _PYTHON)
     used_ports = {port for port, _ in written.used_inputs}
     for index, (port, given) in enumerate(zip(program.inputs, elements, strict=True)):
         if index in used_ports and port.size > 1:
-            opening += _wrapped(f"[{', '.join(given)}] = _rows({port.name})")
+            opening += folded(f"[{', '.join(given)}] = _rows({port.name})")
     body += written.statements
     for port, row in zip(program.outputs, written.results, strict=True):
         body += _output(port, row)
@@ -123,33 +89,15 @@ def _definition(robot: str, public: str, program: Program) -> _Definition:
         f'return ca.Function("{robot}_casadi_{public}", [{_joined(program.inputs)}], [{_joined(program.outputs)}], '
         f"{[p.name for p in program.inputs]}, {[p.name for p in program.outputs]})"
     ).replace("'", '"')
-    body += _wrapped(returned)
+    body += folded(returned)
     return _Definition(public, _docstring(program), (*opening, *body))
-
-
-def _element_names(names: Names, port: Port) -> list[str]:
-    rows, cols = matrix_size(port)
-    if cols == 1:
-        return [names.suggested(f"{port.name}{k + 1}") for k in range(rows)]
-    return [names.suggested(f"{port.name}_{r + 1}_{c + 1}") for r in range(rows) for c in range(cols)]
 
 
 def _output(port: Port, row: Sequence[str]) -> list[str]:
     rows, cols = matrix_size(port)
     lines = [f"{port.name} = _matrix({rows}, {cols}, ["]
     lines += [f"    {', '.join(row[r * cols : (r + 1) * cols])}," for r in range(rows)]
-    return [line for text in lines for line in _wrapped(text)] + ["])"]
-
-
-def _wrapped(text: str) -> list[str]:
-    """Break ``text`` into lines of at most ``_LINE`` characters, at spaces inside its brackets (never around ``=``)."""
-    if len(text) <= _LINE:
-        return [text]
-    first = len(text) - len(text.lstrip())
-    whole = text.strip().replace(" = ", _GLUED)
-    folded = textwrap.wrap(whole, _LINE - first - 4, break_long_words=False, break_on_hyphens=False)
-    lines = [" " * first + folded[0], *(" " * (first + 4) + line for line in folded[1:])]
-    return [line.replace(_GLUED, " = ") for line in lines]
+    return [line for text in lines for line in folded(text)] + ["])"]
 
 
 def _joined(ports: Sequence[Port]) -> str:
@@ -168,9 +116,4 @@ def _docstring(program: Program) -> str:
             lines.append(f"{kind} {port.name} ({rows}, {cols}){': ' + facts if facts else ''}")
     lines += ["", *program.notes] if program.notes else []
     text = "\n".join(line if not line else f"    {line}" for line in lines).strip()
-    return _quoted(text)
-
-
-def _quoted(text: str) -> str:
-    """Escape ``text`` for use inside a docstring."""
-    return text.replace("\\", "\\\\").replace('"""', "'''")
+    return quoted(text)

@@ -86,14 +86,14 @@ def emitted_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] 
     ``real`` is the C number type, "double" or "float". ``further`` are words of :data:`rrrgen.robot.file.fields.EMIT`:
     groups of functions, and "gravity" for the model with gravity as an input beside it; other words change nothing.
     """
+    model, identity = derived_model(spec, further)
     groups = ("model", *(group for group in GROUPS if group in further))
-    model, identity = _derived(spec, groups)
     dialect, c = Dialect(spec.name, real), CBackend()
     files = c.sources(model, identity, real) | solver_sources(spec, real)
     files |= files_beside(spec, real, groups)
     declared = (declaration(spec.n),) if "control" in groups else ()
     if "gravity" in further:
-        files |= c.sources(*_derived(spec.in_any_gravity(), groups), real)
+        files |= c.sources(*derived_model(spec.in_any_gravity(), further), real)
     return Code(model, identity, dialect, files, programs_of(model), make_plan(spec), declared, tuple(further))
 
 
@@ -102,14 +102,15 @@ def any_gravity_code(spec: RobotSpec, real: Real = "double", further: Sequence[s
 
     It has no inverse kinematics and none of the functions from templates, which do not feel gravity.
     """
-    groups = ("model", *(group for group in GROUPS if group in further))
-    model, identity = _derived(spec.in_any_gravity(), groups)
+    model, identity = derived_model(spec.in_any_gravity(), further)
     dialect = Dialect(model.spec.name, real)
     files = CBackend().sources(model, identity, real)
     unsolved = replace(make_plan(spec), family="none", reason="the model with its own gravity has the solver")
     return Code(model, identity, dialect, files, programs_of(model), unsolved)
 
 
-def _derived(spec: RobotSpec, groups: tuple[str, ...]) -> tuple[DerivedModel, Identity]:
+def derived_model(spec: RobotSpec, further: Sequence[str] = ()) -> tuple[DerivedModel, Identity]:
+    """The model of ``spec`` with the groups of functions among the words ``further``, from the cache if it is there."""
+    groups = ("model", *(group for group in GROUPS if group in further))
     identity = identify(spec)
     return recall(spec, identity, partial(derive, groups=groups), groups), identity
