@@ -13,7 +13,7 @@ from rrrgen.emit import targets
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.robot.robot_spec import RobotSpec
 
-TARGETS = ("embedded", "fmu", "jax", "matlab", "mjcf", "open_symoro", "ros2", "urdf", "wheel")
+TARGETS = ("cuda", "embedded", "fmu", "jax", "matlab", "mjcf", "open_symoro", "ros2", "urdf", "wheel")
 """Modules of :mod:`rrrgen.emit.targets` that hold an ``EXPORTER``."""
 
 

@@ -1,19 +1,22 @@
-"""The JAX module: its functions equal the emitted C, alone, in batches, in both precisions, and can be differentiated."""
+"""The JAX module equals the emitted C, alone, in batches, in both precisions, and can be differentiated."""
 
 from __future__ import annotations
 
 import importlib.util
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rrrgen
+from pages.test_pages import blocks
 from rrrgen.emit.exporting import export_robot
 from rrrgen.emit.targets.interface import ExportOptions
 from rrrgen.robot.file import load_spec
 
 jax = pytest.importorskip("jax")
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "sockets.md"
 GROUPS = ("control", "observer", "points", "trajectory")
 
 
@@ -110,3 +113,13 @@ def test_mechanisms_and_gravity_as_an_input(tmp_path):
     assert (tmp_path / "rrr_any_gravity_jax.py").exists()
     with pytest.raises(ValueError, match=r"q must have shape \(3,\), not \(2, 3\); batches are for jax.vmap"):
         module.gravity_nominal(np.zeros((2, 3)))
+
+
+def test_the_code_on_the_page_runs(tmp_path, monkeypatch):
+    imported(tmp_path, "rrr")
+    (code,) = [text for text in blocks(PAGE.read_text(encoding="utf-8"), "python") if "rrr_jax" in text]
+    names = {}
+    exec(code, names)
+    assert names["tau"].shape == (1000, 3)
+    assert names["stiffness"].shape == (3, 3)
+    assert names["status"] == 0

@@ -42,28 +42,27 @@ def _output(port: Port, dialect: Dialect) -> str:
     return f"{dialect.real_type} {port.name}[{restrict} {port.size}]"
 
 
-def explanation(program: Program, dialect: Dialect) -> list[str]:
-    """The lines of the comment in front of a prototype."""
+def explanation(program: Program, dialect: Dialect, on_device: bool = False) -> list[str]:
+    """The lines of the comment in front of a prototype; ``on_device`` for a GPU, which has no bound of the stack."""
     lines = wrapped(program.summary or program.name.replace("_", " "))
     if program.formula:
         lines += ["", *(f"    {plain(line)}" for line in program.formula.splitlines())]
     rows = [("in", port) for port in program.inputs] + [("out", port) for port in program.data_outputs]
     lines += ["", *columns([_row(direction, port) for direction, port in rows])]
     if program.status:
-        lines += ["", *wrapped(_status_note(program.status, dialect))]
+        lines += ["", *wrapped(_status_note(program.status, dialect, on_device))]
     lines += ["", f"Operations: {count_operations(program)}."]
-    lines += [f"Stack: {stack_bound(program, dialect.real)}."]
+    if not on_device:
+        lines += [f"Stack: {stack_bound(program, dialect.real)}."]
     for note in program.notes:
         lines += wrapped(note)
     return lines
 
 
-def _status_note(status: Status, dialect: Dialect) -> str:
+def _status_note(status: Status, dialect: Dialect, on_device: bool) -> str:
     failures = " or ".join(f"{dialect.failure(each)} where {each.meaning}" for each in status.failures)
-    return (
-        f"Returns {dialect.success}, or {failures} "
-        f"({dialect.prefix}_status_string gives the text); the outputs are defined in either case."
-    )
+    text = "" if on_device else f" ({dialect.prefix}_status_string gives the text)"
+    return f"Returns {dialect.success}, or {failures}{text}; the outputs are defined in either case."
 
 
 def _row(direction: str, port: Port) -> tuple[str, ...]:
