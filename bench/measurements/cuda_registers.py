@@ -15,6 +15,8 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+import click
+
 from rrrgen.emit.exporting import export_robot
 from rrrgen.emit.targets.interface import ExportOptions
 from rrrgen.robot.file import load_spec
@@ -78,9 +80,11 @@ def main() -> None:
             (source,) = export_robot(spec, "cuda", options=ExportOptions(real=real)).files.values()
             start = time.perf_counter()
             kernels = compiled(str(source), arguments.architecture)
-            print(f"{robot}, {real}: {len(kernels)} kernels in {time.perf_counter() - start:.1f} s")
+            click.echo(f"{robot}, {real}: {len(kernels)} kernels in {time.perf_counter() - start:.1f} s")
             for name, kernel in sorted(kernels.items()):
-                print(f"  {name:56} {kernel.registers:3} registers {kernel.stack:5} B stack {kernel.spills:5} B spills")
+                click.echo(
+                    f"  {name:56} {kernel.registers:3} registers {kernel.stack:5} B stack {kernel.spills:5} B spills"
+                )
 
 
 if __name__ == "__main__":
