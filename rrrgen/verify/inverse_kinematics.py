@@ -251,10 +251,13 @@ class _Checks:
                 found_too += sum(bool(np.any(self.arm.apart(q, row) < APART)) for row in found[0])
             if lost.any() and not where:
                 where = f"; not among the rows: q = {np.round(q[np.argmax(lost)], 6).tolist()}"
+        if not solutions:
+            reason = f"the numerical search found no solution of {targets} targets that is clear of singularities"
+            self.rows.skipped.append((f"{FUNCTION}: share of other solutions not among the rows", reason))
+            return
         counted = f"; the search found {found_too} of {rows} rows" if rows else ""
         note = f"{solutions} solutions of {targets} targets by {STARTS} starts each{counted}{where}"
-        share = missed / solutions if solutions else float("nan")
-        self._share("share of other solutions not among the rows", SEARCH, targets, share, 0.0, note)
+        self._share("share of other solutions not among the rows", SEARCH, targets, missed / solutions, 0.0, note)
 
     def _distinct(self, q: Array) -> Array:
         kept: list[Array] = []

@@ -115,6 +115,22 @@ def check_torques(robot: Robot, spec, own) -> None:
     assert np.max(np.abs(Y @ beta - tau)) <= ROUND_OFF * np.max(np.abs(tau))
 
 
+@pytest.mark.parametrize("off", [2e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4])
+@pytest.mark.parametrize("kinds", ["rp", "rprr"])
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_angles_beside_a_right_angle_give_the_torques(kinds, convention, off):
+    """Eliminations by the sine or cosine of such an angle multiply round-off by its inverse; others are chosen."""
+    names = {"r": "revolute", "p": "prismatic"}
+    base = random_robot(7, n=len(kinds), convention=convention)
+    rows = [(names[kind], -np.pi / 2, *row[2:]) for kind, row in zip(kinds, base.rows, strict=True)]
+    text = to_yaml(replace(base, rows=tuple(rows))).replace("alpha: -pi/2", f"alpha: -(pi/2 - {off:.0e})")
+    assert text.count(f"{off:.0e}") == len(kinds)
+    spec = loads_spec(text)
+    own = base_set(build_model(spec))
+    robot = replace(base, rows=tuple((kind, alpha + off, *rest) for kind, alpha, *rest in rows))
+    check_torques(robot, spec, own)
+
+
 @pytest.mark.parametrize("name", bundled_names())
 def test_expressions_of_bundled_robots_give_the_torques(name):
     """Random links on the bundled geometry, the user's basis (where there is one) left out."""

@@ -50,6 +50,20 @@ def test_squares_of_one_angle_add_up_to_one():
     assert [node.op for node in result.nodes] == [Op.INPUT]
 
 
+def test_a_term_beside_one_of_the_size_of_residue_is_kept():
+    """Squares of the cosine of an angle 2e-16 beside pi/2 are 4e-32; a sum of both must not be scaled by that."""
+    tiny = Fraction(2, 10**16)
+
+    def function(b, q, dq, beta):
+        return [(tiny * x) * (tiny * beta[0]) + x * beta[1] for x in dq]
+
+    def expected(b, q, dq, beta):
+        return [x * beta[1] for x in dq]
+
+    for cut_set in CutSet:
+        assert same_values(recorded(expected), ExpandAndFactor(cut_set)(recorded(function)))
+
+
 def test_absolute_rates_stay_sums():
     """A sum of inputs is one literal, so that (dq1 + dq2)^2 is not torn into three products."""
 

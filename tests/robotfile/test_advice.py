@@ -110,6 +110,14 @@ def test_the_warning_about_a_right_angle_speaks_the_units_of_the_file():
     assert not messages(angle="deg", alpha="-90 deg")
 
 
+def test_the_distance_from_a_right_angle_is_that_of_the_exact_decimal():
+    assert "only to 2e-16 rad" in messages(alpha="-1.5707963267948968520107209")
+    assert "only to 2e-17 rad" in messages(alpha="1.5707963267948966")
+    assert "is 1e-12, which is 0 only to 1e-12 rad" in messages(alpha="1e-12")
+    assert "write 0," in messages(angle="deg", alpha="-1e-15 rad")
+    assert not messages(alpha="1e-8")
+
+
 def test_a_whole_list_with_commas():
     assert "write" not in messages(com="[0, 1, 0, 0]")  # four entries, no comma inside a number
     assert "decimal comma" in messages(com="[0,1,0,0]")

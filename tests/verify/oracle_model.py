@@ -19,6 +19,12 @@ def exact(value: float) -> sp.Rational:
     return sp.Rational(repr(float(value)))
 
 
+def exact_angle(value: float) -> sp.Expr:
+    """The multiple of pi/2 that the float is nearest to, if it is one, else the rational that prints like it."""
+    quarters = round(value / (np.pi / 2))
+    return sp.Rational(quarters, 2) * sp.pi if quarters * (np.pi / 2) == value else exact(value)
+
+
 def fixed_transform(T: np.ndarray) -> FixedTransform:
     return FixedTransform(tuple(exact(v) for v in T[:3, :3].ravel()), (exact(T[0, 3]), exact(T[1, 3]), exact(T[2, 3])))
 
@@ -29,7 +35,7 @@ def spec_of(robot: Robot, drive: tuple[float, ...] = (), friction: FrictionSpec 
         JointSpec(
             f"q{i + 1}",
             row[0],
-            *(exact(v) for v in row[1:]),
+            *(convert(v) for convert, v in zip((exact_angle, exact, exact, exact_angle), row[1:], strict=True)),
             friction=friction,
             drive=DriveSpec(inertia=drive[i]) if drive else None,
             sign=robot.signs[i] if robot.signs else 1,

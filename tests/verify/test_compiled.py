@@ -67,3 +67,30 @@ def test_one_wrong_sign_in_emitted_c_is_found_in_every_function(monkeypatch, tmp
         base, parameters = name.removesuffix("_nominal"), "nominal" if name.endswith("_nominal") else "random"
         rows = [row for row in report.failures if re.match(rf"{base}\b", row.function)]
         assert any(row.parameters in (parameters, "-") for row in rows), f"{name}: the wrong sign was not noticed"
+
+
+NEARLY_SPECIAL = """
+schema: rrrgen/1
+name: nearly_special
+convention: {convention}
+units: {{angle: rad, length: m}}
+gravity: [0, {off}, -9.81]
+joints:
+  - {{type: revolute, alpha: pi/2 + {off}, a: 0.2, d: 0.1, theta: 0}}
+  - {{type: revolute, alpha: -(pi/2 - {off}), a: 0.3, d: 0.11, theta: pi/2}}
+  - {{type: {third}, alpha: pi - {off}, a: 0.4, d: 0.12, theta: pi/2 + {off}}}
+links:
+  - {{mass: 2, com: [0.1, 0.02, -0.1], inertia: {{about: com, xx: 0.1, yy: 0.12, zz: 0.09, xy: 0.01}}}}
+  - {{mass: 3, com: [0.1, 0.02, -0.2], inertia: {{about: com, xx: 0.1, yy: 0.12, zz: 0.09, xy: 0.01}}}}
+  - {{mass: 4, com: [0.1, 0.02, -0.3], inertia: {{about: com, xx: 0.1, yy: 0.12, zz: 0.09, xy: 0.01}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("convention", "third", "off"), [("standard", "prismatic", "2e-16"), ("modified", "revolute", "1e-8")]
+)
+def test_arms_beside_a_special_one(convention, third, off):
+    """Every function to round-off, as the file has it; parameters that act below round-off are no fault of the set."""
+    spec = rrrgen.loads_spec(NEARLY_SPECIAL.format(convention=convention, third=third, off=off))
+    report = verify(rrrgen.compile(spec, "numpy"), samples=10, libraries=False)
+    assert report.ok, report.to_text()

@@ -209,9 +209,11 @@ def _stages(program: Program) -> list[int]:
 
 
 def _accumulate(total: Polynomial, monomial: Monomial, coefficient: Fraction | int) -> None:
-    if monomial not in total:
-        total[monomial] = coefficient
-    elif value := drop_residue(total[monomial] + coefficient):
+    """Add a term; residue, also of products, is dropped.
+
+    A term of 1e-32 beside one of 1 would be factored as ``1e-32 (x + 1e32 y)``, which the builder takes for zero.
+    """
+    if value := drop_residue(total[monomial] + coefficient if monomial in total else coefficient):
         total[monomial] = value
     else:
-        del total[monomial]
+        total.pop(monomial, None)

@@ -27,6 +27,7 @@ LARGEST_VALUE = 1e15
 SLOWEST = 10.0  # deg/s, mm/s and per s^2; joints of robots are faster, slower bare numbers were meant in SI
 SLOW = {"deg/s": "rad/s", "deg/s^2": "rad/s^2", "mm/s": "m/s", "mm/s^2": "m/s^2"}
 SUSPICIOUS_RIGHT_ANGLE = 1e-5  # rad; a decimal this near to a multiple of pi/2 was meant to be one
+SUSPICIOUS_ZERO = 1e-9  # rad; below what a calibration can measure, so it is round-off of another program
 
 
 @dataclass
@@ -88,7 +89,7 @@ def read_value(node: Node, what: str, quantity: str, scope: Scope, file_units: b
     if unit.name == "mm" and value.unit is None:
         scope.bare_lengths.append(abs(number))
     if target.name == "an angle" and unit.name == "rad" and not value.uses_pi and not value.names:
-        _warn_about_right_angle(node, value, number, what, scope)
+        _warn_about_right_angle(node, value, expr, what, scope)
     return expr
 
 
@@ -261,13 +262,13 @@ def _right_angle(radians: float, decimals: int | None) -> int:
     return multiple if meant <= max(SUSPICIOUS_RIGHT_ANGLE if digits >= 5 else 0.0, 1e-12) else 0
 
 
-def _warn_about_right_angle(node: Scalar, value: Value, number: float, what: str, scope: Scope) -> None:
-    multiple = _right_angle(number, value.decimals)
-    if not multiple:
+def _warn_about_right_angle(node: Scalar, value: Value, angle: sp.Expr, what: str, scope: Scope) -> None:
+    multiple = _right_angle(float(angle), value.decimals)
+    if not multiple and not 0 < abs(float(angle)) < SUSPICIOUS_ZERO:
         return
     exact = str(sp.Rational(multiple, 2) * sp.pi)
-    meant = exact if scope.units.angle == "rad" else f"{90 * multiple} deg"
-    distance = abs(number - multiple * cmath.pi / 2)
+    meant = exact if scope.units.angle == "rad" or not multiple else f"{90 * multiple} deg"
+    distance = float(abs(angle - sp.Rational(multiple, 2) * sp.pi))
     message = f"{what} is {node.text.strip()}, which is {exact} only to {distance:.0e} rad"
     scope.faults.warning(node, message, f"write {meant}, so that sines and cosines vanish exactly")
 
