@@ -61,7 +61,7 @@ from rrrgen.base.extras import require
     "--bandwidth",
     type=click.FloatRange(min=0, min_open=True),
     metavar="HZ",
-    help="Bandwidth of the closed loop; default 4, or less where the loop would not be robust.",
+    help="Bandwidth of the loops of all joints; default: 4 or what its load needs, as far as the loop is robust.",
 )
 @click.option(
     "--control",
@@ -134,7 +134,7 @@ def simulate(robot: str, output: Path, as_json: bool, **options: Any) -> int:
         joints = [joint.name for joint in spec.joints]
         prismatic = [not joint.is_revolute for joint in spec.joints]
         write_recording(results, "log", recording, joints=joints, prismatic=prismatic, instruments=instruments)
-    tracking = checked(recording, arm, loop, prismatic)
+    tracking = checked(recording, arm, loop)
     clipped = int(recording.saturated.sum())
     for line in _failures(tracking, joints, prismatic, clipped, loop):
         click.echo(f"{failed('FAIL')} {line}", err=True)

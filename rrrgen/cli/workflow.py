@@ -103,7 +103,7 @@ def chosen_experiment(path: Path | None, joints: int, options: dict[str, Any]) -
     if options.get("bandwidth") is not None:
         places = {key: place for key, place in control.places.items() if key not in ("kp", "kd")}
         places["bandwidth"] = Fault("--bandwidth", 0, 0, "")
-        control = replace(control, bandwidth=options["bandwidth"], kp=None, kd=None, places=places)
+        control = replace(control, bandwidth=(options["bandwidth"],) * joints, kp=None, kd=None, places=places)
     if options.get("control") is not None:
         control = replace(control, kind=options["control"].replace("-", "_"))
     changes = {name: options[name] for name in ("starts", "seed") if options.get(name) is not None}

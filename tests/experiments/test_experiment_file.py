@@ -70,7 +70,7 @@ def test_everything_in_a_file_arrives_in_si(model) -> None:
     assert found.branch == (-1.0, -1.5, 2.0)
     assert found.virtual_robot["torque_noise"] == pytest.approx((0.1, 0.05, 0.02))
     assert found.virtual_robot["friction"].parameters[0].tolist() == [0.5, 3.0, 1.0, 0.1]
-    assert found.control.bandwidth == 5.0
+    assert found.control.bandwidth == (5.0, 5.0, 5.0)
     problem = problem_of(found, model)
     assert (problem.harmonics, problem.objective, problem.at_rest, problem.sample_period) == (6, "logdet", True, 0.002)
     assert problem.torque is not None

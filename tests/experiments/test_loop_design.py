@@ -75,7 +75,7 @@ def test_default_loops_are_robust_at_every_rate(demo, name: str, rate: float) ->
     assert growing(model, design, poses, experiment.period) < 1.0
     assert design.bandwidth is not None
     if rate >= 1000.0:
-        assert design.bandwidth == BANDWIDTH
+        assert min(design.bandwidth) >= BANDWIDTH
 
 
 def test_the_loop_of_a_new_arm_follows_and_a_slow_observer_does_not(demo) -> None:
@@ -85,7 +85,7 @@ def test_the_loop_of_a_new_arm_follows_and_a_slow_observer_does_not(demo) -> Non
     arm = arm_of(experiment, model, motion.evaluate, 2.0)
     loop = design_loop(arm, experiment.control)
     recording, _ = simulate_motion(experiment, model, motion.evaluate, 2.0, loop=loop)
-    assert checked(recording, arm, loop, [False] * 3).ok
+    assert checked(recording, arm, loop).ok
     assert np.all(np.abs(recording.held).max(axis=0) < 1.5 * arm.load)  # the arm starts with a deviation: it overshoots
     slow = loads_experiment("schema: rrrgen-experiment/1\ncontrol: {bandwidth: 4, jerk: 20}\n", 3, "slow.yaml")
     unstable = design_loop(arm, slow.control)
@@ -94,13 +94,52 @@ def test_the_loop_of_a_new_arm_follows_and_a_slow_observer_does_not(demo) -> Non
     assert str(warning).startswith(
         "slow.yaml:2:11: warning: `bandwidth`, `jerk` make a loop that is not robust: unstable"
     )
-    assert "without them: PD control of 4 Hz" in warning.hint
+    assert "without them: PD control of " in warning.hint
+    assert "modulus margin 0.5" in warning.hint
     recording, _ = simulate_motion(slow, model, motion.evaluate, 2.0, loop=unstable)
-    tracking = checked(recording, arm, unstable, [False] * 3)
+    tracking = checked(recording, arm, unstable)
     assert not tracking.ok
     assert {swing.joint for swing in tracking.oscillations} >= {1, 2}
     # the loop of the posture in which it swings: within a factor of two of that of the worst posture
     assert all(0.5 < swing.frequency / unstable.margin.frequency < 2.0 for swing in tracking.oscillations)
+
+
+@pytest.mark.parametrize("rate", [250.0, 1000.0])
+def test_joints_get_the_bandwidth_that_their_load_needs_as_far_as_the_margin_lasts(rate: float) -> None:
+    """With one bandwidth for all joints, 1.3 Hz at 250 Hz, the wrist of the UR5 was 1.6 rad away from its motion.
+
+    At 1 kHz every joint alone is stiff enough; at 250 Hz the load of the arm would bend it by half its motion, so that
+    the torques of the model are fed forward.
+    """
+    model = rrrgen.compile("ur5")
+    motion = motion_of(6, 0.2)
+    experiment = Experiment(period=1.0 / rate)
+    arm = arm_of(experiment, model, motion.evaluate, 4.0)
+    loop = design_loop(arm, experiment.control)
+    assert loop.robust
+    assert max(loop.bandwidth) > 2.0 * min(loop.bandwidth)
+    assert (loop.feedforward is not None) == (rate < 1000.0)
+    poses = motion.evaluate(np.linspace(0.0, 4.0, 101))[0]
+    assert growing(model, loop, poses, experiment.period) < 1.0
+    recording, _ = simulate_motion(experiment, model, motion.evaluate, 4.0, loop=loop)
+    tracking = checked(recording, arm, loop)
+    assert tracking.ok
+    assert np.all(np.array(tracking.deviation) < 0.1 * np.array(tracking.span))
+
+
+def test_feedforward_is_recorded_and_known_to_the_controller_file(demo, trajectory, tmp_path) -> None:
+    """The loop of the recorded controller reproduces the recorded torques: it is fed what the recording holds."""
+    fed = tmp_path / "fed.yaml"
+    fed.write_text("schema: rrrgen-experiment/1\ncontrol: {bandwidth: [2, 2, 3], feedforward: true}\n")
+    arguments = ["--trajectory", trajectory, "--experiment", fed, "--torque-noise", 0.01, "-o", tmp_path / "recorded"]
+    simulated = run("simulate", demo, *arguments)
+    assert simulated.return_value == 0, simulated.output
+    assert "PD control of 2, 2, 3 Hz with the torques of the model fed forward" in simulated.output
+    results = tmp_path / "recorded" / "results"
+    assert "feedforward: {column: ff_q1, unit: N*m}" in (results / "log.yaml").read_text()
+    options = ["--log", results / "log.yaml", "--controller", results / "log_controller.yaml"]
+    validated = run("validate", demo, *options, "-o", tmp_path / "validated", "--json")
+    assert validated.return_value == 0, validated.output
 
 
 def test_coarse_encoders_get_a_slower_loop(demo) -> None:
@@ -111,7 +150,7 @@ def test_coarse_encoders_get_a_slower_loop(demo) -> None:
     design = design_loop(arm, coarse.control)
     assert design.robust
     assert np.all(design.noise <= NOISE * arm.load)
-    assert design.bandwidth < BANDWIDTH
+    assert min(design.bandwidth) < BANDWIDTH
     assert any("encoder steps" in line for line in design.lines())
 
 

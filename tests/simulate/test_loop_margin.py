@@ -47,7 +47,7 @@ def test_the_largest_pole_is_how_fast_a_simulated_deviation_grows(delay: int, po
     kp, kd = np.diag(masses) * omega**2, 2 * np.diag(masses) * omega
     observer = BackwardDifference(TS) if poles is None else kalman(TS, poles)
     arm = SampledArm.at(masses[None], None, None, TS, delay=delay, slowest=4.0)
-    margin = arm.margin(observer.feedback(kp, kd), kp)
+    margin = arm.margin(observer.feedback(kp, kd))
     seen = growth(masses, kp, kd, observer, delay)
     assert margin.radius == pytest.approx(seen, abs=0.01 * abs(seen - 1.0) + 2e-5)
     assert margin.unstable == (seen > 1.0)
@@ -58,7 +58,7 @@ def test_the_margin_of_one_joint_is_its_distance_from_minus_one() -> None:
     """A double integrator under PD with backward differences, its response written out."""
     J, kp, kd = 0.7, 900.0, 40.0
     found = SampledArm.at(np.array([[[J]]]), None, None, TS, delay=2, slowest=4.0).margin(
-        BackwardDifference(TS).feedback([kp], [kd]), np.array([kp])
+        BackwardDifference(TS).feedback([kp], [kd])
     )
     z = np.exp(1j * np.linspace(1e-3, np.pi, 200_001))
     L = (kp + kd * (1 - 1 / z) / TS) * z**-2 * TS**2 * (z + 1) / (2 * J * (z - 1) ** 2)
@@ -74,10 +74,10 @@ def test_coupled_joints_have_the_margin_of_their_worst_direction() -> None:
     gains = np.diag(masses)
     omega, observer = 2 * np.pi * 4.0, kalman(TS, 2000.0)
     kp, kd = gains * omega**2, 2 * gains * omega
-    together = SampledArm.at(masses[None], None, None, TS, slowest=4.0).margin(observer.feedback(kp, kd), kp)
+    together = SampledArm.at(masses[None], None, None, TS, slowest=4.0).margin(observer.feedback(kp, kd))
     alone = [
         SampledArm.at(np.array([[[inertia]]]), None, None, TS, slowest=4.0).margin(
-            observer.feedback([omega**2], [2 * omega]), np.ones(1)
+            observer.feedback([omega**2], [2 * omega])
         )
         for inertia in np.linalg.eigvalsh(masses / np.sqrt(np.outer(gains, gains)))
     ]
@@ -94,9 +94,9 @@ def test_behind_stiff_springs_the_arm_is_a_rigid_one_and_soft_ones_matter() -> N
 
     def margin(stiffness: float, base: FlexibleBase | None = None):
         joints = FlexibleJoints(tuple(rotors), (stiffness,) * 2, (stiffness * 1e-3,) * 2)
-        return SampledArm.at(masses, joints, base, TS, slowest=4.0).margin(feedback, kp)
+        return SampledArm.at(masses, joints, base, TS, slowest=4.0).margin(feedback)
 
-    rigid = SampledArm.at(masses + np.diag(rotors), None, None, TS, slowest=4.0).margin(feedback, kp)
+    rigid = SampledArm.at(masses + np.diag(rotors), None, None, TS, slowest=4.0).margin(feedback)
     assert margin(1e8).modulus == pytest.approx(rigid.modulus, rel=0.01)
     heavy_base = FlexibleBase(inertia=1e6, frequency=28.0)
     assert margin(1e8, heavy_base).modulus == pytest.approx(rigid.modulus, rel=0.01)

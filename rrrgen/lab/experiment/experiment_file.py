@@ -37,19 +37,21 @@ EFFORT = units.TORQUE | units.FORCE
 class ControlSection:
     """Control of the virtual robot: law, gains or bandwidth, and observer.
 
-    ``kind`` is "pd" or "computed_torque"; its gains ``kp``, ``kd`` (n,) follow from ``bandwidth`` (Hz) and ``damping``
-    if they are None. ``observer`` is "kalman" or "difference"; ``jerk`` (n,), rad/s^3 (m/s^3), tunes the Kalman
-    observer. ``bandwidth`` and ``jerk`` are designed from the arm if they are None. ``places`` are the places of the
-    keys that are stated, as faults without a message.
+    ``kind`` is "pd" or "computed_torque"; its gains ``kp``, ``kd`` (n,) follow from ``bandwidth`` (n,) in Hz and
+    ``damping`` if they are None. ``observer`` is "kalman" or "difference"; ``jerk`` (n,), rad/s^3 (m/s^3), tunes the
+    Kalman observer. ``feedforward`` says whether the torques of the model along the motion are added to PD control.
+    ``bandwidth``, ``jerk`` and ``feedforward`` are designed from the arm if they are None. ``places`` are the places of
+    the keys that are stated, as faults without a message.
     """
 
     kind: str = "pd"
-    bandwidth: float | None = None
+    bandwidth: tuple[float, ...] | None = None
     damping: float = 1.0
     kp: tuple[float, ...] | None = None
     kd: tuple[float, ...] | None = None
     observer: str = "kalman"
     jerk: tuple[float, ...] | None = None
+    feedforward: bool | None = None
     places: Mapping[str, Fault] = field(default_factory=dict, compare=False)
 
 
@@ -316,12 +318,13 @@ class _Reader(Reader):
             "control",
             {
                 "kind": lambda n, w: self.choice(n, w, CONTROL_LAWS),
-                "bandwidth": self.one(units.RATE, "Hz", positive=True),
+                "bandwidth": self.bandwidths,
                 "damping": self.one(UNITLESS, "one"),
                 "kp": self.each(UNITLESS, "one"),
                 "kd": self.each(UNITLESS, "one"),
                 "observer": lambda n, w: self.choice(n, w, OBSERVERS),
                 "jerk": self.each({"rad/s^3": 1.0, "m/s^3": 1.0}, "rad/s^3"),
+                "feedforward": self.yes_or_no,
             },
         )
         if ("kp" in found) != ("kd" in found):
@@ -347,6 +350,13 @@ class _Reader(Reader):
     def each(self, table: Mapping[str, float], bare: str) -> Take:
         """Make a reader of one value per joint with a unit of ``table``; a number without a unit is in ``bare``."""
         return lambda node, what: self.per_joint(node, what, self.n, table, bare)
+
+    def bandwidths(self, node: Node, what: str) -> tuple[float, ...] | None:
+        found: tuple[float, ...] | None = self.each(units.RATE, "Hz")(node, what)
+        if found is not None and min(found) <= 0.0:
+            self.faults.error(node, f"{what} must be positive")
+            return None
+        return found
 
     def count(self, node: Node, what: str) -> int:
         return self.whole(node, what, 0)

@@ -89,12 +89,18 @@ KEYS: dict[str, Entries] = {
     "control": {
         "kind": Entry(f"{words(CONTROL_LAWS)}; `{CONTROL_LAWS[0]}` if missing"),
         "bandwidth": Entry(
-            "of every position loop, in place of gains; 4 Hz if missing, or less for a robust loop", "Hz"
+            "of the position loop, per joint, in place of gains; if missing, 4 Hz, or more if the load needs it, as "
+            "far as the loop is robust",
+            "Hz",
         ),
         "damping": Entry("damping ratio of the loops; 1 if missing"),
         "kp": Entry("gain of the position, per joint; needs `kd`"),
         "kd": Entry("gain of the speed, per joint; needs `kp`"),
         "observer": Entry(f"of the speed: {words(OBSERVERS)}; `{OBSERVERS[0]}` if missing"),
+        "feedforward": Entry(
+            "`true`: the torques of the model along the motion are added to PD control; if missing, only where "
+            "the load would bend a joint by a tenth of its motion"
+        ),
         "jerk": Entry("tunes the Kalman observer, per joint; chosen for a robust loop if missing", "rad/s^3"),
     },
     "response": {

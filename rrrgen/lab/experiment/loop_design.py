@@ -1,17 +1,19 @@
 """Designs the control loop of the virtual robot from the arm: gains, observer, and their stability margin.
 
-PD gains place the poles of every joint, with the others at rest, at a bandwidth. In its lightest direction the arm is
-several times lighter than ``M_ii``, so the same gains cross over at a several times higher frequency. There the
-observer must still be fast, and the delay of the hold small. The design takes the slowest observer that keeps the
-modulus margin :data:`MARGIN` in all postures along the motion, and where none does, or where the steps of the encoders
-would shake the drives, a lower bandwidth. What the experiment file states is kept, and warned of if its margin is
-smaller.
+PD gains place the poles of every joint, with the others at rest, at its bandwidth: as fast as its load needs to bend it
+little. In its lightest direction the arm is several times lighter than ``M_ii``, so the same gains cross over at a
+several times higher frequency. There the observer must still be fast, and the delay of the hold small. Where no
+observer keeps the modulus margin :data:`MARGIN` in all postures along the motion, all joints are slowed alike, and then
+raised one by one as far as the margin lasts. The slowest observer that keeps it is taken, and where the steps of the
+encoders would shake the drives, lower bandwidths. Where PD control with the margin is too soft for the load, the
+torques of the model are fed forward. What the experiment file states is kept, and warned of if its margin is smaller.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
@@ -35,7 +37,18 @@ MARGIN = 0.5
 """Modulus margin of a designed loop over all postures: sensitivity below 2, gain margin 2, phase margin 29 degrees."""
 
 BANDWIDTH = 4.0
-"""Bandwidth that a design aims at, Hz: arms follow exciting motions of up to 1 Hz, and no light arm asks for more."""
+"""Least bandwidth that a design aims at, Hz: arms follow exciting motions of up to 1 Hz."""
+
+BEND = 0.01
+"""Share of its motion that the largest load may bend a joint by at rest: what the bandwidth aimed at is chosen for."""
+
+SAGS = 0.1
+"""Share of its motion by which the load may bend a joint at rest: where PD control alone is softer, the torques of the
+model are fed forward. A step of the load overshoots by less than twice as much, and then :mod:`tracking` still passes.
+"""
+
+SMALL = 0.1
+"""A joint that moves less than this share of what the others do is designed for this share of their motion."""
 
 LOWEST = 1.0 / 64.0
 """Lowest designed bandwidth, relative to the one aimed at."""
@@ -70,8 +83,10 @@ class ControlledArm:
 
     ``masses`` (m, n, n) are the mass matrices of the links at instants spread over the motion, with the drives where
     the joints are rigid; ``body`` and ``friction`` the model that computed torque uses. ``torques`` (N, n) are those
-    that the motion takes without friction, ``load`` (n,) the largest with friction, ``jerk`` (n,) the largest jerk.
-    ``resolution`` (n,) is that of the encoders for the design of observers, ``stepped`` whether the encoders round.
+    that the motion takes without friction, ``rubbing`` (N, n) those of friction, ``load`` (n,) the largest sum of both,
+    ``jerk`` (n,) the largest jerk, ``span`` (n,) how far the joints move; ``prismatic`` (n,) says which move along a
+    line. ``resolution`` (n,) is that of the encoders for the design of observers, ``stepped`` whether the encoders
+    round.
     """
 
     plant: Plant
@@ -80,8 +95,11 @@ class ControlledArm:
     masses: Array
     duration: float
     torques: Array
+    rubbing: Array
     load: Array
     jerk: Array
+    span: Array
+    prismatic: Array
     resolution: tuple[float, ...]
     stepped: bool
     period: float
@@ -93,26 +111,40 @@ class ControlledArm:
         joints = self.plant.joints
         return self.masses if joints is None else self.masses + np.diag(joints.rotor_inertia)
 
+    @property
+    def inertia(self) -> Array:
+        """Mean inertia (n,) of every joint with the others at rest, kg m^2 (kg)."""
+        return np.asarray(np.mean(np.diagonal(self.moved, axis1=1, axis2=2), axis=0))
+
+    @property
+    def reach(self) -> Array:
+        """The motion (n,) of every joint that deviations are compared with, rad (m)."""
+        largest = np.array([self.span[self.prismatic == kind].max() for kind in self.prismatic])
+        return np.maximum(self.span, SMALL * largest)
+
 
 @dataclass(frozen=True, eq=False)
 class LoopDesign:
     """A control loop with its margin.
 
-    ``margin`` was found over postures along the motion, the worst at ``instant`` (s). ``bandwidth`` (Hz) is None where
-    the gains are stated, ``asked`` (Hz) what was aimed at. ``poles`` (rad/s) is the pole frequency of a designed Kalman
-    observer, None for another. ``noise`` (n,) is the torque that the encoder steps cause, standard deviation in N m
-    (N). ``stiffness`` (n,) is the torque per deviation, N m/rad (N/m). ``warnings`` are about stated settings.
+    ``margin`` was found over postures along the motion, the worst at ``instant`` (s). ``bandwidth`` (n,), Hz, is None
+    where the gains are stated, ``asked`` (n,), Hz, what was aimed at. ``poles`` (rad/s) is the pole frequency of a
+    designed Kalman observer, None for another. ``noise`` (n,) is the torque that the encoder steps cause, standard
+    deviation in N m (N). ``stiffness`` (n,) is the torque per deviation, N m/rad (N/m). ``feedforward`` (N, n) are
+    torques of the model along the motion, added to those of PD control, or None. ``warnings`` are about stated
+    settings.
     """
 
     controller: Controller
     observer: Observer
     margin: LoopMargin
     instant: float
-    bandwidth: float | None
-    asked: float | None
+    bandwidth: tuple[float, ...] | None
+    asked: tuple[float, ...] | None
     poles: float | None
     noise: Array
     stiffness: Array
+    feedforward: Array | None = None
     warnings: tuple[Fault, ...] = field(default=())
 
     @property
@@ -123,14 +155,16 @@ class LoopDesign:
     def lines(self) -> list[str]:
         """The design in words: gains, observer and margin, and a lower bandwidth than the one aimed at."""
         law = "PD control" if isinstance(self.controller, PD) else "computed torque"
-        gains = "with stated gains" if self.bandwidth is None else f"of {self.bandwidth:.3g} Hz"
+        gains = "with stated gains" if self.bandwidth is None else f"of {_listed(self.bandwidth)} Hz"
+        if self.feedforward is not None:
+            gains += " with the torques of the model fed forward"
         watch = "backward differences" if isinstance(self.observer, BackwardDifference) else "a Kalman observer"
         if self.poles is not None:
             watch += f" with its poles at {self.poles / (2.0 * math.pi):.3g} Hz"
         found = [f"{law} {gains}, {watch}: {self.margin_text()}"]
-        if self.bandwidth is not None and self.asked is not None and self.bandwidth < self.asked:
+        if self.bandwidth is not None and self.asked is not None and self.bandwidth != self.asked:
             found.append(
-                f"not {self.asked:.3g} Hz: it would not be robust, or the encoder steps would shake the drives; "
+                f"not {_listed(self.asked)} Hz: it would not be robust, or the encoder steps would shake the drives; "
                 "a higher rate or finer encoders allow more, and so does computed torque"
             )
         return found
@@ -145,7 +179,7 @@ class LoopDesign:
     def to_json(self) -> dict[str, Any]:
         """The design as plain data, for ``--json``."""
         return {
-            "bandwidth": self.bandwidth,
+            "bandwidth": None if self.bandwidth is None else list(self.bandwidth),
             "observer_poles": None if self.poles is None else self.poles / (2.0 * math.pi),
             "stable": not self.margin.unstable,
             "modulus_margin": None if self.margin.unstable else self.margin.modulus,
@@ -168,12 +202,11 @@ def design_loop(arm: ControlledArm, control: ControlSection) -> LoopDesign:
     return replace(found, warnings=_warnings(found, stated, _Search(arm, free).best()))
 
 
-def checked(recording: Recording, arm: ControlledArm, loop: LoopDesign, prismatic: Sequence[bool]) -> Tracking:
-    """Check how ``arm`` followed its motion in the ``recording`` under ``loop``; ``prismatic`` (n,) joints slide."""
+def checked(recording: Recording, arm: ControlledArm, loop: LoopDesign) -> Tracking:
+    """Check how ``arm`` followed its motion in the ``recording`` under ``loop``."""
     resolution = np.array(arm.resolution) if arm.stepped else np.zeros(len(arm.load))
-    inertia = np.mean(np.diagonal(arm.moved, axis1=1, axis2=2), axis=0)
-    bandwidth = float(np.sqrt(loop.stiffness / inertia).max()) / (2.0 * math.pi)
-    return check_tracking(recording, arm.torques, arm.load, loop.stiffness, bandwidth, resolution, np.array(prismatic))
+    bandwidth = float(np.sqrt(loop.stiffness / arm.inertia).max()) / (2.0 * math.pi)
+    return check_tracking(recording, arm.torques, arm.load, loop.stiffness, bandwidth, resolution, arm.prismatic)
 
 
 DECISIVE = ("bandwidth", "damping", "kp", "kd", "observer", "jerk")
@@ -195,8 +228,7 @@ class _Search:
 
     def __init__(self, arm: ControlledArm, control: ControlSection) -> None:
         self.arm, self.control = arm, control
-        whole = arm.moved
-        self.inertia = np.mean(np.diagonal(whole, axis1=1, axis2=2), axis=0)
+        whole, self.inertia = arm.moved, arm.inertia
         self.extreme = np.array([0])  # if the model cancels M(q), the loop is the same in all postures
         self.compared = self.extreme
         if control.kind != "computed_torque" or arm.plant.joints is not None or arm.plant.base is not None:
@@ -206,39 +238,82 @@ class _Search:
         self.sampled = lru_cache(maxsize=8)(self._sampled)
 
     def best(self) -> LoopDesign:
-        """The first bandwidth, from the one aimed at downward, with margin and quiet drives; else the best tried."""
-        control = self.control
-        if control.kp is not None and control.kd is not None:
-            return self.at(None)
-        asked = BANDWIDTH if control.bandwidth is None else control.bandwidth
-        if control.bandwidth is not None:
-            return self.at(asked)
-        found = best = None
-        for bandwidth in asked * STEP ** np.arange(0.0, math.log(LOWEST) / math.log(STEP) + 0.5):
-            if bandwidth * STEP >= asked * LOWEST and not self.possible(bandwidth):
-                continue
-            found = self.at(float(bandwidth))
-            if best is None or _rank(found) > _rank(best):
-                best = found
-            if self.good(found):
+        """The loop with the stated settings, or the fastest; with feedforward where the load would bend it too far."""
+        control, pd = self.control, self.control.kind == "pd"
+        fed = self.arm.torques + self.arm.rubbing if pd and control.feedforward is not False else None
+        stated = control.kp is not None and control.kd is not None
+        if stated or control.bandwidth is not None:
+            found = self.at(None if stated else np.array(control.bandwidth))
+            return replace(found, feedforward=fed if control.feedforward else None)
+        if control.feedforward is None:
+            alone = self.fastest(self.aim())
+            if fed is None or not self.sags(alone):
+                return alone
+        return replace(self.fastest(self.aim(fed is None)), feedforward=fed)
+
+    def sags(self, found: LoopDesign) -> bool:
+        """Whether the load bends this loop at rest by more than :data:`SAGS` of the motion of a joint."""
+        return bool(np.any(self.arm.load > SAGS * self.arm.reach * found.stiffness))
+
+    def fastest(self, asked: Array) -> LoopDesign:
+        """The fastest loop with margin and quiet drives, no faster than ``asked`` (n,), Hz; else the best tried."""
+        steps = round(math.log(LOWEST) / math.log(STEP))
+        # no joint falls below the usual bandwidth for the load of others, unless it must
+        floor = BANDWIDTH if self.possible(np.full(len(asked), BANDWIDTH)) else 0.0
+        slowed = bisect_left(range(steps), True, key=lambda k: self.possible(np.maximum(asked * STEP**k, floor)))
+        fastest = asked if slowed == 0 else self.raised(np.maximum(asked * STEP**slowed, floor), asked)
+        best: LoopDesign | None = None
+        for level in _slower(fastest, np.minimum(fastest, floor), max(1, steps - slowed)):
+            tried = self.at(level)
+            if best is None or self.good(tried) or _rank(tried) > _rank(best):
+                best = tried
+            if self.good(tried):
                 break
-        assert found is not None
         assert best is not None
-        return replace(found if self.good(found) else best, asked=asked)
+        return replace(best, asked=tuple(asked.tolist()))
+
+    def aim(self, loaded: bool = True) -> Array:
+        """The bandwidths (n,) aimed at, Hz: :data:`BANDWIDTH`, or more where the load would bend the loop too far.
+
+        PD control of the bandwidth w deviates by ``load / (J w^2)``, if no model carries the load.
+        """
+        arm, least = self.arm, np.full(len(self.arm.load), BANDWIDTH)
+        moves = arm.reach > 0.0
+        if self.control.kind == "computed_torque" or not loaded:
+            return least
+        needed = np.sqrt(arm.load / (self.inertia * BEND * np.where(moves, arm.reach, 1.0))) / (2.0 * math.pi)
+        return np.where(moves, np.maximum(least, needed), least)
+
+    def raised(self, bandwidth: Array, asked: Array) -> Array:
+        """Bandwidths (n,) raised from ``bandwidth`` towards ``asked`` (n,), Hz, as far as the margin lasts.
+
+        The joint that is farthest from its aim is raised first, until it cannot be raised any more: the joints with the
+        heaviest load take the margin that all share.
+        """
+        free = set(range(len(asked)))
+        while free:
+            joint = max(free, key=lambda i: float(asked[i] / bandwidth[i]))
+            tried = bandwidth.copy()
+            tried[joint] = min(float(asked[joint]), float(bandwidth[joint]) / STEP)
+            if tried[joint] > bandwidth[joint] and self.possible(tried):
+                bandwidth = tried
+            else:
+                free.remove(joint)
+        return bandwidth
 
     def good(self, found: LoopDesign) -> bool:
         """Whether the loop is robust and the encoder steps do not shake the drives."""
         allowed = NOISE * np.maximum(self.arm.load, GENTLE * self.inertia)
         return found.robust and (not self.arm.stepped or bool(np.all(found.noise <= allowed)))
 
-    def possible(self, bandwidth: float) -> bool:
-        """Whether the fastest observer gives the margin at this bandwidth (Hz), in the extreme postures."""
+    def possible(self, bandwidth: Array) -> bool:
+        """Whether the fastest observer gives the margin with these bandwidths (n,), Hz, in the extreme postures."""
         _, kp, kd = self.gains(bandwidth)
         observer, _ = self.observer(FASTEST / self.arm.period, lambda _: True)
-        return self.enough(MARGIN, _octaves(2.0 * math.pi * bandwidth), kp, kd, observer)
+        return self.enough(MARGIN, _octaves(2.0 * math.pi * float(bandwidth.min())), kp, kd, observer)
 
-    def at(self, bandwidth: float | None) -> LoopDesign:
-        """The loop with this bandwidth (Hz; None: the stated gains) and the slowest observer that keeps the margin."""
+    def at(self, bandwidth: Array | None) -> LoopDesign:
+        """The loop with bandwidths (n,), Hz, or the stated gains, and the slowest observer that keeps the margin."""
         controller, kp, kd = self.gains(bandwidth)
         speeds = np.sqrt(kp if isinstance(controller, ComputedTorque) else kp / self.inertia)
         octaves = _octaves(float(speeds.min()))
@@ -249,7 +324,7 @@ class _Search:
                 float(speeds.max()),
                 partial(self.enough, aim, octaves, kp, kd),
             )
-            margin = whole.margin(observer.feedback(kp, kd), kp)
+            margin = whole.margin(observer.feedback(kp, kd))
             if poles is None or margin.unstable or margin.modulus >= MARGIN:
                 break
             aim += MARGIN - margin.modulus
@@ -259,14 +334,15 @@ class _Search:
         noise = heavy * rounding * [torque_noise(system) for system in observer.feedback(kp, kd)]
         posture = int(self.compared[margin.posture])
         instant = self.arm.duration * posture / max(1, len(self.arm.masses) - 1)
-        return LoopDesign(controller, observer, margin, instant, bandwidth, bandwidth, poles, noise, heavy * kp)
+        stated = None if bandwidth is None else tuple(bandwidth.tolist())
+        return LoopDesign(controller, observer, margin, instant, stated, stated, poles, noise, heavy * kp)
 
     def enough(self, aim: float, octaves: int, kp: Array, kd: Array, tried: Observer) -> bool:
         """Whether these gains and the observer ``tried`` have the margin ``aim`` in the extreme postures."""
-        return self.sampled(octaves, True).meets(aim, tried.feedback(kp, kd), kp)
+        return self.sampled(octaves, True).meets(aim, tried.feedback(kp, kd))
 
-    def gains(self, bandwidth: float | None) -> tuple[Controller, Array, Array]:
-        """The controller of a bandwidth (Hz), or of the stated gains, with its gains kp and kd (n,)."""
+    def gains(self, bandwidth: Array | None) -> tuple[Controller, Array, Array]:
+        """The controller of these bandwidths (n,), Hz, or of the stated gains, with its gains kp and kd (n,)."""
         control = self.control
         computed = control.kind == "computed_torque"
         if bandwidth is None:
@@ -331,6 +407,20 @@ class _Search:
             assumed=arm.moved[postures] if self.control.kind == "computed_torque" else None,
             slowest=2.0**octaves / (2.0 * math.pi),
         )
+
+
+def _slower(bandwidth: Array, floor: Array, steps: int) -> Iterator[Array]:
+    """Bandwidths (n,) from ``bandwidth`` down by ``steps`` steps, first no lower than ``floor`` (n,), then below it."""
+    held = np.where(floor > 0.0, floor, bandwidth)
+    levels = [np.maximum(bandwidth * STEP**k, held) for k in range(steps)]
+    yield from levels[: 1 + next((k for k, level in enumerate(levels) if np.all(level == held)), steps)]
+    yield from (held * STEP**k for k in range(1, steps))
+
+
+def _listed(values: Sequence[float]) -> str:
+    """Numbers in words, a single one where they are all the same."""
+    shown = [f"{value:.3g}" for value in values]
+    return shown[0] if len(set(shown)) == 1 else ", ".join(shown)
 
 
 def _octaves(natural: float) -> int:

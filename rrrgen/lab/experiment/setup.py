@@ -86,6 +86,7 @@ def simulate_motion(
         loop.controller,
         loop.observer,
         seed=experiment.seed,
+        feedforward=loop.feedforward,
         progress=progress,
     )
     return recording, instruments
@@ -107,9 +108,7 @@ def arm_of(experiment: Experiment, model: Any, reference: Motion, duration: floa
         masses = masses + np.diag(drives)
     q, dq, ddq = reference(np.arange(max(2, round(duration / experiment.period))) * experiment.period)
     torques, friction = np.asarray(model.inverse_dynamics(q, dq, ddq)), friction_of(experiment, model)
-    loads = np.abs(torques)
-    if friction is not None:
-        loads = loads + np.abs(friction.torque(dq, load=torques))
+    rubbing = np.zeros_like(torques) if friction is None else np.asarray(friction.torque(dq, load=torques))
     return ControlledArm(
         plant,
         rigid_body_of(experiment, model),
@@ -117,8 +116,11 @@ def arm_of(experiment: Experiment, model: Any, reference: Motion, duration: floa
         masses,
         duration,
         torques,
-        loads.max(axis=0),
+        rubbing,
+        (np.abs(torques) + np.abs(rubbing)).max(axis=0),
         np.abs(np.diff(ddq, axis=0)).max(axis=0) / experiment.period,
+        np.ptp(q, axis=0),
+        np.array([not joint.is_revolute for joint in model.spec.joints]),
         resolutions_of(instruments, model.n),
         any(step > 0.0 for step in instruments.encoder_resolution or ()),
         experiment.period,

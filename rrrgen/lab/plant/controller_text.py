@@ -30,6 +30,7 @@ def controller_text(recording: Recording, joints: Sequence[str], instruments: In
         *(f"records: {RECORDS[instruments.torque_record]}", "joints:"),
     ]
     n = len(joints)
+    fed = "" if recording.feedforward is None else ", feedforward: 1"
     E, k = np.broadcast_to(observer.E, (n, 3, 3)), np.broadcast_to(observer.k, (n, 3))
     for i, name in enumerate(joints):
         position, speed, denominator = _filters(E[i], k[i])
@@ -39,7 +40,7 @@ def controller_text(recording: Recording, joints: Sequence[str], instruments: In
             "      deviation: {sum: {position: 1, reference: -1}}",
             f"      e: {{filter: deviation, numerator: {position}, denominator: {denominator}}}",
             f"      de: {{filter: deviation, numerator: {speed}, denominator: {denominator}}}",
-            f"      command: {{sum: {{e: {-controller.kp[i]!r}, de: {-controller.kd[i]!r}}}}}",
+            f"      command: {{sum: {{e: {-controller.kp[i]!r}, de: {-controller.kd[i]!r}{fed}}}}}",
         ]
         if instruments.torque_limit is not None:
             lines.append(f"      limited: {{limit: command, to: {float(instruments.torque_limit[i])!r}}}")

@@ -102,8 +102,9 @@ class Recording:
     ``t`` (m,) s; ``q`` (m, n) encoder readings, ``tau`` (m, n) recorded torques; ``reference``, ``reference_dq`` (m, n)
     commanded motion. ``true_q``, ``true_dq`` (m, n) are the exact motion at the encoders, ``true_tau`` (m, n) the
     recorded torque without its noise; ``held`` (m, n) the torque that the drives hold from each sample to the next;
-    ``saturated`` (m, n) marks torques that a limit has clipped. In rad (m), N m (N). ``loop`` are the controller and
-    the observer that were simulated.
+    ``saturated`` (m, n) marks torques that a limit has clipped; ``feedforward`` (m, n) are torques that were added to
+    those of the controller, or None. In rad (m), N m (N). ``loop`` are the controller and the observer that were
+    simulated.
     """
 
     period: float
@@ -118,6 +119,7 @@ class Recording:
     held: Array
     saturated: NDArray[np.bool_]
     loop: tuple[Controller, Observer] | None = None
+    feedforward: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -143,13 +145,15 @@ class VirtualRobot:
         *,
         seed: int = 0,
         excitation: ArrayLike | None = None,
+        feedforward: Array | None = None,
         start: tuple[ArrayLike, ArrayLike] | None = None,
         progress: Progress | None = None,
     ) -> Recording:
         """Run the experiment: follow ``reference(t) -> (q, dq, ddq)``, each (m, n), for ``duration`` seconds.
 
         ``controller`` computes the torques from the estimates of ``observer``. The robot starts on the reference, or at
-        ``start = (q, dq)``. ``excitation`` (m, n) is the injected noise n of (14.36). The same ``seed`` gives the same
+        ``start = (q, dq)``. ``excitation`` (m, n) is the injected noise n of (14.36); ``feedforward`` (m, n), N m
+        (N), is added to the torques. The same ``seed`` gives the same
         recording. ``progress(done, total, message)`` is called every 500 samples. Raises UnstableLoopError if the
         motion diverges, InputError for fewer than two samples.
         """
@@ -158,7 +162,7 @@ class VirtualRobot:
             raise InputError(f"an experiment of {duration:g} s has fewer than two samples of {self.period:g} s")
         t = np.arange(count) * self.period
         wanted = [np.asarray(part, dtype=float) for part in reference(t)]
-        loop = _Loop(self, controller, observer, np.random.default_rng(seed), count)
+        loop = _Loop(self, controller, observer, np.random.default_rng(seed), count, feedforward)
         injected = np.zeros((count, self.plant.n)) if excitation is None else np.asarray(excitation, dtype=float)
         first = (wanted[0][0], wanted[1][0]) if start is None else start
         state = self.plant.initial_state(*first)
@@ -188,9 +192,16 @@ class _Loop:
     """The sampled control loop and its recorded signals."""
 
     def __init__(
-        self, robot: VirtualRobot, controller: Controller, observer: Observer, rng: np.random.Generator, count: int
+        self,
+        robot: VirtualRobot,
+        controller: Controller,
+        observer: Observer,
+        rng: np.random.Generator,
+        count: int,
+        feedforward: Array | None,
     ) -> None:
         n = robot.plant.n
+        self.feedforward = feedforward
         self.robot, self.controller, self.observer, self.rng = robot, controller, observer, rng
         self.reading, self.q, self.dq, self.command, self.held = (np.zeros((count, n)) for _ in range(5))
         self.saturated = np.zeros((count, n), dtype=bool)
@@ -205,6 +216,8 @@ class _Loop:
             self.observer.start(self.reading[0], reference)
         seen = self.observer.update(self.reading[k], reference)
         self.command[k] = self.controller.torque(*seen, reference, injected)
+        if self.feedforward is not None:
+            self.command[k] += self.feedforward[k]
         command = self.command[max(0, k - instruments.delay)]
         self.held[k] = instruments.drive(command)
         self.saturated[k] = instruments.saturates(command)
@@ -230,6 +243,7 @@ class _Loop:
             held=self.held,
             saturated=self.saturated,
             loop=(self.controller, self.observer),
+            feedforward=self.feedforward,
         )
 
 

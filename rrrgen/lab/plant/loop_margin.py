@@ -7,9 +7,9 @@ open-loop response L keeps away from -1; the distance is its modulus margin, the
 frequencies, which bounds the gain margin by 1/(1 - margin) and the phase margin by 2 asin(margin/2). The loops of an
 arm are coupled through M(q): the gain of a joint is chosen for the inertia ``M_ii`` with all others at rest, but
 torques move the lightest direction of the arm, in which the same gains act on a several times smaller inertia. The
-margin of all joints together is the smallest singular value of ``I + L(z)``, in coordinates scaled by the square roots
-of the gains: there L of an arm with equally fast joints is a normal matrix, and the margin is that of its worst
-direction.
+margin of all joints together is the smallest singular value of ``I + L(z)``, at every frequency in coordinates scaled
+by the square roots of the magnitudes of the controllers: there L of an arm whose controllers shift the phase alike is a
+normal matrix, and the margin is that of its worst direction.
 """
 
 from __future__ import annotations
@@ -123,18 +123,15 @@ class SampledArm:
         states = np.linalg.solve(inner, np.broadcast_to(self.B[:, None], (*z.shape, s, n)).astype(complex))
         return np.asarray(self.C @ states * (z**-self.delay)[:, :, None, None])
 
-    def meets(self, aim: float, feedback: Sequence[StateSpace], weights: Array) -> bool:
+    def meets(self, aim: float, feedback: Sequence[StateSpace]) -> bool:
         """Whether the loop is stable with a modulus margin of at least ``aim``, in all postures."""
-        if self._distance(feedback, weights).min() < aim:
+        if self._distance(feedback).min() < aim:
             return False
         return bool(np.abs(np.linalg.eigvals(self.closed(feedback))).max() < 1.0)
 
-    def margin(self, feedback: Sequence[StateSpace], weights: Array) -> LoopMargin:
-        """Margin of the loop closed by ``u_i = -feedback_i(e_i)``, the worst of the postures.
-
-        ``weights`` (n,) are positive gains of the joints, by whose square roots the coordinates are scaled.
-        """
-        distance = self._distance(feedback, weights)
+    def margin(self, feedback: Sequence[StateSpace]) -> LoopMargin:
+        """Margin of the loop closed by ``u_i = -feedback_i(e_i)``, the worst of the postures."""
+        distance = self._distance(feedback)
         poles = np.linalg.eigvals(self.closed(feedback))
         radii = np.abs(poles).max(axis=1)
         if radii.max() >= 1.0:
@@ -145,13 +142,13 @@ class SampledArm:
         posture, place = divmod(int(distance.argmin()), distance.shape[1])
         return LoopMargin(float(distance.min()), float(self.frequencies[posture, place]), float(radii.max()), posture)
 
-    def _distance(self, feedback: Sequence[StateSpace], weights: Array) -> Array:
+    def _distance(self, feedback: Sequence[StateSpace]) -> Array:
         """Smallest singular values (m, F) of ``I + L``."""
-        scale = np.sqrt(np.asarray(weights, dtype=float))
         z = np.exp(2j * np.pi * self.frequencies * self.period)
         gains = np.stack([_response(system, z) for system in feedback], axis=-1)
-        L = (gains / scale)[..., :, None] * self.response * scale
-        return np.asarray(np.linalg.svd(np.eye(len(scale)) + L, compute_uv=False)[..., -1])
+        scale = np.sqrt(np.maximum(np.abs(gains), np.finfo(float).tiny))
+        L = (gains / scale)[..., :, None] * self.response * scale[..., None, :]
+        return np.asarray(np.linalg.svd(np.eye(len(feedback)) + L, compute_uv=False)[..., -1])
 
     def closed(self, feedback: Sequence[StateSpace]) -> Array:
         """State matrices (m, S, S) of the closed loop: arm, feedback of every joint, torques on their way."""

@@ -24,8 +24,9 @@ def write_recording(
     prismatic: Sequence[bool] | None = None,
     instruments: Instruments | None = None,
 ) -> tuple[Path, Path]:
-    """Write ``stem.csv`` (t; q_, tau_, ref_ of every joint) and its mapping file ``stem.yaml``; returns both paths.
+    """Write ``stem.csv`` and its mapping file ``stem.yaml``; returns both paths.
 
+    The columns are t, and of every joint q_, tau_, ref_, with feedforward also ff_.
     ``joints`` are the joint names, ``prismatic`` states which joints are prismatic (m, N instead of rad, N m), and the
     torque limits of ``instruments`` go into the mapping file. A PD controller with a Kalman observer is written to
     ``stem_controller.yaml``. Every number reads back exactly. Raises InputError if the number of names is wrong.
@@ -37,12 +38,15 @@ def write_recording(
     log, mapping = folder / f"{stem}.csv", folder / f"{stem}.yaml"
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["t", *(f"{signal}_{name}" for signal in ("q", "tau", "ref") for name in joints)])
-    writer.writerows(np.column_stack([recording.t, recording.q, recording.tau, recording.reference]).tolist())
+    columns = {"q": recording.q, "tau": recording.tau, "ref": recording.reference}
+    if recording.feedforward is not None:
+        columns["ff"] = recording.feedforward
+    writer.writerow(["t", *(f"{signal}_{name}" for signal in columns for name in joints)])
+    writer.writerows(np.column_stack([recording.t, *columns.values()]).tolist())
     _write(log, text.getvalue())
     kinds = list(prismatic) if prismatic is not None else [False] * n
     limits = None if instruments is None else instruments.torque_limit
-    _write(mapping, _mapping_text(stem, joints, kinds, limits))
+    _write(mapping, _mapping_text(stem, joints, kinds, limits, recording.feedforward is not None))
     control = controller_text(recording, joints, instruments or Instruments())
     if control is not None:
         _write(folder / f"{stem}_controller.yaml", control)
@@ -56,7 +60,9 @@ def _write(path: Path, text: str) -> None:
     os.replace(part, path)
 
 
-def _mapping_text(stem: str, joints: Sequence[str], prismatic: Sequence[bool], limits: Sequence[float] | None) -> str:
+def _mapping_text(
+    stem: str, joints: Sequence[str], prismatic: Sequence[bool], limits: Sequence[float] | None, fed: bool
+) -> str:
     lines = [
         "schema: rrrgen-log/1",
         f"name: {stem}",
@@ -74,4 +80,6 @@ def _mapping_text(stem: str, joints: Sequence[str], prismatic: Sequence[bool], l
             f"    torque: {{column: tau_{name}, unit: {force}{limit}}}",
             f"    reference: {{column: ref_{name}, unit: {length}}}",
         ]
+        if fed:
+            lines.append(f"    feedforward: {{column: ff_{name}, unit: {force}}}")
     return "\n".join(lines) + "\n"
