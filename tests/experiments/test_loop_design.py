@@ -11,10 +11,12 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.main import cli
+from rrrgen.lab.data.recordings import read_log
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.lab.experiment.experiment_file import Experiment, loads_experiment
 from rrrgen.lab.experiment.loop_design import BANDWIDTH, MARGIN, NOISE, checked, design_loop
 from rrrgen.lab.experiment.setup import arm_of, simulate_motion
+from rrrgen.robot.file import bundled_path
 
 
 def run(*arguments):
@@ -216,3 +218,37 @@ def test_a_loop_that_runs_away_is_a_failed_check(demo, trajectory, tmp_path) -> 
     with pytest.raises(UnstableLoopError, match="ran away") as caught, np.errstate(all="ignore"):
         run(*arguments, "-o", tmp_path / "wild")
     assert caught.value.exit_code == 1
+
+
+def recorded(robot, folder, record: str, noise: float):
+    """The mapping file of a recording of the arm that moves two joints, every 2 ms."""
+    experiment, motion = folder / f"{record}.yaml", folder / "motion.json"
+    virtual = f"virtual_robot: {{torque_record: {record}, torque_noise: {noise}, encoder_resolution: 1e-6}}"
+    experiment.write_text(f"schema: rrrgen-experiment/1\nperiod: 2 ms\n{virtual}\n")
+    motion.write_text(json.dumps(motion_of(2).to_json()))
+    options = ["--trajectory", motion, "--experiment", experiment, "-o", folder / record]
+    assert run("simulate", robot, *options).return_value == 0
+    return folder / record / "results" / "log.yaml"
+
+
+def test_recorded_commands_act_half_a_sample_after_their_row(tmp_path) -> None:
+    """Aligned with the motion, they are the mean over a period around the sample, which `centred` records."""
+    mapping = recorded("planar2r", tmp_path, "command", 0.0)
+    assert "torque_delay: 0.001 s\n" in mapping.read_text()
+    (part,) = read_log(mapping).parts()
+    aligned, centred = part.aligned(), read_log(recorded("planar2r", tmp_path, "centred", 0.0))
+    np.testing.assert_allclose(aligned.tau[1:], centred.tau[1:], rtol=1e-12, atol=1e-12)
+    assert aligned.valid[1:].all()
+    assert not aligned.valid[0].any()  # nothing is known of the torque before the first row
+    assert np.abs(part.tau[1:] - centred.tau[1:]).max() > 1e-3
+
+
+def test_a_recording_of_commands_tells_every_parameter(tmp_path) -> None:
+    robot, text = tmp_path / "rubbing.yaml", bundled_path("planar2r").read_text()
+    robot.write_text(text.replace("    theta: 0\n", "    theta: 0\n    friction: {viscous: 0.4, coulomb: 0.3}\n"))
+    found, model = rrrgen.identify(str(robot), str(recorded(robot, tmp_path, "command", 0.01))), rrrgen.compile(robot)
+    truth = dict(zip(model.base_parameter_names, model.beta, strict=True))
+    truth |= dict.fromkeys(("fv1", "fv2"), 0.4) | dict.fromkeys(("fc1", "fc2"), 0.3)
+    assert set(found.names) == set(truth)
+    for name, value, std in zip(found.names, found.values, found.std, strict=True):
+        assert abs(value - truth[name]) < 3.0 * std, name

@@ -30,7 +30,8 @@ class Part:
 
     ``valid`` (N, n) is False where the torque of a joint is missing, clipped or interpolated over a hole. ``segment``
     is the number of the uninterrupted stretch that the part belongs to, ``first`` the index of its first sample
-    therein. ``reference``, ``reference_velocity``, ``feedforward`` (N, n) are inputs of the controller, or None.
+    therein. ``reference``, ``reference_velocity``, ``feedforward`` (N, n) are inputs of the controller, or None. The
+    torques act ``late`` samples after their instants, in the mean.
     """
 
     t: Array
@@ -44,6 +45,7 @@ class Part:
     reference: Array | None = None
     reference_velocity: Array | None = None
     feedforward: Array | None = None
+    late: float = 0.0
 
     def __len__(self) -> int:
         return len(self.t)
@@ -52,8 +54,24 @@ class Part:
         """The samples ``start`` to ``stop`` (exclusive)."""
         s = slice(start, stop)
         optional = (self.dq, self.ddq, self.tau, self.reference, self.reference_velocity, self.feedforward)
-        dq, ddq, tau, *given = (None if x is None else x[s] for x in optional)
-        return Part(self.t[s], self.q[s], dq, ddq, tau, self.valid[s], self.segment, self.first + start, *given)
+        dq, ddq, tau, reference, speed, fed = (None if x is None else x[s] for x in optional)
+        place = self.segment, self.first + start
+        return Part(self.t[s], self.q[s], dq, ddq, tau, self.valid[s], *place, reference, speed, fed, self.late)
+
+    def aligned(self) -> Part:
+        """The same part with the torques that act at its instants, interpolated linearly between the recorded ones.
+
+        At an end that this moves away from a recorded torque there is none: the sample is invalid.
+        """
+        if self.late == 0.0 or self.tau is None:
+            return self
+        at = np.arange(len(self)) - self.late
+        before = np.clip(np.floor(at).astype(int), 0, len(self) - 1)
+        after = np.minimum(before + 1, len(self) - 1)
+        share = (at - np.floor(at))[:, None]
+        inside = (at >= 0.0) & (at <= len(self) - 1)
+        valid = self.valid[before] & (self.valid[after] | (share == 0.0)) & inside[:, None]
+        return replace(self, tau=(1.0 - share) * self.tau[before] + share * self.tau[after], valid=valid, late=0.0)
 
 
 def joined(parts: list[Part]) -> Part:
@@ -77,6 +95,7 @@ def joined(parts: list[Part]) -> Part:
         reference=both("reference"),
         reference_velocity=both("reference_velocity"),
         feedforward=both("feedforward"),
+        late=parts[0].late,
     )
 
 
@@ -250,8 +269,9 @@ class _Uniform:
             N = self.mapping.transmission
             valid = ~bad if N is None else ~((bad @ (N != 0.0)).astype(bool))
         dq, ddq = moved.get("velocity"), moved.get("acceleration")
-        given = [moved.get(name) for name in ("reference", "reference_velocity", "feedforward")]
-        return Part(raw.t, moved["position"], dq, ddq, tau, valid, 0, 0, *given)
+        given = moved.get("reference"), moved.get("reference_velocity"), moved.get("feedforward")
+        late = self.mapping.torque_delay / self.facts.period
+        return Part(raw.t, moved["position"], dq, ddq, tau, valid, 0, 0, *given, late=late)
 
 
 def _resampled(rows: Part, t: Array, hole: float) -> Part:
@@ -282,5 +302,6 @@ def _resampled(rows: Part, t: Array, hole: float) -> Part:
     valid = sound & ((step < hole)[:, None] | (share < 1e-9))
     q = cubic(rows.q)
     assert q is not None
-    given = [linear(each) for each in (rows.reference, rows.reference_velocity, rows.feedforward)]
-    return Part(t, q, cubic(rows.dq), cubic(rows.ddq), tau, valid, rows.segment, rows.first, *given)
+    given = linear(rows.reference), linear(rows.reference_velocity), linear(rows.feedforward)
+    dq, ddq = cubic(rows.dq), cubic(rows.ddq)
+    return Part(t, q, dq, ddq, tau, valid, rows.segment, rows.first, *given, late=rows.late)

@@ -113,6 +113,7 @@ class LogMapping:
     joints: tuple[JointChannels, ...]
     transmission: Array | None = None
     max_gap: float | None = None  # s; a longer hole splits the recording
+    torque_delay: float = 0.0  # s; how much later than its row a recorded torque acts, in the mean
     processing: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
     source: str = ""  # the mapping file, for messages

@@ -34,6 +34,11 @@ KEYS = {
         "side": Entry("where signals are measured: `joint` (if missing) or `motor`"),
         "joints": Entry("list with a row per joint", required=True),
         "transmission": Entry("`matrix` of coupled motors, a row per motor: motor angles = matrix * joint angles"),
+        "torque_delay": Entry(
+            "how much later than its row a recorded torque acts, in the mean; half a sampling period for commands that "
+            "are held until the next; 0 if missing",
+            "s",
+        ),
         "max_gap": Entry("longer holes split the recording", "s"),
         "processing": Entry("how the motion is reconstructed"),
     },
@@ -131,12 +136,14 @@ class _Reader(SourceReader):
             self.side = self.read_side(top["side"], "side")
         joints = self.read_joints(top.get("joints"))
         gap = top.get("max_gap")
+        late = self.quantity(top.get("torque_delay"), "torque_delay", log_units.TIME, "s")
         return LogMapping(
             files=tuple(self.files.values()),
             time=self.read_time(top.get("time")),
             joints=tuple(joints),
             transmission=self.read_transmission(top.get("transmission"), joints),
             max_gap=None if gap is None else self.quantity(gap, "max_gap", log_units.TIME, "s"),
+            torque_delay=late or 0.0,
             processing=read_processing(top.get("processing"), len(joints), self.faults),
             name=self.text(top["name"], "name") if "name" in top else "",
             source=self.faults.file,

@@ -71,7 +71,7 @@ class RowMaker:
 
     def rows(self, window: Window) -> Iterator[Rows]:
         """Iterate over the rows of one window in blocks; raises InputError for a recording without torques."""
-        part = window.part
+        part = window.part.aligned()
         if part.tau is None:
             raise InputError("the recording has no torques: nothing can be estimated from it")
         motion = reconstruct(part, self.processing)

@@ -46,7 +46,10 @@ def write_recording(
     _write(log, text.getvalue())
     kinds = list(prismatic) if prismatic is not None else [False] * n
     limits = None if instruments is None else instruments.torque_limit
-    _write(mapping, _mapping_text(stem, joints, kinds, limits, recording.feedforward is not None))
+    text_of_mapping = _mapping_text(stem, joints, kinds, limits, recording.feedforward is not None)
+    if instruments is not None and instruments.torque_record == "command":  # held until the next sample
+        text_of_mapping += f"torque_delay: {0.5 * recording.period!r} s\n"
+    _write(mapping, text_of_mapping)
     control = controller_text(recording, joints, instruments or Instruments())
     if control is not None:
         _write(folder / f"{stem}_controller.yaml", control)

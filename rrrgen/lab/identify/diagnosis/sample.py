@@ -57,7 +57,7 @@ def sample_of(recording: Recording, processing: Processing) -> Sample | None:
     found: list[tuple[Any, ...]] = []
     read = 0
     for window in windows(recording, memory):
-        part = window.part
+        part = window.part.aligned()
         if part.tau is None:
             return None
         motion = reconstruct(part, processing)
