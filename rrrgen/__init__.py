@@ -25,6 +25,11 @@ if TYPE_CHECKING:
         RobotFileWarning,
         RrrgenError,
     )
+    from rrrgen.lab.studies.calibrate import CalibrateOptions, calibrate
+    from rrrgen.lab.studies.contact_thresholds import ContactOptions, contact_thresholds
+    from rrrgen.lab.studies.estimate_drive_gains import DriveGainsOptions, estimate_drive_gains
+    from rrrgen.lab.studies.estimate_friction import FrictionOptions, estimate_friction
+    from rrrgen.lab.studies.estimate_payload import PayloadOptions, estimate_payload
     from rrrgen.lab.studies.fit_response import FitResponseOptions, fit_response
     from rrrgen.lab.studies.frequency_response import FrequencyResponseOptions, frequency_response
     from rrrgen.lab.studies.identify import IdentifyOptions, identify
@@ -39,6 +44,11 @@ if TYPE_CHECKING:
     from rrrgen.runtime.path import Path, spline_path
 
 _STUDIES = {
+    "calibrate": "CalibrateOptions",
+    "contact_thresholds": "ContactOptions",
+    "estimate_drive_gains": "DriveGainsOptions",
+    "estimate_friction": "FrictionOptions",
+    "estimate_payload": "PayloadOptions",
     "fit_response": "FitResponseOptions",
     "frequency_response": "FrequencyResponseOptions",
     "identify": "IdentifyOptions",
@@ -69,21 +79,31 @@ _HOMES = {
 __all__ = [
     "BackendError",
     "BuildError",
+    "CalibrateOptions",
+    "ContactOptions",
     "DerivationError",
+    "DriveGainsOptions",
     "FitResponseOptions",
     "FrequencyResponseOptions",
+    "FrictionOptions",
     "IdentifyOptions",
     "InputError",
     "InternalError",
     "Model",
     "MotionOptions",
     "Path",
+    "PayloadOptions",
     "RobotFileWarning",
     "RrrgenError",
     "ValidateOptions",
     "__version__",
     "bundled_names",
+    "calibrate",
     "compile",
+    "contact_thresholds",
+    "estimate_drive_gains",
+    "estimate_friction",
+    "estimate_payload",
     "fit_response",
     "frequency_response",
     "from_toolbox",

@@ -8,46 +8,37 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.base.errors import Fault, InputError
-from rrrgen.cli.arguments import print_json, read_with_warnings, robot_argument
-from rrrgen.cli.progress import working
+from rrrgen.base.extras import require
+from rrrgen.cli.arguments import json_option, read_with_warnings, robot_argument, robot_source
+from rrrgen.cli.study_options import click_options
+from rrrgen.cli.workflow import FindingsPrinter, run_study
+from rrrgen.lab.studies.calibrate import CalibrateOptions
 
 if TYPE_CHECKING:
-    from rrrgen.lab.calibrate.geometry import Geometry
     from rrrgen.lab.calibrate.measurements import Kind
-    from rrrgen.robot.robot_spec import RobotSpec
 
 
 @click.command()
 @robot_argument
 @click.option("--poses", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="CSV of measurements.")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="Robot file (CSV with --choose).")
-@click.option("--sigma", type=click.FloatRange(0, min_open=True), default=5e-5, show_default=True, metavar="M",
-              help="Standard deviation of a measured length.")  # fmt: skip
-@click.option("--sigma-angle", type=click.FloatRange(0, min_open=True), default=1e-4, show_default=True, metavar="RAD",
-              help="Standard deviation of a measured angle.")  # fmt: skip
-@click.option("--gains", is_flag=True, help="Estimate a gain of each joint too: errors of gear ratios and scales.")
-@click.option("--robust", is_flag=True, help="Set outliers aside: Huber's weights, then Tukey's.")
+@click_options(CalibrateOptions)
 @click.option(
     "--figure", type=click.Path(path_type=Path), metavar="STEM", help="Write the errors as STEM.svg and .png."
 )
 @click.option("--choose", type=click.IntRange(min=1), metavar="N", help="Choose N poses to measure instead.")
 @click.option("--kind", type=click.Choice(["pose", "point", "distance", "height"]), default="pose", show_default=True,
               help="What --choose plans to measure.")  # fmt: skip
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the candidates of --choose.")
 @click.option("--force", is_flag=True, help="Overwrite files.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
+@json_option
 def calibrate(
     robot: str,
     poses: Path | None,
     output: Path | None,
-    sigma: float,
-    sigma_angle: float,
-    gains: bool,
-    robust: bool,
+    options: CalibrateOptions,
     figure: Path | None,
     choose: int | None,
     kind: Kind,
-    seed: int,
     force: bool,
     as_json: bool,
 ) -> None:
@@ -65,15 +56,8 @@ def calibrate(
       rrrgen calibrate ur10e --choose 50 -o poses.csv
       rrrgen calibrate ur10e --poses measured.csv -o calibrated.yaml --figure errors
     """
-    from rrrgen.base.extras import require
     from rrrgen.base.files import write_file
-    from rrrgen.lab.calibrate.diagnosis import estimate_checked
-    from rrrgen.lab.calibrate.geometry import geometry_of
-    from rrrgen.lab.calibrate.measurement_file import read_table
-    from rrrgen.lab.calibrate.pose_choice import random_positions
-    from rrrgen.lab.calibrate.report import plot_residuals, to_data, to_text
-    from rrrgen.lab.calibrate.robot_file import calibrated_spec
-    from rrrgen.robot.file import dumps
+    from rrrgen.lab.studies.calibrate import calibrate as study
 
     if (poses is None) == (choose is None):
         raise click.UsageError("give one of --poses FILE and --choose N")
@@ -81,36 +65,30 @@ def calibrate(
         raise InputError([Fault(str(output), 0, 0, "the file exists already", hint="--force overwrites it")])
     if figure is not None:
         require("the figure of errors", "matplotlib")
-    spec = read_with_warnings(robot)
-    nominal = geometry_of(spec)
-    if gains:
-        nominal = nominal.with_gains()
     if choose is not None:
-        _choose(spec, nominal, kind, choose, seed, output)
+        _choose(robot, options, kind, choose, output)
         return
     assert poses is not None
-    table = read_table(poses, [joint.name for joint in spec.joints])
-    measured = table.measurements(sigma, sigma_angle)
-    with working("estimating the geometry"):
-        found = estimate_checked(nominal, measured, table, robust)
-    inside = random_positions(spec, 1000, seed)
-    if as_json:
-        print_json(to_data(found, measured, inside))
-    else:
-        click.echo(to_text(found, measured, inside), nl=False)
+    findings = FindingsPrinter(as_json)
+    result = run_study(study, robot_source(robot), poses, options, findings=findings, as_json=as_json)
     if figure is not None:
-        plot_residuals(found, measured, figure)
+        from rrrgen.lab.data.figure_style import save_figure
+
+        save_figure(result.plot(), figure)
     if output is not None:
-        source = f"calibrated from {len(measured.q)} measurements ({measured.kind}) of {poses.name}"
-        write_file(output, dumps(calibrated_spec(spec, found.geometry, source)))
+        write_file(output, result.robot_file())
         click.echo(f"{output} written", err=as_json)
 
 
-def _choose(spec: RobotSpec, nominal: Geometry, kind: Kind, count: int, seed: int, output: Path | None) -> None:
+def _choose(robot: str, options: CalibrateOptions, kind: Kind, count: int, output: Path | None) -> None:
+    """Print or write joint positions at which to measure."""
     from rrrgen.base.files import write_file
+    from rrrgen.lab.calibrate.geometry import geometry_of
     from rrrgen.lab.calibrate.pose_choice import choose_poses
 
-    q, gain = choose_poses(spec, nominal, kind, count, seed)
+    spec = read_with_warnings(robot)
+    nominal = geometry_of(spec)
+    q, gain = choose_poses(spec, nominal.with_gains() if options.gains else nominal, kind, count, options.seed)
     lines = [",".join(joint.name for joint in spec.joints)]
     lines += [",".join(f"{value:.6f}" for value in row) for row in q]
     text = "\n".join(lines) + "\n"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -97,26 +95,11 @@ def _kalman(path: Path, rate: float, joints: int) -> Program:
     """The Kalman filter step at ``rate`` (Hz), with the variances stored by ``rrrgen reconstruct`` in ``path``."""
     from rrrgen.emit.controller.kalman import kalman_program
     from rrrgen.lab.data.kalman import kalman_matrices
+    from rrrgen.lab.data.smoother import read_tuning
 
     matrices = [kalman_matrices(1.0 / rate, eta, xi) for eta, xi in read_tuning(path, joints)]
     step = kalman_program([m.E.tolist() for m in matrices], [m.k.tolist() for m in matrices], 1.0 / rate)
     return step.described(name="step")
-
-
-def read_tuning(path: Path, joints: int) -> list[tuple[float, float]]:
-    """Variances of position noise and jerk of every joint, as `rrrgen reconstruct` stores them in ``path``."""
-    from rrrgen.base.errors import InputError
-
-    try:
-        tuning = json.loads(path.read_text(encoding="utf-8"))
-        pairs = [(float(eta), float(xi)) for eta, xi in zip(tuning["var_eta"], tuning["var_xi"], strict=True)]
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no tuning of a Kalman filter by `rrrgen reconstruct`: {error!r}") from None
-    if not all(math.isfinite(value) and value > 0.0 for pair in pairs for value in pair):
-        raise InputError(f"{path} is no tuning of a Kalman filter: variances are positive numbers")
-    if len(pairs) != joints:
-        raise InputError(f"{path} tunes {len(pairs)} joints, the robot has {joints}")
-    return pairs
 
 
 def _friction(law: str, spec: RobotSpec) -> list[Program]:

@@ -7,19 +7,11 @@ from typing import Any
 
 import click
 
-from rrrgen.base.extras import require
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
-from rrrgen.cli.progress import working
-from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import (
-    chosen_processing,
-    input_files,
-    log_option,
-    output_option,
-    print_repairs,
-    processing_options,
-    truncated_option,
-)
+from rrrgen.base.errors import DerivationError
+from rrrgen.cli.arguments import json_option, robot_argument, robot_source
+from rrrgen.cli.study_options import click_options
+from rrrgen.cli.workflow import FindingsPrinter, fresh_option, log_option, output_option, run_study, truncated_option
+from rrrgen.lab.studies.estimate_drive_gains import DriveGainsOptions
 
 
 @click.command()
@@ -27,7 +19,6 @@ from rrrgen.cli.workflow import (
 @log_option
 @click.option(
     "--loaded",
-    "loaded",
     required=True,
     multiple=True,
     type=click.Path(path_type=Path),
@@ -51,11 +42,17 @@ from rrrgen.cli.workflow import (
 )
 @truncated_option
 @output_option
-@processing_options
-@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
+@click_options(DriveGainsOptions)
+@fresh_option
 @json_option
 def drive_gains(
-    robot: str, logs: tuple[Path, ...], loaded: tuple[Path, ...], output: Path, as_json: bool, **options: Any
+    robot: str,
+    logs: tuple[Path, ...],
+    loaded: tuple[Path, ...],
+    output: Path,
+    options: DriveGainsOptions,
+    as_json: bool,
+    **more: Any,
 ) -> int:
     """Estimate unknown drive gains (torque constants) from recordings without and with a known payload.
 
@@ -66,40 +63,18 @@ def drive_gains(
     Example:
       rrrgen drive-gains my_arm.yaml --log empty.yaml --loaded carrying.yaml --mass 4.6 --com 0 0 0.05 -o runs/gains
     """
-    require("rrrgen drive-gains", "scipy")
-    import numpy as np
+    from rrrgen.lab.studies.estimate_drive_gains import estimate_drive_gains
 
-    from rrrgen.base.errors import DerivationError
-    from rrrgen.lab.data.log_stream import LogStream
-    from rrrgen.lab.data.recordings import check_robot, open_log
-    from rrrgen.lab.data.run_folder import RunFolder, plain
-    from rrrgen.lab.identify.drive_gains import identify_gains
-    from rrrgen.lab.identify.rows import standard_of
-    from rrrgen.runtime import load
-
-    spec = read_with_warnings(robot)
-    skip = options["skip_truncated_line"]
-    mappings = [open_log(path, skip_truncated=skip) for path in (*logs, *loaded)]
-    for mapping in mappings:
-        check_robot(mapping, spec)
-    processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
-    named = ("mass", "com", "inertia", "skip_truncated_line")
-    settings = {**processing.settings(), **{name: options[name] for name in named}}
-    inputs = input_files(robot, logs, mappings[: len(logs)])
-    inputs |= input_files("", loaded, mappings[len(logs) :], "loaded")
-    body = standard_of(options["mass"], np.array(options["com"]), np.array(options["inertia"]))
-    with (
-        RunFolder(output, "drive-gains", inputs, settings, 0, options["fresh"]) as folder,
-        working("estimating drive gains"),
-    ):
-        recordings = [LogStream(mapping) for mapping in mappings]
-        print_repairs((recording.repairs for recording in recordings), as_json)
-        empty, carrying = recordings[: len(logs)], recordings[len(logs) :]
-        found = identify_gains(load.compile(spec), empty, carrying, body, processing)
-        folder.write_json("drive_gains.json", found.to_json())
-    if as_json:
-        print_json(plain(found.to_json()))
-    else:
-        say(*found.lines(), *found.tuning.sentences())
-        say(f"results in {output}")
-    return DerivationError.exit_code if found.undetermined else 0
+    result = run_study(
+        estimate_drive_gains,
+        robot_source(robot),
+        logs,
+        loaded,
+        options,
+        folder=output,
+        findings=FindingsPrinter(as_json),
+        as_json=as_json,
+        last=f"results in {output}",
+        **more,
+    )
+    return DerivationError.exit_code if result.gains.undetermined else 0

@@ -6,11 +6,9 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json
-from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.arguments import json_option
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import fresh_option, output_option
+from rrrgen.cli.workflow import fresh_option, output_option, run_study
 from rrrgen.lab.studies.frequency_response import FrequencyResponseOptions
 
 
@@ -34,10 +32,5 @@ def frf(log: Path, output: Path, options: FrequencyResponseOptions, fresh: bool,
     """
     from rrrgen.lab.studies.frequency_response import frequency_response
 
-    with progress_bar() as progress:
-        result = frequency_response(log, options, folder=output, fresh=fresh, progress=progress)
-    if as_json:
-        print_json(result.to_json())
-    else:
-        say(*result.lines())
+    result = run_study(frequency_response, log, options, folder=output, fresh=fresh, as_json=as_json)
     return 0 if result.trusted else 1

@@ -6,11 +6,18 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, robot_argument, robot_source
-from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.arguments import json_option, robot_argument, robot_source
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.terminal import say, terminal_width
-from rrrgen.cli.workflow import FindingsPrinter, fresh_option, log_option, output_option, print_causes, truncated_option
+from rrrgen.cli.terminal import say
+from rrrgen.cli.workflow import (
+    FindingsPrinter,
+    fresh_option,
+    log_option,
+    output_option,
+    print_causes,
+    run_study,
+    truncated_option,
+)
 from rrrgen.lab.studies.identify import IdentifyOptions
 
 
@@ -45,20 +52,18 @@ def identify(
     from rrrgen.lab.studies.identify import identify as study
 
     findings = FindingsPrinter(as_json)
-    with progress_bar() as progress:
-        result = study(
-            robot_source(robot),
-            logs,
-            options,
-            folder=output,
-            fresh=fresh,
-            progress=progress,
-            findings=findings,
-            skip_truncated_line=skip_truncated_line,
-        )
-    if as_json:
-        print_json(result.to_json())
-    else:
-        say(*result.lines(terminal_width()), f"results and figures in {output}", *result.loop_lines())
+    result = run_study(
+        study,
+        robot_source(robot),
+        logs,
+        options,
+        folder=output,
+        fresh=fresh,
+        findings=findings,
+        skip_truncated_line=skip_truncated_line,
+        as_json=as_json,
+        last=f"results and figures in {output}",
+    )
+    say(*([] if as_json else result.loop_lines()))
     print_causes([cause for cause in result.diagnoses if cause not in findings.causes], as_json)
     return 0

@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
-from rrrgen.base.extras import require
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
-from rrrgen.cli.progress import working
-from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import (
-    chosen_processing,
-    input_files,
-    log_option,
-    output_option,
-    print_repairs,
-    processing_options,
-    truncated_option,
-)
+from rrrgen.cli.arguments import json_option, robot_argument, robot_source
+from rrrgen.cli.study_options import click_options
+from rrrgen.cli.workflow import FindingsPrinter, fresh_option, log_option, output_option, run_study, truncated_option
+from rrrgen.lab.studies.estimate_payload import PayloadOptions
 
 
 @click.command()
@@ -27,13 +17,18 @@ from rrrgen.cli.workflow import (
 @log_option
 @truncated_option
 @output_option
-@processing_options
-@click.option(
-    "--keep-friction", is_flag=True, help="Take friction as the robot file states it instead of correcting it too."
-)
-@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
+@click_options(PayloadOptions)
+@fresh_option
 @json_option
-def payload(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **options: Any) -> int:
+def payload(
+    robot: str,
+    logs: tuple[Path, ...],
+    skip_truncated_line: bool,
+    output: Path,
+    options: PayloadOptions,
+    fresh: bool,
+    as_json: bool,
+) -> int:
     """Estimate mass, centre of mass and inertia of a payload at the last link of a known arm.
 
     Writes payload.json, and robot.yaml with the payload as a part of the last link, to DIR. Half a minute of a motion
@@ -44,34 +39,18 @@ def payload(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, **o
     Example:
       rrrgen payload runs/identified/results/robot.yaml --log carrying.yaml -o runs/payload
     """
-    require("rrrgen payload", "scipy", "cvxpy", "clarabel")
-    from rrrgen.lab.data.log_stream import LogStream
-    from rrrgen.lab.data.recordings import check_robot, open_log
-    from rrrgen.lab.data.run_folder import RunFolder, plain
-    from rrrgen.lab.identify.payload import identify_payload
-    from rrrgen.robot.file import dumps
-    from rrrgen.runtime import load
+    from rrrgen.lab.studies.estimate_payload import estimate_payload
 
-    spec = read_with_warnings(robot)
-    skip = options["skip_truncated_line"]
-    mappings = [open_log(path, skip_truncated=skip) for path in logs]
-    for mapping in mappings:
-        check_robot(mapping, spec)
-    processing = chosen_processing(mappings, options["reconstruction"], options["cutoff"], options["decimate"])
-    settings = {**processing.settings(), "keep_friction": options["keep_friction"], "skip_truncated_line": skip}
-    inputs = input_files(robot, logs, mappings)
-    with (
-        RunFolder(output, "payload", inputs, settings, 0, options["fresh"]) as folder,
-        working("estimating the payload"),
-    ):
-        recordings = [LogStream(mapping) for mapping in mappings]
-        print_repairs((recording.repairs for recording in recordings), as_json)
-        found = identify_payload(load.compile(spec), recordings, processing, not options["keep_friction"])
-        folder.write_json("payload.json", found.to_json())
-        folder.write_text("robot.yaml", dumps(found.carried_by(spec)))
-    if as_json:
-        print_json(plain(found.to_json()))
-    else:
-        say(*found.lines(), *found.tuning.sentences())
-        say(f"results in {output}")
+    run_study(
+        estimate_payload,
+        robot_source(robot),
+        logs,
+        options,
+        folder=output,
+        fresh=fresh,
+        findings=FindingsPrinter(as_json),
+        skip_truncated_line=skip_truncated_line,
+        as_json=as_json,
+        last=f"results in {output}",
+    )
     return 0

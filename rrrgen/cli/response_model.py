@@ -6,11 +6,9 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, robot_source
-from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.arguments import json_option, robot_source
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.terminal import say, terminal_width
-from rrrgen.cli.workflow import FindingsPrinter, fresh_option, output_option
+from rrrgen.cli.workflow import FindingsPrinter, fresh_option, output_option, run_study
 from rrrgen.lab.studies.fit_response import FitResponseOptions
 
 
@@ -48,19 +46,15 @@ def response_model(
     """
     from rrrgen.lab.studies.fit_response import fit_response
 
-    with progress_bar() as progress:
-        result = fit_response(
-            log,
-            options,
-            robot=None if robot is None else robot_source(robot),
-            experiment=experiment,
-            folder=output,
-            fresh=fresh,
-            progress=progress,
-            findings=FindingsPrinter(as_json),
-        )
-    if as_json:
-        print_json(result.to_json())
-    else:
-        say(*result.lines(terminal_width()))
+    result = run_study(
+        fit_response,
+        log,
+        options,
+        robot=None if robot is None else robot_source(robot),
+        experiment=experiment,
+        folder=output,
+        fresh=fresh,
+        findings=FindingsPrinter(as_json),
+        as_json=as_json,
+    )
     return 1 if result.refused else 0

@@ -16,7 +16,6 @@ from rrrgen.cli.response_experiment import simulate_response_runs
 from rrrgen.cli.terminal import say
 from rrrgen.cli.workflow import (
     chosen_experiment,
-    chosen_processing,
     described_files,
     experiment_option,
     input_files,
@@ -205,8 +204,10 @@ def _recorded(log: Path, spec: RobotSpec) -> tuple[Callable[[Any], Any], float, 
     from rrrgen.lab.data.log_stream import LogStream
     from rrrgen.lab.data.recordings import check_robot, open_log
     from rrrgen.lab.experiment.recorded_motion import RecordedMotion
+    from rrrgen.lab.studies.preprocessing import MotionOptions
+    from rrrgen.lab.studies.sources import chosen_processing
 
     mapping = open_log(log)
     check_robot(mapping, spec)
-    motion = RecordedMotion.of(LogStream(mapping), chosen_processing([mapping], None, None))
+    motion = RecordedMotion.of(LogStream(mapping), chosen_processing([mapping], MotionOptions()))
     return motion.evaluate, motion.duration, input_files("", (log,), [mapping], "reference")

@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from rrrgen.cli.colour import fault_text, with_warning
-from rrrgen.cli.terminal import say
+from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import say, terminal_width
 
 if TYPE_CHECKING:
     from rrrgen.base.errors import Fault
     from rrrgen.lab.data.mapping import LogMapping
-    from rrrgen.lab.data.processing import Processing
     from rrrgen.lab.data.repairs import Repairs
     from rrrgen.lab.design.fourier_series import FourierTrajectory
     from rrrgen.lab.experiment.experiment_file import Experiment
     from rrrgen.lab.identify.diagnosis.causes import Cause
+    from rrrgen.lab.studies.results import StudyResult
 
+ResultType = TypeVar("ResultType", bound="StudyResult")
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -117,41 +119,6 @@ def seed_option(default: int | None) -> Callable[[F], F]:
     return click.option("--seed", type=int, default=default, help="Seed for all random numbers; default 0.")
 
 
-def processing_options(function: F) -> F:
-    """Add the preprocessing options; their defaults are the section ``processing`` of the mapping file."""
-    text = "Decimation factor k: low-pass filter, then keep every k-th row; default: from the bandwidth of the motion."
-    function = click.option("--decimate", type=click.IntRange(min=1), metavar="K", help=text)(function)
-    return reconstruction_options(function)
-
-
-def reconstruction_options(function: F) -> F:
-    """Add the options ``--method`` and ``--cutoff`` of the reconstruction of the motion."""
-    text = "Cut-off frequency of the Butterworth filter; implies --method butterworth if no method is named."
-    positive = click.FloatRange(min=0, min_open=True)
-    function = click.option("--cutoff", type=positive, metavar="HZ", help=text)(function)
-    methods = click.Choice(["butterworth", "kalman", "kalman_filter", "differences", "logged"])
-    text = "How speeds and accelerations are obtained from the positions; default kalman, a smoother."
-    return click.option("--method", "reconstruction", type=methods, help=text)(function)
-
-
-def chosen_processing(
-    mappings: list[LogMapping], reconstruction: str | None, cutoff: float | None, decimate: int | None = None
-) -> Processing:
-    """Combine the preprocessing settings of the mapping files with the options of the command line, which win.
-
-    Raises UsageError for options that contradict each other, InputError for mapping files that do.
-    """
-    from rrrgen.lab.studies.options import OptionError
-    from rrrgen.lab.studies.preprocessing import PreprocessingOptions
-    from rrrgen.lab.studies.sources import chosen_processing
-
-    try:
-        options: Any = {"method": reconstruction, "cutoff": cutoff, "decimate": decimate}
-        return chosen_processing(mappings, PreprocessingOptions(**options))
-    except OptionError as error:
-        raise click.UsageError(str(error)) from None
-
-
 def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
     """Print the repairs of every recording; with ``as_json`` only the warnings, which go to stderr."""
     for each in repairs:
@@ -189,6 +156,21 @@ class FindingsPrinter:
             print_causes([finding], self.as_json)
 
 
+def run_study(
+    study: Callable[..., ResultType], *arguments: Any, as_json: bool, last: str = "", **more: Any
+) -> ResultType:
+    """Run a ``study`` with a progress bar and print its result, as JSON or as its report with the line ``last``."""
+    from rrrgen.cli.arguments import print_json
+
+    with progress_bar() as progress:
+        result = study(*arguments, progress=progress, **more)
+    if as_json:
+        print_json(result.to_json())
+    else:
+        say(*result.lines(terminal_width()), *([last] if last else []))
+    return result
+
+
 def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping], role: str = "log") -> dict[str, Path]:
     """The files that a run reads, by role: the robot (if it is a file), mapping files and data files."""
     files = {"robot": Path(robot)} if Path(robot).is_file() else {}
@@ -197,11 +179,6 @@ def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping], 
         for source in mapping.files:
             files[f"{role}{k + 1}.{source.name}"] = Path(source.path)
     return files
-
-
-def recording_names(mappings: list[LogMapping]) -> list[str]:
-    """The names of the data files of all recordings."""
-    return [source.path.name for mapping in mappings for source in mapping.files]
 
 
 def described_files(**paths: Path | None) -> dict[str, Path]:

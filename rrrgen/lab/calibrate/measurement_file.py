@@ -11,9 +11,10 @@ from __future__ import annotations
 import csv
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -82,7 +83,49 @@ class MeasurementTable:
 
 def read_table(path: Path, joints: Sequence[str]) -> MeasurementTable:
     """Read the file of measurements of a robot with the joints ``joints``; InputError with every fault."""
-    lines, places = _lines(path)
+    return _table(*_lines(path), path, joints)
+
+
+def table_of_arrays(arrays: Mapping[str, Any], joints: Sequence[str]) -> MeasurementTable:
+    """The table of measurements in memory: ``q`` (N, n), and ``poses`` (N, 4, 4) or the columns of a file by name.
+
+    They are checked as a file is; raises :class:`InputError` with every fault.
+    """
+    columns: dict[str, Any] = {}
+    for key, values in arrays.items():
+        if key == "q":
+            q = np.asarray(values, float)
+            if q.ndim != 2 or q.shape[1] != len(joints):
+                raise InputError(f"'q' has the shape {q.shape}, not (N, {len(joints)})")
+            columns |= zip(joints, q.T, strict=True)
+        elif key == "poses":
+            T = np.asarray(values, float)
+            if T.ndim != 3 or T.shape[1:] != (4, 4):
+                raise InputError(f"'poses' has the shape {T.shape}, not (N, 4, 4)")
+            columns |= zip((*POSITION, *QUATERNION), [*T[:, :3, 3].T, *_quaternions(T[:, :3, :3]).T], strict=True)
+        else:
+            columns[key] = np.ravel(values)
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f"the columns have different lengths: {', '.join(f'{k} {n}' for k, n in lengths.items())}")
+    rows = [[str(value) for value in row] for row in zip(*columns.values(), strict=True)]
+    return _table([list(columns), *rows], list(range(len(rows) + 1)), Path("arrays"), joints)
+
+
+def _quaternions(R: Array) -> Array:
+    """Quaternions (N, 4), w first, of rotation matrices (N, 3, 3): eigenvectors of Bar-Itzhack's matrix."""
+    K = R + np.swapaxes(R, 1, 2)
+    trace = np.trace(R, axis1=1, axis2=2)[:, None, None]
+    axis = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
+    whole = (
+        np.concatenate([trace, axis[:, None]], axis=2),
+        np.concatenate([axis[:, :, None], K - trace * np.eye(3)], axis=2),
+    )
+    return np.asarray(np.linalg.eigh(np.concatenate(whole, axis=1))[1][:, :, -1])
+
+
+def _table(lines: list[list[str]], places: list[int], path: Path, joints: Sequence[str]) -> MeasurementTable:
+    """The table whose header and rows are ``lines``, with their line numbers ``places`` in the file."""
     names, factors = _header(lines[0], places[0], path)
     columns = _joint_columns(names, joints, path, places[0])
     kind, wanted = _form(names, path, places[0])

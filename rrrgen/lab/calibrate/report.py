@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,7 +10,10 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.option_names import option_name
 from rrrgen.lab.calibrate.estimation import USED, Calibration
 from rrrgen.lab.calibrate.measurements import COUNT, Measurements
-from rrrgen.lab.data.figure_style import new_figure, save_figure, style_axes
+from rrrgen.lab.data.figure_style import new_figure, style_axes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PLAUSIBLE = (0.7, 1.4)
 """Range of chi^2 per degree of freedom outside which the stated noise, or the model, must be wrong; with few degrees of
@@ -130,11 +132,8 @@ def _doubts(found: Calibration, measured: Measurements) -> list[str]:
     ]
 
 
-def plot_residuals(found: Calibration, measured: Measurements, stem: Path) -> list[Path]:
-    """Plot the error of each measurement before and after calibration, and each parameter with its deviation.
-
-    Written as SVG and PNG; returns the paths.
-    """
+def plot_residuals(found: Calibration, measured: Measurements) -> Figure:
+    """Plot the error of each measurement before and after calibration, and each parameter with its deviation."""
     parts = [("position error (mm)" if COUNT[measured.kind] >= 3 else "error (mm)", slice(0, 3), measured.sigma)]
     if measured.kind == "pose":
         parts += [("orientation error (mrad)", slice(3, 6), measured.sigma_angle)]
@@ -155,7 +154,7 @@ def plot_residuals(found: Calibration, measured: Measurements, stem: Path) -> li
     _plot_parameters(found, axes[-1])
     for axis in (axes[0], axes[-1]):
         axis.legend(ncols=4, fontsize="small", frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderpad=0)
-    return save_figure(figure, stem)
+    return figure
 
 
 def _plot_parameters(found: Calibration, axis: Any) -> None:

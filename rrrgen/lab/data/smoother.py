@@ -6,9 +6,11 @@ Control, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -196,3 +198,17 @@ def _recursion(A: Array, drive: Array, first: Array) -> Array:
     modal[:, 0] = np.linalg.solve(vectors, first / scale)
     filtered = np.stack([lfilter([1.0], [1.0, -value], row) for value, row in zip(values, modal, strict=True)])
     return np.asarray(np.real(vectors @ filtered).T * scale)
+
+
+def read_tuning(path: Path, joints: int) -> list[tuple[float, float]]:
+    """Variances of position noise and jerk of every joint, as `rrrgen reconstruct` stores them in ``path``."""
+    try:
+        tuning = json.loads(path.read_text(encoding="utf-8"))
+        pairs = [(float(eta), float(xi)) for eta, xi in zip(tuning["var_eta"], tuning["var_xi"], strict=True)]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no tuning of a Kalman filter by `rrrgen reconstruct`: {error!r}") from None
+    if not all(math.isfinite(value) and value > 0.0 for pair in pairs for value in pair):
+        raise InputError(f"{path} is no tuning of a Kalman filter: variances are positive numbers")
+    if len(pairs) != joints:
+        raise InputError(f"{path} tunes {len(pairs)} joints, the robot has {joints}")
+    return pairs

@@ -97,6 +97,21 @@ class FrictionEstimate:
     windows: int
     notes: tuple[str, ...] = ()
 
+    def lines(self) -> list[str]:
+        """The table of laws and the parameters of the chosen one as text."""
+        lines = [
+            f"joint {self.data.name}: {self.windows} windows, encoder steps of {self.data.resolution:.3g}",
+            f"  {'law':<16} {'parameters':>10} {'held-out error':>15} {'BIC':>10} {'torque error':>13}",
+        ]
+        for law in self.laws:
+            lines.append(
+                f"{'*' if law is self.chosen else ' '} {law.name:<16} {len(law.theta):>10} "
+                f"{law.score.held_out:>15.3f} {law.score.bic:>10.0f} {100 * law.torque_error:>11.2f} %"
+            )
+        lines.append("  held-out error in standard deviations of the noise; * chosen")
+        values = self.chosen.values.items()
+        return [*lines, *(f"  {name:<16} {value:>12.5g} +- {self.chosen.std[name]:.2g}" for name, value in values)]
+
     def to_json(self) -> dict[str, Any]:
         """The estimate as plain data for ``results/friction.json``."""
         return {

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.lab.data.mapping import LogMapping
 from rrrgen.lab.data.reconstruction import Butterworth
-from rrrgen.lab.data.recordings import check_robot
+from rrrgen.lab.data.recordings import Log, check_robot
 from rrrgen.lab.friction.simulation import Torque
 from rrrgen.lab.friction.windows import Windows
 from rrrgen.lab.response.response_file import ResponseRecording
@@ -185,21 +186,22 @@ class RecordedJoint:
     units: tuple[str, str]
 
 
-def recorded_joint(spec: Any, mapping: Any, joint: str) -> RecordedJoint:
+def recorded_joint(spec: Any, recording: LogMapping | Log, joint: str) -> RecordedJoint:
     """Look up what the robot file ``spec`` says about ``joint``, the moving joint of a recording.
 
-    ``mapping`` describes the recording, which may hold all joints of the robot or only some, ``joint`` among them.
+    The recording, or its mapping, may hold all joints of the robot or only some, ``joint`` among them.
     Raises :class:`InputError` if names or units of the recording do not match the robot.
     """
     names = [each.name for each in spec.joints]
     if joint not in names:
         raise InputError(f"robot '{spec.name}' has no joint '{joint}'; its joints are {', '.join(names)}")
-    if len(mapping.names) == len(names):
-        check_robot(mapping, spec)
-    unknown = [name for name in mapping.names if name not in names]
-    if unknown or joint not in mapping.names:
+    recorded = recording.joints if isinstance(recording, Log) else recording.names
+    if len(recorded) == len(names) and not isinstance(recording, Log):
+        check_robot(recording, spec)
+    unknown = [name for name in recorded if name not in names]
+    if unknown or joint not in recorded:
         raise InputError(
-            f"the recording holds the joints {', '.join(mapping.names)}: they must be joints of the robot "
+            f"the recording holds the joints {', '.join(recorded)}: they must be joints of the robot "
             f"({', '.join(names)}), '{joint}' among them"
         )
     row = spec.joints[names.index(joint)]

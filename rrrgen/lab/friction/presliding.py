@@ -76,6 +76,13 @@ class Presliding:
     levels: tuple[Level, ...]
     notes: tuple[str, ...]
 
+    def lines(self) -> list[str]:
+        """The resonance and the parameters with their deviations as text."""
+        lines = [f"presliding, resonance at {self.resonance:.4g} Hz:"]
+        for name, pair in (("sigma0", self.sigma0), ("sigma1", self.sigma1), ("inertia", self.inertia)):
+            lines.append(f"  {name:<16} " + ("not told" if pair is None else f"{pair[0]:>12.5g} +- {pair[1]:.2g}"))
+        return lines
+
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON: values and standard deviations by name, the levels, and the notes."""
         told = {"sigma0": self.sigma0, "sigma1": self.sigma1, "inertia": self.inertia}

@@ -83,8 +83,9 @@ class OptionField:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The words that are allowed, empty unless the type is a Literal."""
-        return get_args(self.kind) if get_origin(self.kind) is Literal else ()
+        """The words that are allowed, empty unless the type is a Literal or a tuple of one."""
+        kind = self.item or self.kind
+        return get_args(kind) if get_origin(kind) is Literal else ()
 
     @property
     def item(self) -> Any:

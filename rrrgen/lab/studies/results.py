@@ -157,3 +157,14 @@ class EstimateResult(StudyResult):
         """Header and rows of the parameters: name, unit, value and standard deviation."""
         found = [self[name] for name in self.names]
         return ("parameter", "unit", "value", "std"), [(each.name, each.unit, each.value, each.std) for each in found]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedResult(EstimateResult):
+    """Base of the results whose estimate is final when they are made; ``values`` and ``std`` are (p,)."""
+
+    names: tuple[str, ...]
+    values: Array
+    std: Array
+    units: tuple[str, ...]
+    notes: tuple[str, ...]

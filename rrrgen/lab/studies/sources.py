@@ -141,6 +141,11 @@ class RecordingInputs:
         return logs
 
 
+def as_list(recordings: RecordingSources) -> Sequence[RecordingSource]:
+    """One recording as a list of it; several as they are."""
+    return [recordings] if isinstance(recordings, (str, os.PathLike, Log, Mapping)) else recordings
+
+
 def recording_inputs(
     recordings: RecordingSources,
     spec: RobotSpec,
@@ -154,14 +159,12 @@ def recording_inputs(
     ``role`` names them in the record of the run. Raises :class:`InputError` for recordings that cannot be read or are
     not of this robot.
     """
-    if isinstance(recordings, (str, os.PathLike, Log, Mapping)):
-        recordings = [recordings]
     joints = tuple(joint.name for joint in spec.joints)
     sources: list[LogMapping | Log] = []
     files: dict[str, Path] = {}
     hashes: dict[str, str] = {}
     names: list[str] = []
-    for k, recording in enumerate(recordings, start=1):
+    for k, recording in enumerate(as_list(recordings), start=1):
         if isinstance(recording, Log):
             check_joints(recording.joints, joints)
             sources.append(recording)

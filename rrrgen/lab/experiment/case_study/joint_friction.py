@@ -121,7 +121,7 @@ def joint_friction(
         )
         write_recording(folder, "friction_log", recording, joints=[joint.name for joint in spec.joints])
     log = read_log(mapping)
-    joint = recorded_joint(spec, log.mapping, spec.joints[i].name)
+    joint = recorded_joint(spec, log, spec.joints[i].name)
     data = joint_data(log, joint.name, joint.resolution)
     found = estimate_friction(data, joint.gravity, settings.laws, seed, tell)
     actual = {"inertia": inertia[i], "coulomb": coulomb[i], "viscous": viscous[i]}

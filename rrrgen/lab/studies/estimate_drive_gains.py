@@ -1,0 +1,150 @@
+"""Estimation of drive gains with a known payload: its options, the study and its result."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from rrrgen.base.extras import require
+from rrrgen.lab.studies.options import OptionError, StudyOptions, group, with_changes
+from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+from rrrgen.lab.studies.results import FittedResult, Run
+
+if TYPE_CHECKING:
+    from rrrgen.base.arrays import Array
+    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.data.run_folder import RunFolder
+    from rrrgen.lab.identify.drive_gains import DriveGains
+    from rrrgen.lab.studies.sources import (
+        FindingsCallback,
+        ProgressCallback,
+        RecordingInputs,
+        RecordingSources,
+        RobotInput,
+        RobotSource,
+    )
+
+
+@dataclass(frozen=True)
+class DriveGainsOptions(StudyOptions):
+    """Options of the estimation of drive gains."""
+
+    preprocessing: PreprocessingOptions = group(PreprocessingOptions)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DriveGainsResult(FittedResult):
+    """The result of :func:`rrrgen.estimate_drive_gains`: true over recorded torque, by joint.
+
+    ``gains`` also says which gains the payload determines; a value that it does not is NaN.
+    """
+
+    gains: DriveGains
+
+    def lines(self, width: int | None = None) -> list[str]:
+        """The report: gains with their deviations, torque errors, filters."""
+        return [*self.gains.lines(), *self.gains.tuning.sentences()]
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of ``drive_gains.json``."""
+        from rrrgen.lab.data.run_folder import plain
+
+        record: dict[str, Any] = plain(self.gains.to_json())
+        return record
+
+    def write(self, folder: RunFolder) -> None:
+        """Write ``drive_gains.json`` into an open run folder."""
+        folder.write_json("drive_gains.json", self.to_json())
+
+
+def estimate_drive_gains(
+    robot: RobotSource,
+    empty: RecordingSources,
+    loaded: RecordingSources,
+    options: DriveGainsOptions | None = None,
+    *,
+    mass: float,
+    com: Sequence[float] = (0.0, 0.0, 0.0),
+    inertia: Sequence[float] = (0.0,) * 6,
+    folder: str | os.PathLike[str] | None = None,
+    fresh: bool = False,
+    progress: ProgressCallback | None = None,
+    findings: FindingsCallback | None = None,
+    skip_truncated_line: bool = False,
+    **changes: Any,
+) -> DriveGainsResult:
+    """Estimate unknown drive gains (torque constants) from recordings without and with a known payload.
+
+    The masses of the robot are not used: all parameters of the arm are estimated too, in the units of the payload.
+
+    Args:
+        robot: name of a bundled robot, robot file, ``RobotSpec`` or compiled model.
+        empty: recordings without the payload: a recording or mapping file, a ``Log``, arrays by name, or a list of
+            these, as for :func:`rrrgen.identify`.
+        loaded: recordings with the payload, alike.
+        options: a :class:`DriveGainsOptions`; the default options if None.
+        mass: mass of the payload, kg.
+        com: its centre of mass (3,) in the frame of the last link, m.
+        inertia: its inertia tensor (6,) about the centre of mass in the axes of that frame, xx yy zz xy xz yz, kg m^2;
+            by default it is a point mass.
+        folder: run folder to write to; without, nothing is written.
+        fresh: discard the run that the folder holds.
+        progress: called as ``progress(done, total, message)``; total is 0 where the end is not known.
+        findings: called with warnings of the robot file and repairs of every recording.
+        skip_truncated_line: leave out the last line of a text file if it is incomplete.
+        changes: single options by name, such as ``decimate=5``.
+
+    Raises:
+        InputError: robot, recordings or options cannot be used; an OptionError for the options.
+        DerivationError: the payload tells no gain.
+    """
+    chosen = with_changes(DriveGainsOptions, options, changes)
+    require("rrrgen drive-gains", "scipy")
+    import numpy as np
+
+    from rrrgen.lab.identify.rows import standard_of
+    from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input
+
+    if not mass > 0.0:
+        raise OptionError(f"{{mass}} is {mass:g} kg, but must be above 0 kg", "mass")
+    point, tensor = np.array(com, float), np.array(inertia, float)
+    for name, values, size in (("com", point, 3), ("inertia", tensor, 6)):
+        if values.shape != (size,):
+            raise OptionError(f"{{{name}}} has the shape {values.shape}, not ({size},)", name)
+    findings, progress = findings or ignore, progress or ignore
+    arm = robot_input(robot, findings)
+    logs, carrying = (
+        recording_inputs(recordings, arm.spec, skip_truncated_line=skip_truncated_line, role=role)
+        for recordings, role in ((empty, "log"), (loaded, "loaded"))
+    )
+    processing = chosen_processing([*logs.mappings, *carrying.mappings], chosen.preprocessing)
+    settings = processing.settings() | {"mass": mass, "com": point, "inertia": tensor}
+    settings |= {"skip_truncated_line": skip_truncated_line, **arm.settings}
+    arrays = logs.settings.get("arrays", {}) | carrying.settings.get("arrays", {})
+    run = Run("drive-gains", arm.files | logs.files | carrying.files, settings | ({"arrays": arrays} if arrays else {}))
+    body = standard_of(mass, point, tensor)
+    return run.result(partial(_estimate, run, arm, logs, carrying, body, processing, progress, findings), folder, fresh)
+
+
+def _estimate(
+    run: Run,
+    arm: RobotInput,
+    logs: RecordingInputs,
+    carrying: RecordingInputs,
+    body: Array,
+    processing: Processing,
+    progress: ProgressCallback,
+    findings: FindingsCallback,
+    _: RunFolder | None,
+) -> DriveGainsResult:
+    import numpy as np
+
+    from rrrgen.lab.identify.drive_gains import identify_gains
+
+    progress(0, 0, "estimating drive gains")
+    found = identify_gains(arm.model, logs.open(findings), carrying.open(findings), body, processing)
+    gain, std = (np.where(found.determined, values, np.nan) for values in (found.gain, found.std))
+    return DriveGainsResult(found.joints, gain, std, ("",) * len(gain), found.notes, found, run=run)
