@@ -72,7 +72,7 @@ LONG = (
 def test_commands_that_take_seconds_draw_a_bar(name):
     command = cli.get_command(click.Context(cli), name)
     names = set(vars(inspect.getmodule(inspect.unwrap(command.callback))))
-    assert names & {"progress_bar", "working"}
+    assert names & {"progress_bar", "run_study", "working"}
 
 
 def test_a_terminal_sees_what_is_done_and_a_file_gets_what_is_printed(monkeypatch, capsys):

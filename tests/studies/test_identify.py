@@ -67,6 +67,32 @@ def test_a_folder_does_not_mix_recordings(arrays, result, tmp_path):
         rrrgen.identify("planar2r", other, folder=tmp_path, **OPTIONS)
 
 
+def test_an_interrupted_run_goes_on_to_the_same_result(arrays, tmp_path, monkeypatch):
+    """Recordings that do not fit in memory are factored window by window; no window is factored twice."""
+    monkeypatch.setattr("rrrgen.lab.identify.identification.fits_in_memory", lambda observations: False)
+    counts = []
+
+    def count(done, total, message):
+        if message.endswith("samples"):
+            counts.append(done)
+
+    def interrupt(done, total, message):
+        count(done, total, message)
+        if len(counts) == 2:
+            raise KeyboardInterrupt
+
+    options = {"decimate": 4, "consistent": False}
+    with pytest.raises(KeyboardInterrupt):
+        rrrgen.identify("planar2r", arrays, folder=tmp_path, progress=interrupt, **options)
+    assert json.loads((tmp_path / "run.json").read_text())["status"] == "interrupted"
+    resumed = rrrgen.identify("planar2r", arrays, folder=tmp_path, progress=count, **options)
+    assert json.loads((tmp_path / "run.json").read_text())["status"] == "finished"
+    together = counts.copy()
+    counts.clear()
+    assert resumed.to_json() == rrrgen.identify("planar2r", arrays, progress=count, **options).to_json()
+    assert together == counts
+
+
 def test_without_a_folder_nothing_is_written(arrays, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rrrgen.identify("planar2r", arrays, **OPTIONS)
