@@ -110,7 +110,7 @@ NOISE = 1e-12
 """Rounding noise of the values of a polynomial, relative to the sum of the magnitudes of its coefficients. The values
 are 12 x 12 determinants, whose computation adds up some thousand rounding errors."""
 
-LEAST_NOISE = {"double": NOISE, "float": 4e-6}
+LEAST_NOISE = {"double": NOISE, "float": 1e-6}
 """Least rounding noise that is assumed for the values of a polynomial, by the precision of the emitted code; relative
 to the sum of the magnitudes of the coefficients."""
 
@@ -247,6 +247,11 @@ ELIMINATION = (
     Tolerance("widest", "0.2", "0.3", "and largest one"),
     Tolerance("clear", "30", "10", "on that circle the polynomial exceeds its noise by this factor"),
     Tolerance("whole", "0.05", "0.1", "largest error of that count, which is an integral, from a whole number"),
+    Tolerance(
+        "pivot", "16", "16", "least pivot of the determinant off the circle, over eps, at which its phase is trusted"
+    ),
+    Tolerance("phase", "1.5", "1.5", "largest turn (rad) of that phase between two points"),
+    Tolerance("points", "200", "200", "most points on a circle off the unit circle"),
     Tolerance("double", "1e-5", "3e-3", "least gain of the Jacobian (lengths scaled) of a solution that counts once"),
     Tolerance(
         "twins", "0.03", "0.3", "distance (see `same`) up to which two singular solutions are halves of a double one"
@@ -264,10 +269,10 @@ ELIMINATION = (
     Tolerance(
         "narrowest", "1e-3", "1e-3", "an arc of the circle (tangent of a quarter of it) this narrow is not magnified"
     ),
-    Tolerance("zones", "8", "8", "most arcs of the circle, itself included, in which roots are searched"),
+    Tolerance("zones", "8", "12", "most arcs of the circle, itself included, in which roots are searched"),
     Tolerance("wider", "0.02", "0.02", "an arc to be magnified exceeds the intervals of its roots by this angle (rad)"),
     Tolerance("joined", "0.1", "0.1", "neighbouring intervals of roots with a smaller gap (rad) belong to one arc"),
-    Tolerance("narrower", "0.4", "0.4", "an arc is magnified if it is at most this share of the one around it"),
+    Tolerance("narrower", "0.4", "0.6", "an arc is magnified if it is at most this share of the one around it"),
     Tolerance("inside", "1.5", "1.5", "a root is left to an arc magnified later if it is inside so many half widths"),
     Tolerance("steps", "6", "6", "most Newton steps for a solution; six times as many in a patient search"),
     Tolerance("patience", "400", "400", "most Newton steps of all patient searches of an elimination"),

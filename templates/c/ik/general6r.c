@@ -1028,7 +1028,7 @@ LOCAL REAL ik_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], REAL ja
     }
     for (i = 0; i < 12; ++i) {
         const REAL off = FABS(pose[i] - x[i]);
-        err = (off > err || off != off) ? off : err;
+        err = (off > err || !(off >= (REAL)0)) ? off : err;
     }
     for (k = 0; k < 6; ++k) {
         REAL arm[3];
@@ -1309,12 +1309,133 @@ LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, R
     return -1;
 }
 
+/* Gaussian elimination of the first n columns of a complex matrix (entries: real and imaginary part) with partial pivoting. Multiplies
+ * `sign` by the pivots over their magnitudes, and by -1 for an exchange of rows. Returns the least magnitude of a pivot, at most 1. */
+LOCAL REAL ik_6r_complex_lu(REAL a[6][9][2], int n, int columns, REAL sign[2])
+{
+    REAL least = (REAL)1;
+    int i, j, k;
+    for (k = 0; k < n; ++k) {
+        REAL best = (REAL)-1, size, u, v, x;
+        int pivot = k;
+        for (i = k; i < 6; ++i) {
+            size = a[i][k][0] * a[i][k][0] + a[i][k][1] * a[i][k][1];
+            pivot = size > best ? i : pivot;
+            best = size > best ? size : best;
+        }
+        for (j = k; j < columns; ++j) {
+            for (i = 0; i < 2; ++i) {
+                x = a[pivot][j][i];
+                a[pivot][j][i] = a[k][j][i];
+                a[k][j][i] = x;
+            }
+        }
+        size = SQRT(best) + IK_6R_TINY;
+        least = size < least ? size : least;
+        u = a[k][k][0] / size;
+        v = a[k][k][1] / size;
+        x = pivot == k ? (REAL)1 : (REAL)-1;
+        best = x * (sign[0] * u - sign[1] * v);
+        sign[1] = x * (sign[0] * v + sign[1] * u);
+        sign[0] = best;
+        u /= size; /* the inverse of the pivot is u - i v */
+        v /= size;
+        for (i = k + 1; i < 6; ++i) {
+            const REAL re = a[i][k][0] * u + a[i][k][1] * v, im = a[i][k][1] * u - a[i][k][0] * v;
+            for (j = k + 1; j < columns; ++j) {
+                a[i][j][0] -= re * a[k][j][0] - im * a[k][j][1];
+                a[i][j][1] -= re * a[k][j][1] + im * a[k][j][0];
+            }
+        }
+    }
+    return least;
+}
+
+/* Phase of the 12 x 12 determinant at the complex kept angle with cosine and sine given (real and imaginary parts each), as a complex
+ * number of magnitude 1. Returns the least magnitude of a pivot, see ik_6r_reduce. */
+LOCAL REAL ik_6r_phase(REAL h[3][6][10], const REAL cosine[2], const REAL sine[2], REAL phase[2])
+{
+    REAL side[2][6][9][2], rest[6][9][2], least = (REAL)1, size;
+    int i, j, k;
+    for (i = 0; i < 6; ++i) {
+        for (j = 0; j < 9; ++j) {
+            for (k = 0; k < 2; ++k) {
+                const REAL x = (k == 0 ? h[0][i][j] : (REAL)0) + cosine[k] * h[1][i][j] + sine[k] * h[2][i][j];
+                side[0][i][j][k] = x;
+                side[1][i][j < 6 ? j + 3 : j - 6][k] = x;
+            }
+        }
+    }
+    phase[0] = (REAL)1;
+    phase[1] = (REAL)0;
+    for (k = 0; k < 2; ++k) {
+        size = ik_6r_complex_lu(side[k], 3, 9, phase);
+        least = size < least ? size : least;
+        for (i = 0; i < 3; ++i) {
+            for (j = 0; j < 6; ++j) {
+                rest[3 * k + i][j][0] = side[k][3 + i][3 + j][0];
+                rest[3 * k + i][j][1] = side[k][3 + i][3 + j][1];
+            }
+        }
+    }
+    size = ik_6r_complex_lu(rest, 6, 6, phase);
+    return size < least ? size : least;
+}
+
+/* Upper bound of the number of roots on the unit circle z = exp(i x), complex solutions with a real kept angle included: 16 less twice
+ * the number of roots inside a smaller circle, since roots lie in pairs z, 1/conj(z). That number is the winding number of the
+ * determinant on the smaller circle, plus 8, for its pole at zero. The determinant is evaluated at points of that circle, which come
+ * closer where its phase turns fast, not interpolated: its phase is accurate where the least pivot is far above rounding, even if the
+ * polynomial is below its noise. Ends at a bound of `enough` or less. */
+LOCAL int ik_6r_bound(REAL h[3][6][10], int enough)
+{
+    static const REAL radius[3] = {(REAL)0.85, (REAL)0.7, (REAL)0.93}; /* nearer to the unit circle, rounding moves real roots of a cluster inside */
+    static const REAL turn[6][2] = { /* by 1/32 .. 1/1024 of the circle */
+        {(REAL)0.9807852804032304, (REAL)0.19509032201612825}, {(REAL)0.9951847266721969, (REAL)0.0980171403295606},
+        {(REAL)0.9987954562051724, (REAL)0.049067674327418015}, {(REAL)0.9996988186962042, (REAL)0.024541228522912288},
+        {(REAL)0.9999247018391445, (REAL)0.012271538285719925}, {(REAL)0.9999811752826011, (REAL)0.006135884649154475}};
+    int bound = IK_6R_MAX, ring;
+    for (ring = 0; ring < 3 && bound > enough; ++ring) {
+        const REAL near = (REAL)0.5 * ((REAL)1 / radius[ring] + radius[ring]), far = (REAL)0.5 * (radius[ring] - (REAL)1 / radius[ring]);
+        REAL at[2] = {(REAL)1, (REAL)0}, before[2] = {(REAL)1, (REAL)0}, turned = (REAL)0;
+        int fine = 0, done = 0, left = VALUE_6R_POINTS, clear = 1;
+        while (clear && done < 1024) {
+            const REAL c = left == VALUE_6R_POINTS ? at[0] : at[0] * turn[fine][0] - at[1] * turn[fine][1];
+            const REAL s = left == VALUE_6R_POINTS ? at[1] : at[1] * turn[fine][0] + at[0] * turn[fine][1];
+            const REAL cosine[2] = {near * c, far * s}, sine[2] = {near * s, -far * c};
+            REAL phase[2], step;
+            clear = ik_6r_phase(h, cosine, sine, phase) > (REAL)VALUE_6R_PIVOT * IK_6R_EPS && left > 0;
+            step = ik_atan2(phase[1] * before[0] - phase[0] * before[1], phase[0] * before[0] + phase[1] * before[1]);
+            if (left-- < VALUE_6R_POINTS) {
+                if (FABS(step) > (REAL)VALUE_6R_PHASE) {
+                    clear &= fine < 5;
+                    ++fine;
+                    continue;
+                }
+                turned += step;
+                done += 32 >> fine;
+                fine -= fine > 0 && FABS(step) < (REAL)(0.4 * VALUE_6R_PHASE) && done % (64 >> fine) == 0;
+            }
+            at[0] = c;
+            at[1] = s;
+            before[0] = phase[0];
+            before[1] = phase[1];
+        }
+        if (clear) {
+            const int inside = 8 + (int)FLOOR(turned * (REAL)0.15915494309189535 + (REAL)0.5);
+            bound = IK_6R_MAX - 2 * inside < bound ? IK_6R_MAX - 2 * inside : bound;
+        }
+    }
+    return bound;
+}
+
 /* One elimination: adds its solutions. Returns how many solutions there are by its roots, a double one counting twice; -1 if that is
  * not known. The count is exact for simple roots. Unresolved ones are counted together by the winding number of the polynomial around
- * them, from which the complex solutions that share them are subtracted. */
-LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL noise, REAL rows[IK_6R_MAX + 1][6][2], int *count, int *plain)
+ * them, from which the complex solutions that share them are subtracted. h: its equations, see ik_6r_pencil. */
+LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL noise, REAL h[3][6][10],
+    REAL rows[IK_6R_MAX + 1][6][2], int *count, int *plain)
 {
-    REAL e[6][12], h[3][6][10], zone[IK_6R_ZONES][3], seen[12], simple[24][2], circle[24][3];
+    REAL e[6][12], zone[IK_6R_ZONES][3], seen[12], simple[24][2], circle[24][3];
     int zones = 1, singles = 0, circles = 0, total = 0, known = 1, at, k, left = IK_6R_PATIENCE, of[24];
     unsigned taken = 0u;
     zone[0][0] = (REAL)1;
@@ -1340,6 +1461,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
             if (k + 1 < roots && order[k + 1] == 2) {
                 const REAL reach = root[k][2] + root[k + 1][2] + (REAL)VALUE_6R_JOINED;
                 joined = (REAL)1 - root[k][0] * root[k + 1][0] - root[k][1] * root[k + 1][1] < (REAL)0.5 * reach * reach;
+                joined = joined && ik_6r_zone(zone[at], root + begin, k - begin + 2, zone[zones]); /* not too wide */
             }
             if (!joined) {
                 zones += ik_6r_zone(zone[at], root + begin, k - begin + 1, zone[zones]);
@@ -1356,7 +1478,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
             REAL cs[2];
             (void)ik_6r_magnify(zone[at], root[k], cs);
             for (m = 1; m < zones; ++m) { /* a root inside a narrower zone is left to that zone, which resolves it better */
-                here &= !(zone[m][2] < zone[at][2] && FABS(ik_6r_tangent(zone[m], cs)) <= (REAL)VALUE_6R_INSIDE * zone[m][2]);
+                here &= !((zone[m][2] < zone[at][2] || (m > at && zone[m][2] <= zone[at][2])) && FABS(ik_6r_tangent(zone[m], cs)) <= (REAL)VALUE_6R_INSIDE * zone[m][2]);
             }
             if (!here) {
                 continue;
@@ -1538,8 +1660,8 @@ LOCAL int ik_6r_weigh(const REAL gain[IK_6R_MAX], REAL rows[IK_6R_MAX + 1][6][2]
  * there may differ. */
 LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], unsigned flags[IK_6R_MAX], int *certain)
 {
-    REAL pose[12], rows[IK_6R_MAX + 1][6][2], gain[IK_6R_MAX];
-    int i, j, count = 0, pass, here = -1, plain = 1, joint = 0;
+    REAL pose[12], h[3][6][10], rows[IK_6R_MAX + 1][6][2], gain[IK_6R_MAX];
+    int i, j, count = 0, pass, here = -1, plain = 1, joint = 0, bounded = 0;
     for (i = 0; i < 9; ++i) {
         pose[i] = t[i + i / 3];
     }
@@ -1548,23 +1670,32 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     }
     *certain = 0;
     for (pass = 0; pass < PASSES && !*certain; ++pass) {
-        const int total = ik_6r_eliminate(pose, ik_6r_pass[pass], ik_6r_noise[pass], rows, &count, &plain);
+        const int total = ik_6r_eliminate(pose, ik_6r_pass[pass], ik_6r_noise[pass], h, rows, &count, &plain);
         const int moved = ik_6r_pass[pass][5] != 0;
         here = moved ? here : total;
         *certain = count == here;
         if (!*certain) {
             REAL least = (REAL)1;
+            int weight, steady;
             for (i = 0; i < count; ++i) {
                 gain[i] = ik_6r_gain(pose, rows[i], &joint);
                 least = gain[i] < least ? gain[i] : least;
             }
-            *certain = ik_6r_weigh(gain, rows, count) == here || (moved && plain >= 0 && count > 0 && count == total && least > (REAL)VALUE_6R_STEADY);
+            weight = ik_6r_weigh(gain, rows, count);
+            steady = moved && plain >= 0 && count > 0 && least > (REAL)VALUE_6R_STEADY;
+            *certain = weight == here || (steady && count == total);
+            if (!*certain && (steady || !moved)) { /* the determinant itself may tell what its polynomial does not */
+                const int bound = ik_6r_bound(h, count);
+                *certain = bound == count || (bound == weight && !moved);
+                bounded = *certain;
+            }
         }
     }
     for (i = 0; i < count; ++i) {
         flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
         if (plain < 1 && ik_6r_gain(pose, rows[i], &joint) < (REAL)VALUE_6R_DOUBLE) {
             flags[i] = ik_6r_free(pose, joint, ref, rows[i]) ? (unsigned)IK_FREE : 0u;
+            *certain &= !bounded || flags[i] == 0u; /* the bound does not count a continuum */
         }
         for (j = 0; j < 6; ++j) {
             const REAL x = ik_atan2(rows[i][j][1], rows[i][j][0]);
