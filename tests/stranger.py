@@ -219,6 +219,17 @@ def rotors(m: object) -> list[float]:
     return [float(getattr(joint.drive, "inertia", None) or 0.0) for joint in m.spec.joints]  # type: ignore[attr-defined]
 
 
+def value_of(name: str, values: dict[str, float]) -> float:
+    """The value of a parameter, also of a combination such as ``Jyy2R + 0.5*Ia2``; Fault for an unknown name."""
+    names = re.compile(
+        "|".join(rf"(?<![\w.]){re.escape(known)}(?!\w)" for known in sorted(values, key=len, reverse=True))
+    )
+    numbers = names.sub(lambda match: f"({values[match.group()]!r})", name)
+    if re.search(r"[^\d\s.e()*+-]", numbers):
+        raise Fault(f"a parameter without a truth: {name}; there are {sorted(values)}")
+    return float(eval(numbers, {"__builtins__": {}}))  # digits and signs only
+
+
 class Stranger:
     """A user with one robot in a folder of their own; runs commands, and notes what was tried.
 
@@ -427,13 +438,10 @@ class Stranger:
         self.rrrgen("identify", file, "--log", "experiment/results/log.yaml", "-o", "identified")
         self.tried.append("identify")
         found = json.loads(Path("identified/results/identification.json").read_text(encoding="utf-8"))
-        truth = dict(zip(m.identification_parameter_names, m.identification_parameters, strict=True))
+        truth = dict(zip(m.identification_parameter_names, map(float, m.identification_parameters), strict=True))
         rows = [row for row in found["identified"] if row["unconstrained_std"]]
-        missing = {row["parameter"] for row in rows} - set(truth)
-        if missing:
-            raise Fault(f"parameters without a truth: {missing}; there are {sorted(truth)}")
         z = {
-            row["parameter"]: (row["unconstrained"] - truth[row["parameter"]]) / row["unconstrained_std"]
+            row["parameter"]: (row["unconstrained"] - value_of(row["parameter"], truth)) / row["unconstrained_std"]
             for row in rows
         }
         rms = math.sqrt(sum(x * x for x in z.values()) / max(1, len(z)))

@@ -1157,112 +1157,112 @@ static int nominal_specializations(void)
     {
         check c = {"mass_matrix_nominal equals mass_matrix", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real M_1[9], M_2[9];
-            rrr_mass_matrix(q[k], beta, M_1);
-            rrr_mass_matrix_nominal(q[k], M_2);
-            compare(&c, M_2, M_1, 9, R(1.0) + largest(M_1, 9), EXACT);
+            real M_general[9], M_special[9];
+            rrr_mass_matrix(q[k], beta, M_general);
+            rrr_mass_matrix_nominal(q[k], M_special);
+            compare(&c, M_special, M_general, 9, R(1.0) + largest(M_general, 9), EXACT);
         }
         failed |= report(&c);
     }
     {
         check c = {"coriolis_matrix_nominal equals coriolis_matrix", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real C_1[9], C_2[9];
-            rrr_coriolis_matrix(q[k], dq[k], beta, C_1);
-            rrr_coriolis_matrix_nominal(q[k], dq[k], C_2);
-            compare(&c, C_2, C_1, 9, R(1.0) + largest(C_1, 9), EXACT);
+            real C_general[9], C_special[9];
+            rrr_coriolis_matrix(q[k], dq[k], beta, C_general);
+            rrr_coriolis_matrix_nominal(q[k], dq[k], C_special);
+            compare(&c, C_special, C_general, 9, R(1.0) + largest(C_general, 9), EXACT);
         }
         failed |= report(&c);
     }
     {
         check c = {"coriolis_nominal equals coriolis", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real c_1[3], c_2[3];
-            rrr_coriolis(q[k], dq[k], beta, c_1);
-            rrr_coriolis_nominal(q[k], dq[k], c_2);
-            compare(&c, c_2, c_1, 3, R(1.0) + largest(c_1, 3), EXACT);
+            real c_general[3], c_special[3];
+            rrr_coriolis(q[k], dq[k], beta, c_general);
+            rrr_coriolis_nominal(q[k], dq[k], c_special);
+            compare(&c, c_special, c_general, 3, R(1.0) + largest(c_general, 3), EXACT);
         }
         failed |= report(&c);
     }
     {
         check c = {"coriolis_transpose_nominal equals coriolis_transpose", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real p_1[3], p_2[3];
-            rrr_coriolis_transpose(q[k], dq[k], beta, p_1);
-            rrr_coriolis_transpose_nominal(q[k], dq[k], p_2);
-            compare(&c, p_2, p_1, 3, R(1.0) + largest(p_1, 3), EXACT);
+            real p_general[3], p_special[3];
+            rrr_coriolis_transpose(q[k], dq[k], beta, p_general);
+            rrr_coriolis_transpose_nominal(q[k], dq[k], p_special);
+            compare(&c, p_special, p_general, 3, R(1.0) + largest(p_general, 3), EXACT);
         }
         failed |= report(&c);
     }
     {
         check c = {"gravity_nominal equals gravity", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real g_1[3], g_2[3];
-            rrr_gravity(q[k], beta, g_1);
-            rrr_gravity_nominal(q[k], g_2);
-            compare(&c, g_2, g_1, 3, R(1.0) + largest(g_1, 3), EXACT);
+            real g_general[3], g_special[3];
+            rrr_gravity(q[k], beta, g_general);
+            rrr_gravity_nominal(q[k], g_special);
+            compare(&c, g_special, g_general, 3, R(1.0) + largest(g_general, 3), EXACT);
         }
         failed |= report(&c);
     }
     {
         check c = {"bias_nominal equals bias", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real h_1[3], h_2[3];
-            rrr_bias(q[k], dq[k], beta, h_1);
-            rrr_bias_nominal(q[k], dq[k], h_2);
-            compare(&c, h_2, h_1, 3, R(1.0) + largest(h_1, 3), EXACT);
+            real h_general[3], h_special[3];
+            rrr_bias(q[k], dq[k], beta, h_general);
+            rrr_bias_nominal(q[k], dq[k], h_special);
+            compare(&c, h_special, h_general, 3, R(1.0) + largest(h_general, 3), EXACT);
         }
         failed |= report(&c);
     }
     {
         check c = {"dynamics_terms_nominal equals dynamics_terms", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real M_1[9], M_2[9];
-            real c_1[3], c_2[3];
-            real g_1[3], g_2[3];
-            rrr_dynamics_terms(q[k], dq[k], beta, M_1, c_1, g_1);
-            rrr_dynamics_terms_nominal(q[k], dq[k], M_2, c_2, g_2);
-            compare(&c, M_2, M_1, 9, R(1.0) + largest(M_1, 9), EXACT);
-            compare(&c, c_2, c_1, 3, R(1.0) + largest(c_1, 3), EXACT);
-            compare(&c, g_2, g_1, 3, R(1.0) + largest(g_1, 3), EXACT);
+            real M_general[9], M_special[9];
+            real c_general[3], c_special[3];
+            real g_general[3], g_special[3];
+            rrr_dynamics_terms(q[k], dq[k], beta, M_general, c_general, g_general);
+            rrr_dynamics_terms_nominal(q[k], dq[k], M_special, c_special, g_special);
+            compare(&c, M_special, M_general, 9, R(1.0) + largest(M_general, 9), EXACT);
+            compare(&c, c_special, c_general, 3, R(1.0) + largest(c_general, 3), EXACT);
+            compare(&c, g_special, g_general, 3, R(1.0) + largest(g_general, 3), EXACT);
         }
         failed |= report(&c);
     }
     {
         check c = {"inverse_dynamics_nominal equals inverse_dynamics", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real tau_1[3], tau_2[3];
-            rrr_inverse_dynamics(q[k], dq[k], ddq[k], beta, tau_1);
-            rrr_inverse_dynamics_nominal(q[k], dq[k], ddq[k], tau_2);
-            compare(&c, tau_2, tau_1, 3, R(1.0) + largest(tau_1, 3), EXACT);
+            real tau_general[3], tau_special[3];
+            rrr_inverse_dynamics(q[k], dq[k], ddq[k], beta, tau_general);
+            rrr_inverse_dynamics_nominal(q[k], dq[k], ddq[k], tau_special);
+            compare(&c, tau_special, tau_general, 3, R(1.0) + largest(tau_general, 3), EXACT);
         }
         failed |= report(&c);
     }
     {
         check c = {"inverse_dynamics_derivatives_nominal equals inverse_dynamics_derivatives", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real tau_1[3], tau_2[3];
-            real dtau_dq_1[9], dtau_dq_2[9];
-            real dtau_dv_1[9], dtau_dv_2[9];
-            real M_1[9], M_2[9];
-            rrr_inverse_dynamics_derivatives(q[k], dq[k], ddq[k], beta, tau_1, dtau_dq_1, dtau_dv_1, M_1);
-            rrr_inverse_dynamics_derivatives_nominal(q[k], dq[k], ddq[k], tau_2, dtau_dq_2, dtau_dv_2, M_2);
-            compare(&c, tau_2, tau_1, 3, R(1.0) + largest(tau_1, 3), EXACT);
-            compare(&c, dtau_dq_2, dtau_dq_1, 9, R(1.0) + largest(dtau_dq_1, 9), EXACT);
-            compare(&c, dtau_dv_2, dtau_dv_1, 9, R(1.0) + largest(dtau_dv_1, 9), EXACT);
-            compare(&c, M_2, M_1, 9, R(1.0) + largest(M_1, 9), EXACT);
+            real tau_general[3], tau_special[3];
+            real dtau_dq_general[9], dtau_dq_special[9];
+            real dtau_dv_general[9], dtau_dv_special[9];
+            real M_general[9], M_special[9];
+            rrr_inverse_dynamics_derivatives(q[k], dq[k], ddq[k], beta, tau_general, dtau_dq_general, dtau_dv_general, M_general);
+            rrr_inverse_dynamics_derivatives_nominal(q[k], dq[k], ddq[k], tau_special, dtau_dq_special, dtau_dv_special, M_special);
+            compare(&c, tau_special, tau_general, 3, R(1.0) + largest(tau_general, 3), EXACT);
+            compare(&c, dtau_dq_special, dtau_dq_general, 9, R(1.0) + largest(dtau_dq_general, 9), EXACT);
+            compare(&c, dtau_dv_special, dtau_dv_general, 9, R(1.0) + largest(dtau_dv_general, 9), EXACT);
+            compare(&c, M_special, M_general, 9, R(1.0) + largest(M_general, 9), EXACT);
         }
         failed |= report(&c);
     }
     {
         check c = {"energy_nominal equals energy", 0, R(0.0)};
         for (k = 0; k < STATES; k++) {
-            real kinetic_1[1], kinetic_2[1];
-            real potential_1[1], potential_2[1];
-            rrr_energy(q[k], dq[k], beta, kinetic_1, potential_1);
-            rrr_energy_nominal(q[k], dq[k], kinetic_2, potential_2);
-            compare(&c, kinetic_2, kinetic_1, 1, R(1.0) + largest(kinetic_1, 1), EXACT);
-            compare(&c, potential_2, potential_1, 1, R(1.0) + largest(potential_1, 1), EXACT);
+            real kinetic_general[1], kinetic_special[1];
+            real potential_general[1], potential_special[1];
+            rrr_energy(q[k], dq[k], beta, kinetic_general, potential_general);
+            rrr_energy_nominal(q[k], dq[k], kinetic_special, potential_special);
+            compare(&c, kinetic_special, kinetic_general, 1, R(1.0) + largest(kinetic_general, 1), EXACT);
+            compare(&c, potential_special, potential_general, 1, R(1.0) + largest(potential_general, 1), EXACT);
         }
         failed |= report(&c);
     }

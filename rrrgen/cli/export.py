@@ -85,14 +85,14 @@ def export(
       rrrgen export rrr --to fmu --platform linux-x86_64 --platform windows-x86_64
     """
     from rrrgen.base.files import write, write_file
-    from rrrgen.emit.exporting import export_robot, exporters
+    from rrrgen.emit.exporting import export_robot, exporter_of, unusable
     from rrrgen.emit.targets.interface import ExportOptions
 
     spec = read_with_warnings(robot)
     options = ExportOptions(real, platforms, further)
     with working(f"writing files for {target}"):
         found = export_robot(spec, target, _read_beta(beta) if beta is not None else None, options)
-    name = _alone(found.files, exporters()[target], output)
+    name = _alone(found.files, exporter_of(target), output)
     if name is not None:
         contents, path = found.files[name], output or Path(name)
         if path.exists() and not force:
@@ -103,6 +103,8 @@ def export(
         write(found.files, path)
     for note in found.notes:
         click.echo(f"{path}: {note}", err=True)
+    for fault in unusable().values():
+        click.echo(f"warning: {fault}", err=True)
     say(f"{path} written")
 
 

@@ -38,10 +38,10 @@ GROUPS = ("control", "elastic", "observer", "points", "timing", "trajectory")
 
 
 def _targets() -> Iterable[str]:
-    """Names of the targets of ``rrrgen export``, which ``--with`` takes too."""
-    from rrrgen.emit.exporting import exporters
+    """Names of the targets of ``rrrgen export``, which ``--with`` takes too; unusable ones are named when asked for."""
+    from rrrgen.emit.exporting import exporters, unusable
 
-    return exporters()
+    return [*exporters(), *unusable()]
 
 
 @click.command()
@@ -167,10 +167,10 @@ def _exported(spec: RobotSpec, real: Real, further: tuple[str, ...]) -> dict[str
     """The files of those words ``further`` that are targets of ``rrrgen export``, each in a folder of its name."""
     files: dict[str, Contents] = {}
     for target in (word for word in further if word not in EMIT):
-        from rrrgen.emit.exporting import export_robot, exporters
+        from rrrgen.emit.exporting import export_robot, exporter_of
         from rrrgen.emit.targets.interface import ExportOptions
 
-        exporter = exporters()[target]
+        exporter = exporter_of(target)
         held = tuple(word for word in exporter.further if word in further)
         options = ExportOptions(real=real if "real" in exporter.options else "double", further=held)
         exported = export_robot(spec, target, options=options)

@@ -22,25 +22,49 @@ GROUP = "rrrgen.targets"
 
 
 def exporters() -> dict[str, Exporter]:
-    """All export targets by name: those of the modules of :data:`TARGETS`, then those of other installed packages.
+    """All export targets by name: those of the modules of :data:`TARGETS`, then those of other installed packages."""
+    return _with_unusable()[0]
 
-    Raises InputError for an entry point that cannot be loaded, is no :class:`Exporter`, or takes the name of another.
+
+def unusable() -> dict[str, str]:
+    """What is wrong with the entry points that add no target, a message by the name of each."""
+    return _with_unusable()[1]
+
+
+def exporter_of(target: str) -> Exporter:
+    """The exporter named ``target``; raises InputError if there is none, or its entry point is unusable."""
+    known, faulty = _with_unusable()
+    if target in known:
+        return known[target]
+    if target in faulty:
+        raise InputError(faulty[target])
+    hint = did_you_mean(target, known) or f"targets are {', '.join(known)}"
+    raise InputError(f"there is no target '{target}'; {hint}")
+
+
+def _with_unusable() -> tuple[dict[str, Exporter], dict[str, str]]:
+    """The targets by name, and messages by name of the entry points that cannot be used.
+
+    Those cannot be loaded, are no :class:`Exporter`, or take the name of another target.
     """
     own = [importlib.import_module(f"{targets.__name__}.{name}").EXPORTER for name in TARGETS]
     known = {exporter.name: exporter for exporter in own}
+    faulty: dict[str, str] = {}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         package = entry.dist.name if entry.dist else "an unknown package"
         where = f"{package}: target '{entry.name}' ({entry.value})"
         try:
             exporter = entry.load()
         except Exception as error:  # whatever a foreign module raises when it is imported
-            raise InputError(f"{where} cannot be loaded: {error}") from error
+            faulty[entry.name] = f"{where} cannot be loaded: {error}"
+            continue
         if not isinstance(exporter, Exporter):
-            raise InputError(f"{where} is no rrrgen.emit.targets.interface.Exporter, but {type(exporter).__name__}")
-        if exporter.name in known:
-            raise InputError(f"{where}: there is a target '{exporter.name}' already")
-        known[exporter.name] = exporter
-    return known
+            faulty[entry.name] = f"{where} is no {Exporter.__module__}.Exporter, but {type(exporter).__name__}"
+        elif exporter.name in known:
+            faulty[entry.name] = f"{where}: there is a target '{exporter.name}' already"
+        else:
+            known[exporter.name] = exporter
+    return known, faulty
 
 
 def export_robot(
@@ -56,14 +80,10 @@ def export_robot(
     option that the target does not use, :class:`rrrgen.base.errors.DerivationError` if the format cannot represent the
     robot.
     """
-    known = exporters()
-    if target not in known:
-        hint = did_you_mean(target, known) or f"targets are {', '.join(known)}"
-        raise InputError(f"there is no target '{target}'; {hint}")
-    exporter, options = known[target], options or ExportOptions()
+    exporter, options = exporter_of(target), options or ExportOptions()
     _refuse_words(exporter, options.further)
     if spec.mechanism is not None and not exporter.mechanisms:
-        targets_of = ", ".join(name for name, each in known.items() if each.mechanisms)
+        targets_of = ", ".join(name for name, each in exporters().items() if each.mechanisms)
         raise DerivationError(
             f"{spec.name}: joints that follow others and branches are not exported to {target}, but to {targets_of}"
         )

@@ -1,8 +1,8 @@
-"""Guards: a function with a state, limits or a period refuses unusable input and leaves its state as it is.
+"""Guards: a function with a state, limits, a period or an estimate refuses unusable input and keeps its state.
 
 A program is guarded if one of its outputs is a state (:attr:`rrrgen.program.ports.Port.state`) or one of its inputs a
-limit or a period (:class:`rrrgen.program.ports.Domain`). Its results are then computed as before, but they count only
-if every input that the program reads, and every result, is a number in its domain:
+limit, a period or the estimate of an observer (:class:`rrrgen.program.ports.Domain`). Its results are then computed as
+before, but they count only if every input that the program reads, and every result, is a number in its domain:
 
     refused = nonfinite(sum of |checked values|), or a bound that is NaN, negative or contradictory
     state_next = refused ? state : state_next,   output = refused ? 0 : output,   status = refused ? 2 : status
@@ -34,9 +34,9 @@ _STRICT = (Op.ADD, Op.SUB, Op.MUL, Op.NEG, Op.SIN, Op.COS, Op.SQRT, Op.ABS)
 
 
 def is_guarded(program: Program) -> bool:
-    """Whether the program has a state, limits or a period, and therefore refuses unusable input."""
+    """Whether the program has a state, limits, a period or an estimate, and therefore refuses unusable input."""
     return any(port.state for port in program.outputs) or any(
-        port.domain in BOUNDS or port.domain is Domain.PERIOD for port in program.inputs
+        port.domain in (*BOUNDS, Domain.PERIOD, Domain.ESTIMATE) for port in program.inputs
     )
 
 

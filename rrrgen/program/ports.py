@@ -53,6 +53,7 @@ class Domain(Enum):
     """The values of an input that a function accepts; :mod:`rrrgen.program.guard` refuses all others."""
 
     FINITE = "finite"
+    ESTIMATE = "an estimate of an observer, finite"  # refused also by functions that have no state
     POSITIVE = "finite and > 0"
     PERIOD = "a time, finite and > 0"
     LIMIT = ">= 0, INFINITY for none"  # of a magnitude

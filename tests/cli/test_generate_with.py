@@ -102,6 +102,14 @@ def test_gravity_and_control(tmp_path, real):
     assert "add_library(swing swing.c swing_any_gravity.c" in cmake
 
 
+def test_tables_of_two_numbers_are_not_shadowed(tmp_path):
+    """The table of a vector has its size in its name: ``tau_2`` of an arm of two joints, here in any gravity."""
+    output = tmp_path / "out"
+    assert run(["generate", "planar2r", "-o", str(output), "--no-casadi-files", "--with", "gravity,observer"]) == 0
+    strict = [*STRICT, "-Wshadow", "-fsyntax-only"]
+    subprocess.run(["gcc", *strict, *(path.name for path in output.glob("*.c"))], cwd=output, check=True)
+
+
 def test_gravity_in_rust_is_a_crate_of_its_own(tmp_path):
     output = generate(tmp_path, PENDULUM, "--with", "control,gravity,rust")
     source = output / "rust_any_gravity" / "src" / "lib.rs"

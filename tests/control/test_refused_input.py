@@ -1,4 +1,4 @@
-"""Every function with a state, limits or a period refuses unusable input, in every language that it is emitted in.
+"""Every function with a state, limits, a period or an estimate refuses unusable input, in every language that it is in.
 
 One table of cases per function: valid inputs; then each element of each input in turn replaced by NaN, infinities, huge
 and tiny numbers, and by values that contradict their meaning. Refused means: the state is handed back bit by bit, other
@@ -61,7 +61,16 @@ LAWS_AND_OBSERVERS = [
 NAMES = [
     *LAWS_AND_OBSERVERS,
     *(f"{name}_nominal" for name in LAWS_AND_OBSERVERS),
-    *["slotine_li", "contact", "quintic", "trapezoidal", "kalman_step", "notch_step", "friction_step_lugre"],
+    *[
+        "slotine_li",
+        "contact",
+        "external_force",
+        "quintic",
+        "trapezoidal",
+        "kalman_step",
+        "notch_step",
+        "friction_step_lugre",
+    ],
 ]
 
 
@@ -71,7 +80,8 @@ def test_no_function_with_a_state_or_limits_is_forgotten():
     for name, program in derive_once(rrrgen.load_spec("rrr"), GROUPS).programs.items():
         ports = [port.name for port in (*program.inputs, *program.outputs)]
         telling = any(port.endswith(("_next", "_last", "_max", "_min")) or port == "Ts" for port in ports)
-        assert is_guarded(program) == (telling or name.startswith(("quintic", "momentum_observer_start"))), name
+        fixed = name.startswith(("quintic", "momentum_observer_start", "external_force"))
+        assert is_guarded(program) == (telling or fixed), name
 
 
 @dataclass(frozen=True)

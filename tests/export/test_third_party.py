@@ -62,9 +62,19 @@ def test_export_and_generate_write_its_files(tmp_path):
         ("tiny_target:EXPORTER", MODULE.replace("joint-list", "urdf"), "there is a target 'urdf' already"),
     ],
 )
-def test_an_unusable_entry_point_is_named(tmp_path, value, module, words):
+def test_an_unusable_entry_point_is_named_and_keeps_no_other_from_working(tmp_path, value, module, words):
+    """A warning beside another target; an error, without a file, where it is the one that is asked for."""
     packages = installed(tmp_path / "packages", value, module)
-    done = rrrgen(packages, "export", "pendulum", "--to", "urdf", "-o", str(tmp_path / "pendulum.urdf"))
-    assert done.returncode == 3
-    assert "tiny-target: target 'joint-list'" in done.stderr
+    urdf = tmp_path / "pendulum.urdf"
+    done = rrrgen(packages, "export", "pendulum", "--to", "urdf", "-o", str(urdf))
+    assert done.returncode == 0, done.stderr
+    assert "<robot" in urdf.read_text()
+    assert "warning: tiny-target: target 'joint-list'" in done.stderr
     assert words in done.stderr
+    for arguments in (["export", "pendulum", "--to"], ["generate", "pendulum", "--no-casadi-files", "--with"]):
+        done = rrrgen(packages, *arguments, "joint-list", "-o", str(tmp_path / "not_written"))
+        assert done.returncode == 3, done.stderr
+        assert f"rrrgen: tiny-target: target 'joint-list' ({value})" in done.stderr
+        assert words in done.stderr
+        assert not (tmp_path / "not_written").exists()
+    assert "urdf" in rrrgen(packages, "export", "--help").stdout

@@ -8,8 +8,10 @@ import pytest
 
 from ik.robots import ROWS, make
 from pipeline.optimized import bundled
+from rrrgen.derive import derive
 from rrrgen.emit.c.ik.self_test import selftest
 from rrrgen.emit.package import emit
+from rrrgen.robot.file import loads_spec
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +53,33 @@ def test_right_code_passes_and_wrong_code_does_not(folder):
         wrong = run(folder, source.replace(before, after))
         assert wrong.returncode == 1, before
         assert any("FAILED" in line and words in line for line in wrong.stdout.splitlines()), (before, wrong.stdout)
+
+
+UNCOUNTED = """\
+schema: rrrgen/1
+name: arm
+convention: standard
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+tool: {translation: [0, 0.05, 0.12], rpy: [40, 0, 90]}
+joints:
+  - {type: revolute, alpha: 90, a: 0, d: 0.377, theta: 0}
+  - {type: revolute, alpha: 0, a: 0.47, d: 0.47, theta: 0, sign: -1}
+  - {type: revolute, alpha: 90, a: 0, d: 0.457, theta: 0}
+"""
+
+
+def test_an_arm_without_golden_targets_has_no_unused_function(tmp_path):
+    """Three joints that lack a point to be placed at: no solver counts the rows of a target."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    for name, text in emit(derive(loads_spec(UNCOUNTED))).items():
+        if name.endswith((".c", ".h")) and "/" not in name:
+            (tmp_path / name).write_text(text)
+    source = (tmp_path / "arm_selftest.c").read_text()
+    assert "golden_rows" not in source
+    warnings = ["-Wall", "-Wextra", "-Werror"]  # unused functions are found where code is made
+    subprocess.run(["gcc", "-std=c99", *warnings, "-c", "arm_selftest.c"], cwd=tmp_path, check=True)
 
 
 def test_every_family_has_targets():

@@ -28,10 +28,12 @@ DOMAINS = {
     **dict.fromkeys(("Ts", "T"), Domain.PERIOD),
     **dict.fromkeys(("width", "gain"), Domain.POSITIVE),
     **dict.fromkeys(("tau_max", "dq_max", "ddq_max", "threshold", "change_threshold"), Domain.LIMIT),
+    "r": Domain.ESTIMATE,
     "beta_min": Domain.LOWER,
     "beta_max": Domain.UPPER,
 }
-"""The quantities of the table that are limits, periods, or must be positive, with the values that are accepted."""
+"""The quantities of the table that are limits, periods, estimates, or must be positive, with the values that are
+accepted."""
 
 JOINT_ROLES = {
     "q": Role.POSITION,

@@ -723,6 +723,7 @@ TABLE = (
         ),
         result="ExternalLoad",
         status=True,
+        refuses="the results are then zero",
         more_joints_than=5,
     ),
     ModelFunction(
@@ -746,6 +747,7 @@ TABLE = (
         ),
         result="ExternalLoad",
         status=True,
+        refuses="the results are then zero",
         more_joints_than=2,
     ),
     ModelFunction(

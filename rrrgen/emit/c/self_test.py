@@ -255,8 +255,8 @@ def _specializations(model: DerivedModel, dialect: Dialect) -> list[dict[str, An
         if nominal is None or not _never_fails(nominal):
             continue
         results = [port.name for port in program.data_outputs]
-        general = [*_arguments(program), *(f"{result}_1" for result in results)]
-        special = [*_arguments(nominal), *(f"{result}_2" for result in results)]
+        general = [*_arguments(program), *(f"{result}_general" for result in results)]
+        special = [*_arguments(nominal), *(f"{result}_special" for result in results)]
         specializations.append(
             {
                 "name": name,

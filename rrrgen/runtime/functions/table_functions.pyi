@@ -1613,11 +1613,13 @@ class TableFunctions(Calls):
 
         Returns:
             The named tuple (F, P, condition): the wrench in base axes, (..., 6), N and N m, its covariance, (..., 6,
-            6), and a condition number, (...), that is 1 at best and large near singular configurations.
+            6), and a condition number, (...), that is 1 at best and large near singular configurations. Where the input
+            is refused the status, (...), is 2; the results are then zero.
 
         Raises:
             numpy.linalg.LinAlgError: the torques do not determine it at some state, and ``with_status`` is False.
             ValueError: the robot has fewer than six joints.
+            ValueError: an input is not finite or out of its range, and ``with_status`` is False.
         """
     @overload
     def external_wrench(
@@ -1659,11 +1661,13 @@ class TableFunctions(Calls):
 
         Returns:
             The named tuple (F, P, condition): the force in base axes, (..., 3), N, its covariance, (..., 3, 3), and a
-            condition number, (...), that is 1 at best and large near singular configurations.
+            condition number, (...), that is 1 at best and large near singular configurations. Where the input is
+            refused the status, (...), is 2; the results are then zero.
 
         Raises:
             numpy.linalg.LinAlgError: the torques do not determine it at some state, and ``with_status`` is False.
             ValueError: the robot has fewer than three joints.
+            ValueError: an input is not finite or out of its range, and ``with_status`` is False.
         """
     @overload
     def external_force(

@@ -22,7 +22,7 @@ TARGETS = {
     3: "the position (m) of the tip in the base frame.",
     6: "the position (m) of a tool in the base frame, x, y, z, followed by its position in the frame of the last link, "
     "of which no coordinate may exceed ten times the reach.",
-    16: "the row-major 4x4 pose (m) of the tip in the base frame.",
+    16: "the row-major 4x4 pose (m) of the tip in the base frame, whose last row is not read.",
 }
 """What a target is, by the number of its entries."""
 
