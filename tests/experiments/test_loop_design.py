@@ -220,6 +220,30 @@ def test_a_loop_that_runs_away_is_a_failed_check(demo, trajectory, tmp_path) -> 
     assert caught.value.exit_code == 1
 
 
+@pytest.mark.parametrize("reference", [True, False])
+@pytest.mark.parametrize("stable", [True, False])
+def test_identification_says_that_the_loop_of_a_recording_oscillates(
+    demo, trajectory, tmp_path, stable: bool, reference: bool
+) -> None:
+    """It gave wrong diagnoses of columns and units instead."""
+    slow = tmp_path / "slow.yaml"
+    control = "" if stable else "control: {bandwidth: 4, jerk: 20}\n"
+    slow.write_text(f"schema: rrrgen-experiment/1\n{control}")
+    options = ["--trajectory", trajectory, "--experiment", slow, "--duration", 4, "-o", tmp_path / "recorded"]
+    assert run("simulate", demo, *options).return_value == (0 if stable else 1)
+    mapping = tmp_path / "recorded" / "results" / "log.yaml"
+    if not reference:
+        lines = mapping.read_text().splitlines()
+        mapping.write_text("\n".join(line for line in lines if "reference:" not in line) + "\n")
+    found = rrrgen.identify(str(demo), str(mapping))
+    said = [note for note in found.notes if "oscillates" in note]
+    assert len(said) == (0 if stable else 1)
+    if not stable:
+        assert found.notes[0] == said[0]
+        frequency = float(said[0].split(" at ")[1].split(" Hz")[0])
+        assert 20.0 < frequency < 100.0
+
+
 def recorded(robot, folder, record: str, noise: float):
     """The mapping file of a recording of the arm that moves two joints, every 2 ms."""
     experiment, motion = folder / f"{record}.yaml", folder / "motion.json"

@@ -79,6 +79,7 @@ class Identification:
     - ``delivered``: the parameters of the written model, with their ``units`` and ``meanings``; ``band``: the
       uncertainty of the torques that it predicts.
     - ``friction``: the friction laws other than the linear one, None without any.
+    - ``swinging``: sentences on recordings whose control loop oscillates.
     - ``repairs``, ``diagnoses``: repairs of the recordings, and probable faults in them or in the robot file.
     - ``blocks``, ``held_out_blocks``, ``parametrisation``: the rows, and the map to the identifiable parameters;
       ``regressor``: that of all columns.
@@ -112,6 +113,7 @@ class Identification:
     friction: FrictionFit | None = None
     repairs: tuple[Repairs, ...] = ()
     diagnoses: tuple[Cause, ...] = ()
+    swinging: tuple[str, ...] = ()
     blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
     held_out_blocks: Iterable[Rows] = field(repr=False, compare=False, default=())
     parametrisation: Parametrisation | None = field(repr=False, compare=False, default=None)
@@ -214,7 +216,9 @@ def refitted(
     own = replace(options, split=found.split)
     tell: Progress = progress or (lambda done, total, message: None)
     run = _Run(regressor.model, regressor, chosen, recordings, found.tuning, own, factors, blocks, held_out, tell)
-    return replace(run.result(), repairs=found.repairs, friction=friction, diagnoses=found.diagnoses)
+    return replace(
+        run.result(), repairs=found.repairs, friction=friction, diagnoses=found.diagnoses, swinging=found.swinging
+    )
 
 
 def _with_friction(

@@ -55,6 +55,7 @@ def as_record(found: Identification, joints: Sequence[str]) -> dict[str, Any]:
         "held_out_notes": list(held_out_notes(found.scores, covered["held out"], joints)),
         "friction": None if found.friction is None else found.friction.to_json(),
         "diagnoses": [cause.to_json() for cause in found.diagnoses],
+        "oscillations": list(found.swinging),
         "repairs": [repairs.to_json() for repairs in found.repairs],
         "identifiable_parameters": found.structure.rank,
         "columns": len(found.columns),

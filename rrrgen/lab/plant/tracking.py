@@ -117,7 +117,7 @@ def oscillation(
     if length < 16 or load <= 0.0:
         return None
     line = 1.0 / (length * period)
-    lowest = max(BAND * bandwidth, 1.5 * _band(expected, period)) / line
+    lowest = max(BAND * bandwidth, 1.5 * band_of(expected, period)) / line
     first = int(np.ceil(max(lowest, 4.0)))
     if first + 4 > length // 2:
         return None
@@ -143,7 +143,7 @@ def oscillation(
     return Oscillation(joint, strongest[1] * line, strongest[2], longest[0][0] * period, stop)
 
 
-def _band(torque: Array, period: float) -> float:
+def band_of(torque: Array, period: float) -> float:
     """The frequency (Hz) below which all but :data:`QUIET` of the power of ``torque`` lies; 0 for a constant one."""
     power = np.abs(np.fft.rfft((torque - torque.mean()) * np.hanning(len(torque)))) ** 2
     total = np.cumsum(power)

@@ -188,7 +188,7 @@ class IdentificationResult(EstimateResult):
         for _, blocks in found.parts:
             covered = found.band.coverage(blocks)  # that of the held-out rows, which come last
         doubtful = held_out_notes(found.scores, covered, self._joints)
-        return (*found.structural_notes, *found.motion_notes, *found.hardly_determined, *doubtful)
+        return (*found.swinging, *found.structural_notes, *found.motion_notes, *found.hardly_determined, *doubtful)
 
     @property
     def diagnoses(self) -> tuple[Cause, ...]:
@@ -388,6 +388,7 @@ def _estimate(
     from rrrgen.lab.identify.cross_validation import cross_validate
     from rrrgen.lab.identify.diagnosis.causes import merged
     from rrrgen.lab.identify.diagnosis.report import diagnose_fit, diagnose_recordings
+    from rrrgen.lab.identify.diagnosis.swinging import swinging_notes
     from rrrgen.lab.identify.identification import identify as estimate
 
     recordings = logs.open(findings)
@@ -413,5 +414,6 @@ def _estimate(
     if chosen.cross_validate:
         parts = cross_validate(model, recordings, processing, estimation, chosen.cross_validate, progress)
     progress(0, 0, "diagnosis")
-    found = replace(found, diagnoses=merged([*before, *diagnose_fit(model, recordings, found)]))
+    causes = merged([*before, *diagnose_fit(model, recordings, found)])
+    found = replace(found, diagnoses=causes, swinging=swinging_notes(recordings))
     return IdentificationResult(arm.spec, model, tuple(recordings), logs.names, found, fitted, bias, parts, run=run)
