@@ -87,7 +87,8 @@ def simulate_response_runs(
     """Run the designed experiment ``options["response"]`` on the virtual robot and write its recordings."""
     _refuse("simulate", options)
     from rrrgen.lab.data.run_folder import RunFolder
-    from rrrgen.lab.experiment.response_experiment import simulate_response
+    from rrrgen.lab.experiment.loop_design import MARGIN
+    from rrrgen.lab.experiment.response_experiment import response_margin, simulate_response
     from rrrgen.lab.plant.response_recording import write_responses
     from rrrgen.runtime import load
 
@@ -100,7 +101,9 @@ def simulate_response_runs(
         RunFolder(output, "simulate", inputs, settings, experiment.seed, options["fresh"]) as folder,
         progress_bar() as progress,
     ):
-        signals, controller = simulate_response(experiment, load.compile(spec), design, progress)
+        model = load.compile(spec)
+        signals, controller = simulate_response(experiment, model, design, progress)
+        margin = response_margin(experiment, model, design)
         prismatic = not spec.joints[design.joint].is_revolute
         paths = write_responses(folder.path / "results", design, signals, controller, prismatic)
     clipped = {each.run.name: each.clipped for each in signals if each.clipped}
@@ -109,15 +112,27 @@ def simulate_response_runs(
             f"{doubtful('warning:')} {name}: {count} torques are clipped, so the loop is not linear; lower the rms",
             err=True,
         )
+    if margin.modulus < MARGIN:
+        state = "is unstable" if margin.unstable else f"has a modulus margin of {margin.modulus:.2f}, below {MARGIN}"
+        click.echo(
+            f"{doubtful('warning:')} the loop {state}, at {margin.frequency:.3g} Hz: a lower bandwidth in the section "
+            "response, a higher rate or less delay makes it robust",
+            err=True,
+        )
     if as_json:
         names = [each.run.name for each in signals]
         print_json(
-            {"responses": [str(path) for path in paths], "recordings": names, "clipped_torques": sum(clipped.values())}
+            {
+                "responses": [str(path) for path in paths],
+                "recordings": names,
+                "clipped_torques": sum(clipped.values()),
+                "modulus_margin": None if margin.unstable else margin.modulus,
+            }
         )
     else:
         for path in paths:
             say(f"recordings in {path}: now rrrgen frf {path} -o DIR")
-    return 0
+    return 1 if margin.unstable else 0
 
 
 def read_response_design(path: Path) -> ResponseDesign:

@@ -19,7 +19,13 @@ from rrrgen.lab.data.recordings import read_log
 from rrrgen.lab.design.plan import ResponseDesign
 from rrrgen.lab.experiment.experiment_file import loads_experiment
 from rrrgen.lab.experiment.linearised_log import linearised_log
-from rrrgen.lab.experiment.response_experiment import recorded_run, response_design, response_plan, simulate_response
+from rrrgen.lab.experiment.response_experiment import (
+    recorded_run,
+    response_design,
+    response_margin,
+    response_plan,
+    simulate_response,
+)
 from rrrgen.lab.experiment.setup import plant_of, rigid_body_of
 from rrrgen.lab.plant.recording import write_recording
 from rrrgen.lab.plant.response_recording import write_responses
@@ -252,3 +258,12 @@ def test_a_recording_of_something_else_is_refused(logged, tmp_path):
         linearised_log(model, replace(log, tau=None), design, design.runs[0])
     options = ["--log", str(folder / "log.yaml"), "--response", str(folder / "design.json"), "--run", "q9"]
     assert run_command(["linearise", "rrr", *options, "-o", str(tmp_path / "out")]) == 2
+
+
+@pytest.mark.parametrize("delay", [1, 30])
+def test_the_loop_of_a_response_experiment_has_a_margin(delay: int) -> None:
+    """Thirty samples late, loops of 6 Hz are unstable."""
+    found = experiment("period: 0.5 s, periods: 2, settle: 1, band: [4 Hz, 150 Hz]")
+    found = replace(found, virtual_robot={**found.virtual_robot, "delay": delay})
+    margin = response_margin(found, arm(), response_design(found, arm(), response_plan(found)))
+    assert margin.unstable == (delay == 30)

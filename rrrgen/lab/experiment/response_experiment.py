@@ -6,6 +6,7 @@ Equations (14.34) and (14.36).
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from rrrgen.lab.design.plan import ResponseDesign, ResponsePlan
 from rrrgen.lab.design.response_design import design_response
 from rrrgen.lab.experiment.experiment_file import Experiment
 from rrrgen.lab.experiment.setup import (
+    arm_of,
     friction_of,
     instruments_of,
     plant_of,
@@ -26,8 +28,12 @@ from rrrgen.lab.experiment.setup import (
 )
 from rrrgen.lab.plant.controllers import BackwardDifference, ComputedTorque, DeviationFilter, Observer, RecordedInput
 from rrrgen.lab.plant.experiment import Recording, VirtualRobot
+from rrrgen.lab.plant.loop_margin import LoopMargin, SampledArm
 from rrrgen.lab.plant.response_recording import LoopSignals
 from rrrgen.lab.response.controller import Controller
+
+POSTURES = 8
+"""Number of postures of a run in which the margin of its loop is computed: the other joints hardly move."""
 
 Progress = Callable[[int, int, str], None]
 
@@ -71,6 +77,31 @@ def simulate_response(
     return found, sampled_controller(design.kp[i], design.kd[i], design.period, filters[i] if filters else None)
 
 
+def response_margin(experiment: Experiment, model: Any, design: ResponseDesign) -> LoopMargin:
+    """Stability margin of the loops in which ``design`` is run, the worst of all postures of its runs."""
+    filters, margins = _filters(experiment, model), []
+    for run in design.runs:
+        arm = arm_of(experiment, model, partial(design.reference, run), len(run.n) * experiment.period)
+        some = np.unique(np.linspace(0, len(arm.masses) - 1, POSTURES).round().astype(int))
+        sampled = SampledArm.at(
+            arm.masses[some],
+            arm.plant.joints,
+            arm.plant.base,
+            experiment.period,
+            delay=arm.delay,
+            assumed=arm.moved[some],
+            slowest=float(np.sqrt(min(design.kp))) / (2.0 * np.pi),
+        )
+        margins.append(sampled.margin(_observer(experiment, filters).feedback(design.kp, design.kd)))
+    return min(margins, key=lambda margin: margin.modulus)
+
+
+def _observer(experiment: Experiment, filters: list[KalmanMatrices] | None) -> Observer:
+    if filters is None:
+        return BackwardDifference(experiment.period)
+    return DeviationFilter([m.E for m in filters], [m.k for m in filters])
+
+
 def recorded_run(
     experiment: Experiment,
     model: Any,
@@ -92,9 +123,6 @@ def recorded_run(
     controller = RecordedInput(law)
     excitation = np.zeros((len(run.n), model.n))
     excitation[:, design.joint] = run.n
-    observer: Observer = BackwardDifference(experiment.period)
-    if filters is not None:
-        observer = DeviationFilter([m.E for m in filters], [m.k for m in filters])
 
     def tell(done: int, total: int, message: str) -> None:
         if progress is not None:
@@ -104,7 +132,7 @@ def recorded_run(
         lambda t: design.reference(run, t),
         len(run.n) * experiment.period,
         controller,
-        observer,
+        _observer(experiment, filters),
         seed=experiment.seed + number,
         excitation=excitation,
         progress=tell,
