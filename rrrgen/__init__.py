@@ -30,11 +30,13 @@ if TYPE_CHECKING:
     from rrrgen.lab.studies.estimate_drive_gains import DriveGainsOptions, estimate_drive_gains
     from rrrgen.lab.studies.estimate_friction import FrictionOptions, estimate_friction
     from rrrgen.lab.studies.estimate_payload import PayloadOptions, estimate_payload
+    from rrrgen.lab.studies.excite import ExciteOptions, excite
     from rrrgen.lab.studies.fit_response import FitResponseOptions, fit_response
     from rrrgen.lab.studies.frequency_response import FrequencyResponseOptions, frequency_response
     from rrrgen.lab.studies.identify import IdentifyOptions, identify
     from rrrgen.lab.studies.preprocessing import MotionOptions
     from rrrgen.lab.studies.reconstruct import reconstruct
+    from rrrgen.lab.studies.simulate import SimulateOptions, simulate
     from rrrgen.lab.studies.validate import ValidateOptions, validate
     from rrrgen.robot.file import bundled_names, load_spec, loads_spec
     from rrrgen.robot.importers.robotics_toolbox import from_toolbox
@@ -49,10 +51,12 @@ _STUDIES = {
     "estimate_drive_gains": "DriveGainsOptions",
     "estimate_friction": "FrictionOptions",
     "estimate_payload": "PayloadOptions",
+    "excite": "ExciteOptions",
     "fit_response": "FitResponseOptions",
     "frequency_response": "FrequencyResponseOptions",
     "identify": "IdentifyOptions",
     "reconstruct": "MotionOptions",
+    "simulate": "SimulateOptions",
     "validate": "ValidateOptions",
 }
 """The studies of the laboratory, each in a module of its name, and their options."""
@@ -83,6 +87,7 @@ __all__ = [
     "ContactOptions",
     "DerivationError",
     "DriveGainsOptions",
+    "ExciteOptions",
     "FitResponseOptions",
     "FrequencyResponseOptions",
     "FrictionOptions",
@@ -95,6 +100,7 @@ __all__ = [
     "PayloadOptions",
     "RobotFileWarning",
     "RrrgenError",
+    "SimulateOptions",
     "ValidateOptions",
     "__version__",
     "bundled_names",
@@ -104,6 +110,7 @@ __all__ = [
     "estimate_drive_gains",
     "estimate_friction",
     "estimate_payload",
+    "excite",
     "fit_response",
     "frequency_response",
     "from_toolbox",
@@ -112,6 +119,7 @@ __all__ = [
     "loads_spec",
     "online_estimator",
     "reconstruct",
+    "simulate",
     "spline_path",
     "validate",
 ]

@@ -81,8 +81,8 @@ def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -
 def _motion(path: Path, joints: int) -> Program:
     """The program that evaluates the trajectory of the excitation result ``path`` for a robot of ``joints`` joints."""
     from rrrgen.base.errors import InputError
-    from rrrgen.cli.workflow import read_trajectory
     from rrrgen.emit.controller.trajectory import fixed_fourier_program
+    from rrrgen.lab.design.fourier_series import read_trajectory
 
     motion = read_trajectory(path)
     if motion.n != joints:

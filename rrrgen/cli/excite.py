@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import click
 
-from rrrgen.base.extras import require
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.arguments import json_option, robot_argument, robot_source
 from rrrgen.cli.friction_experiment import excite_friction
-from rrrgen.cli.progress import progress_bar
 from rrrgen.cli.response_experiment import excite_response
-from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import (
-    chosen_experiment,
-    described_files,
-    experiment_option,
-    jobs_options,
-    output_option,
-    parallel_packages,
-    seed_option,
-)
+from rrrgen.cli.study_options import click_options
+from rrrgen.cli.workflow import FindingsPrinter, fresh_option, output_option, run_study
+from rrrgen.lab.studies.excite import ExciteOptions
 
 
 @click.command()
 @robot_argument
 @output_option
-@experiment_option
 @click.option(
     "--response",
     metavar="JOINT",
@@ -39,15 +27,18 @@ from rrrgen.cli.workflow import (
     metavar="JOINT",
     help="Move one joint for `rrrgen friction` instead: a fast multisine, then slow reversals; 40 s unless --duration.",
 )
-@click.option("--harmonics", type=click.IntRange(min=1), help="Number of harmonics of the Fourier series; default 15.")
-@click.option("--duration", "cycle", type=float, metavar="S", help="Period of the motion in seconds; default 10.")
-@click.option("--rate", type=float, metavar="HZ", help="Sampling rate of the controller; default 1000.")
-@click.option("--starts", type=click.IntRange(min=1), help="Number of random starts of the search; default 4.")
-@jobs_options
-@seed_option(default=None)
-@click.option("--fresh", is_flag=True, help="Discard a run that DIR already holds, and start over.")
+@click_options(ExciteOptions)
+@fresh_option
 @json_option
-def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
+def excite(
+    robot: str,
+    output: Path,
+    response: str | None,
+    friction: str | None,
+    options: ExciteOptions,
+    fresh: bool,
+    as_json: bool,
+) -> int:
     """Design an exciting trajectory within the limits of a robot file, or of an experiment file.
 
     Minimises the condition number of the regressor from several random starts and checks every limit at the rate of the
@@ -64,53 +55,20 @@ def excite(robot: str, output: Path, as_json: bool, **options: Any) -> int:
       rrrgen excite rrr --response q1 -o runs/response-excitation
       rrrgen excite rrr --friction q3 -o runs/friction-motion
     """
-    if options["friction"] is not None:
-        require("rrrgen excite", "matplotlib")
-        spec = read_with_warnings(robot)
-        chosen = chosen_experiment(options["experiment"], spec.n, {**options, "cycle": None, "harmonics": None})
-        return excite_friction(robot, spec, chosen, output, options, as_json)
-    if options["response"] is not None:
-        require("rrrgen excite", "matplotlib")
-        spec = read_with_warnings(robot)
-        chosen = chosen_experiment(options["experiment"], spec.n, options)
-        return excite_response(robot, spec, chosen, output, options, as_json)
-    require("rrrgen excite", "casadi", "matplotlib", *parallel_packages(options))
-    from rrrgen.lab.data.run_folder import RunFolder
-    from rrrgen.lab.design.design import design_excitation
-    from rrrgen.lab.design.plots import plot_convergence, plot_motion, plot_singular_values
-    from rrrgen.lab.design.robot import limits_of
-    from rrrgen.lab.experiment.setup import problem_of
-    from rrrgen.runtime import load
+    if friction is not None:
+        return excite_friction(robot, friction, response, options, output, fresh, as_json)
+    if response is not None:
+        return excite_response(robot, response, options, output, fresh, as_json)
+    from rrrgen.lab.studies.excite import excite as study
 
-    spec = read_with_warnings(robot)
-    experiment = chosen_experiment(options["experiment"], spec.n, options)
-    settings = {name: options[name] for name in ("harmonics", "cycle", "rate", "starts")}
-    settings["limits"] = asdict(limits_of(spec))
-    inputs = described_files(robot=Path(robot), experiment=options["experiment"])
-    with (
-        RunFolder(output, "excite", inputs, settings, experiment.seed, options["fresh"]) as folder,
-        progress_bar() as progress,
-    ):
-        problem = problem_of(experiment, load.compile(spec))
-        design = design_excitation(
-            problem,
-            experiment.starts,
-            seed=experiment.seed,
-            jobs=options["jobs"],
-            cluster=options["cluster"],
-            checkpoints=folder.checkpoint("starts"),
-            progress=progress,
-        )
-        results = folder.path / "results"
-        results.mkdir(parents=True, exist_ok=True)
-        design.write(results)
-        folder.figure("motion", plot_motion(design.trajectory))
-        folder.figure("singular_values", plot_singular_values(design))
-        folder.figure("convergence", plot_convergence(design))
-    if as_json:
-        print_json(design.to_json())
-    else:
-        check = design.best.check
-        say(f"condition number {check.condition:.4g} with {problem.columns} columns, all limits met")
-        say(f"results and figures in {output}")
+    run_study(
+        study,
+        robot_source(robot),
+        options,
+        folder=output,
+        fresh=fresh,
+        findings=FindingsPrinter(as_json),
+        as_json=as_json,
+        last=f"results and figures in {output}",
+    )
     return 0

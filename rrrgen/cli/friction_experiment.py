@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from rrrgen.cli.arguments import print_json
+from rrrgen.base.extras import require
+from rrrgen.base.option_names import option_name
+from rrrgen.cli.arguments import print_json, read_with_warnings
 from rrrgen.cli.terminal import say
 from rrrgen.cli.workflow import described_files
 
 if TYPE_CHECKING:
-    from rrrgen.lab.experiment.experiment_file import Experiment
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.lab.studies.excite import ExciteOptions
 
 DURATION = 40.0
-OTHERS = {"harmonics": "--harmonics", "starts": "--starts", "cluster": "--cluster", "response": "--response"}
+OTHERS = ("harmonics", "starts", "cluster")
 
 
 def excite_friction(
-    robot: str, spec: RobotSpec, experiment: Experiment, output: Path, options: dict[str, Any], as_json: bool
+    robot: str, joint: str, response: str | None, options: ExciteOptions, output: Path, fresh: bool, as_json: bool
 ) -> int:
-    """Design the friction experiment of the joint ``options["friction"]`` and write it to ``output``."""
-    for name, option in OTHERS.items():
-        if options.get(name) is not None:
-            raise click.UsageError(f"{option} does not belong to a friction experiment")
+    """Design the friction experiment of the ``joint`` and write it to ``output``."""
+    require("rrrgen excite", "matplotlib")
+    spec = read_with_warnings(robot)
+    experiment = options.of_file(spec.n)
+    others = [name for name in OTHERS if getattr(options, name) is not None]
+    for name in others if response is None else (*others, "response"):
+        raise click.UsageError(f"{option_name(name)} does not belong to a friction experiment")
     import numpy as np
 
     from rrrgen.lab.data.run_folder import RunFolder
@@ -37,11 +41,11 @@ def excite_friction(
     phi = nominal_parameters(spec)
     links = None if phi is None else NewtonEuler(chain_of(spec), phi)
     torque = None if links is None else lambda *motion: links.inverse_dynamics(*motion)
-    duration, joint = options["cycle"] or DURATION, options["friction"]
+    duration = options.duration or DURATION
     motion = design_friction_motion(spec, joint, duration, experiment.seed, torque)
-    settings = {"friction": joint, "duration": duration, "rate": options["rate"]}
-    inputs = described_files(robot=Path(robot), experiment=options["experiment"])
-    with RunFolder(output, "excite", inputs, settings, experiment.seed, options["fresh"]) as folder:
+    settings = {"friction": joint, "duration": duration, "rate": options.rate}
+    inputs = described_files(robot=Path(robot), experiment=options.experiment)
+    with RunFolder(output, "excite", inputs, settings, experiment.seed, fresh) as folder:
         place = folder.write_json("friction_motion.json", motion.to_json())
         t = np.arange(round(motion.period / experiment.period)) * experiment.period
         found = motion.evaluate(t)

@@ -85,8 +85,8 @@ def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[Motion]:
 def _trajectory(file: Path) -> Motion:
     import numpy as np
 
-    from rrrgen.cli.workflow import read_trajectory
     from rrrgen.emit.html.motions import Motion
+    from rrrgen.lab.design.fourier_series import read_trajectory
     from rrrgen.lab.design.friction_motion import read_friction_motion
 
     series = read_friction_motion(file) or read_trajectory(file)

@@ -113,8 +113,8 @@ def _refuse_unused(kinds: tuple[str, ...], options: dict[str, Any]) -> None:
 def _gain(setting: Regression, options: dict[str, Any]) -> float:
     """The gain alpha Ts of the gradient estimator; along a given motion it must be below the bound of stability."""
     from rrrgen.base.errors import InputError
-    from rrrgen.cli.workflow import read_trajectory
     from rrrgen.emit.controller.gain import chosen_gain, gain_bound
+    from rrrgen.lab.design.fourier_series import read_trajectory
 
     bound = None
     if options["trajectory"] is not None:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrrgen.cli.arguments import print_json
+from rrrgen.base.extras import require
+from rrrgen.base.option_names import option_name
+from rrrgen.cli.arguments import print_json, read_with_warnings
 from rrrgen.cli.colour import doubtful
 from rrrgen.cli.progress import progress_bar
 from rrrgen.cli.terminal import say
@@ -17,36 +19,29 @@ from rrrgen.cli.workflow import described_files
 
 if TYPE_CHECKING:
     from rrrgen.lab.design.plan import ResponseDesign
-    from rrrgen.lab.experiment.experiment_file import Experiment
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.lab.studies.excite import ExciteOptions
+    from rrrgen.lab.studies.experiment_options import ExperimentOptions
+    from rrrgen.lab.studies.simulate import SimulateOptions
 
-OTHERS = {
-    "excite": {"harmonics": "--harmonics", "cycle": "--duration", "starts": "--starts", "cluster": "--cluster"},
-    "simulate": {
-        "trajectory": "--trajectory",
-        "duration": "--duration",
-        "bandwidth": "--bandwidth",
-        "control": "--control",
-    },
-}
-"""Options of each command that a response experiment does not use."""
+OTHERS = ("harmonics", "starts", "cluster", "duration", "bandwidth", "control")
+"""Options of either command that a response experiment does not use."""
 
 
-def excite_response(
-    robot: str, spec: RobotSpec, experiment: Experiment, output: Path, options: dict[str, Any], as_json: bool
-) -> int:
-    """Design the response experiment of the joint ``options["response"]`` and write it to ``output``."""
-    _refuse("excite", options)
+def excite_response(robot: str, joint: str, options: ExciteOptions, output: Path, fresh: bool, as_json: bool) -> int:
+    """Design the response experiment of the ``joint`` and write it to ``output``."""
+    require("rrrgen excite", "matplotlib")
+    spec = read_with_warnings(robot)
+    experiment = options.of_file(spec.n)
+    _refuse(options)
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.design.response_plots import plot_response_excitation
     from rrrgen.lab.experiment.response_experiment import response_design, response_plan
     from rrrgen.runtime import load
 
-    joint = None if options["response"] == EXPERIMENT_JOINT else options["response"]
-    plan = response_plan(experiment, joint)
-    inputs = described_files(robot=Path(robot), experiment=options["experiment"])
-    settings = {"rate": options["rate"], "response": asdict(plan)}
-    with RunFolder(output, "excite", inputs, settings, experiment.seed, options["fresh"]) as folder:
+    plan = response_plan(experiment, None if joint == EXPERIMENT_JOINT else joint)
+    inputs = described_files(robot=Path(robot), experiment=options.experiment)
+    settings = {"rate": options.rate, "response": asdict(plan)}
+    with RunFolder(output, "excite", inputs, settings, experiment.seed, fresh) as folder:
         design = response_design(experiment, load.compile(spec), plan)
         results = folder.write_json("response_excitation.json", design.to_json())
         for run in design.runs:
@@ -82,23 +77,26 @@ def _write_samples(folder: Any, design: ResponseDesign, run: Any) -> None:
 
 
 def simulate_response_runs(
-    robot: str, spec: RobotSpec, experiment: Experiment, output: Path, options: dict[str, Any], as_json: bool
+    robot: str, response: Path, options: SimulateOptions, output: Path, fresh: bool, as_json: bool
 ) -> int:
-    """Run the designed experiment ``options["response"]`` on the virtual robot and write its recordings."""
-    _refuse("simulate", options)
+    """Run the designed experiment of the file ``response`` on the virtual robot and write its recordings."""
+    require("rrrgen simulate", "scipy")
+    spec = read_with_warnings(robot)
+    experiment = options.of_file(spec.n)
+    _refuse(options)
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.experiment.loop_design import MARGIN
     from rrrgen.lab.experiment.response_experiment import response_margin, simulate_response
     from rrrgen.lab.plant.response_recording import write_responses
     from rrrgen.runtime import load
 
-    design = read_response_design(options["response"])
-    if options["rate"] is None:
+    design = read_response_design(response)
+    if options.rate is None:
         experiment = replace(experiment, period=design.period)
-    inputs = described_files(robot=Path(robot), response=options["response"], experiment=options["experiment"])
-    settings = {name: options[name] for name in ("rate", "torque_noise", "base_mode")}
+    inputs = described_files(robot=Path(robot), response=response, experiment=options.experiment)
+    settings = {name: getattr(options, name) for name in ("rate", "torque_noise", "base_mode")}
     with (
-        RunFolder(output, "simulate", inputs, settings, experiment.seed, options["fresh"]) as folder,
+        RunFolder(output, "simulate", inputs, settings, experiment.seed, fresh) as folder,
         progress_bar() as progress,
     ):
         model = load.compile(spec)
@@ -146,9 +144,8 @@ def read_response_design(path: Path) -> ResponseDesign:
         raise InputError(f"{path}: {error}") from None
 
 
-def _refuse(command: str, options: dict[str, Any]) -> None:
-    for name, option in OTHERS[command].items():
-        if options.get(name) is not None:
-            raise click.UsageError(
-                f"{option} does not belong to a response experiment: the experiment file describes it"
-            )
+def _refuse(options: ExperimentOptions) -> None:
+    for name in OTHERS:
+        if getattr(options, name, None) is not None:
+            described = "does not belong to a response experiment: the experiment file describes it"
+            raise click.UsageError(f"{option_name(name)} {described}")

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from rrrgen.base.errors import Fault
     from rrrgen.lab.data.mapping import LogMapping
     from rrrgen.lab.data.repairs import Repairs
-    from rrrgen.lab.design.fourier_series import FourierTrajectory
-    from rrrgen.lab.experiment.experiment_file import Experiment
     from rrrgen.lab.identify.diagnosis.causes import Cause
     from rrrgen.lab.studies.results import StudyResult
 
@@ -63,60 +61,6 @@ def jobs_options(function: F) -> F:
     function = click.option("--cluster", metavar="ADDRESS", help=cluster)(function)
     jobs = "Number of parallel processes."
     return click.option("-j", "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help=jobs)(function)
-
-
-def parallel_packages(options: dict[str, Any]) -> tuple[str, ...]:
-    """The optional packages needed for the values of ``--jobs`` and ``--cluster`` in ``options``."""
-    if options["cluster"] is not None:
-        return ("joblib", "dask", "distributed")
-    return ("joblib",) if options["jobs"] > 1 else ()
-
-
-def experiment_option(function: F) -> F:
-    """Add the option ``--experiment``."""
-    return click.option(
-        "--experiment",
-        type=click.Path(path_type=Path),
-        metavar="FILE",
-        help="Experiment file: limits, objective, writing task, virtual robot, control; other options override it.",
-    )(function)
-
-
-def chosen_experiment(path: Path | None, joints: int, options: dict[str, Any]) -> Experiment:
-    """Load the experiment file (or start from the defaults) and override it with the options of the command line.
-
-    ``path`` is the experiment file or None, ``joints`` the number of joints of the robot.
-    """
-    from dataclasses import replace
-
-    from rrrgen.base.errors import Fault
-    from rrrgen.lab.experiment.experiment_file import Experiment, load_experiment
-
-    found = Experiment() if path is None else load_experiment(path, joints)
-    excitation, virtual_robot, control = dict(found.excitation), dict(found.virtual_robot), found.control
-    if options.get("harmonics") is not None:
-        excitation["harmonics"] = options["harmonics"]
-    if options.get("cycle") is not None:
-        excitation["base_frequency"] = 1.0 / options["cycle"]
-    if options.get("torque_noise") is not None:
-        virtual_robot["torque_noise"] = (options["torque_noise"],) * joints
-    if options.get("base_mode") is not None:
-        virtual_robot["flexible_base"] = {**virtual_robot.get("flexible_base", {}), "frequency": options["base_mode"]}
-    if options.get("bandwidth") is not None:
-        places = {key: place for key, place in control.places.items() if key not in ("kp", "kd")}
-        places["bandwidth"] = Fault("--bandwidth", 0, 0, "")
-        control = replace(control, bandwidth=(options["bandwidth"],) * joints, kp=None, kd=None, places=places)
-    if options.get("control") is not None:
-        control = replace(control, kind=options["control"].replace("-", "_"))
-    changes = {name: options[name] for name in ("starts", "seed") if options.get(name) is not None}
-    if options.get("rate") is not None:
-        changes["period"] = 1.0 / options["rate"]
-    return replace(found, excitation=excitation, virtual_robot=virtual_robot, control=control, **changes)
-
-
-def seed_option(default: int | None) -> Callable[[F], F]:
-    """Add the option ``--seed``; with ``default`` None, the seed of the experiment file applies."""
-    return click.option("--seed", type=int, default=default, help="Seed for all random numbers; default 0.")
 
 
 def print_repairs(repairs: Iterable[Repairs], as_json: bool = False) -> None:
@@ -184,21 +128,3 @@ def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping], 
 def described_files(**paths: Path | None) -> dict[str, Path]:
     """Select those of ``paths``, by role, that are existing files; the name of a bundled robot is left out."""
     return {role: path for role, path in paths.items() if path is not None and path.is_file()}
-
-
-def read_trajectory(path: Path) -> FourierTrajectory:
-    """Read the trajectory from an excitation result or from a JSON file that holds a trajectory alone.
-
-    Raises :class:`InputError` if the file holds neither.
-    """
-    import json
-
-    from rrrgen.base.errors import InputError
-    from rrrgen.lab.design.fourier_series import FourierTrajectory
-
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        coefficients = dict(data.get("trajectory", data))
-    except (ValueError, AttributeError, TypeError) as error:
-        raise InputError(f"{path} is no trajectory of `rrrgen excite`: {error}") from None
-    return FourierTrajectory.from_json(coefficients)

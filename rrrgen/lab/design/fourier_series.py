@@ -150,3 +150,18 @@ class FourierTrajectory:
             return cls(data["q0"], data["a"], data["b"], float(data["base_frequency_hz"]))  # type: ignore[index,arg-type]
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"trajectory: q0, a, b and base_frequency_hz are needed ({error})") from error
+
+
+def read_trajectory(path: Path) -> FourierTrajectory:
+    """Read the trajectory from an excitation result or from a JSON file that holds a trajectory alone.
+
+    Raises :class:`InputError` if the file holds neither.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        coefficients = dict(data.get("trajectory", data))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except (ValueError, AttributeError, TypeError) as error:
+        raise InputError(f"{path} is no trajectory of `rrrgen excite`: {error}") from None
+    return FourierTrajectory.from_json(coefficients)
