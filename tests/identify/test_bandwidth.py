@@ -2,15 +2,14 @@
 
 import json
 
-import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.base.errors import InputError
+from rrrgen.base.option_names import options_written
 from rrrgen.cli.main import cli
-from rrrgen.cli.workflow import chosen_processing
 from rrrgen.lab.data.mapping_reader import loads_mapping
 from rrrgen.lab.data.processing import Processing
 from rrrgen.lab.data.recordings import Log
@@ -23,6 +22,9 @@ from rrrgen.lab.identify.identification import identify
 from rrrgen.lab.identify.observations import Observations, RowMaker
 from rrrgen.lab.identify.options import Options
 from rrrgen.lab.identify.scores import score_table
+from rrrgen.lab.studies.options import OptionError
+from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+from rrrgen.lab.studies.sources import chosen_processing
 from samples.recordings import fourier_motion, planar_arm, write_log
 
 TERMS = DriveTerms.everywhere(2, "viscous", "coulomb", "offset")
@@ -94,8 +96,8 @@ def mapping(processing=""):
     )
 
 
-def chosen(processing="", method=None, cutoff=None, decimate=None):
-    return chosen_processing([loads_mapping(mapping(processing))], method, cutoff, decimate)
+def chosen(processing="", **options):
+    return chosen_processing([loads_mapping(mapping(processing))], PreprocessingOptions(**options))
 
 
 def test_every_word_on_the_command_line_changes_what_it_names_and_nothing_else():
@@ -112,9 +114,9 @@ def test_every_word_on_the_command_line_changes_what_it_names_and_nothing_else()
 
 
 def test_words_that_would_be_ignored_are_refused():
-    with pytest.raises(click.UsageError, match="add --method butterworth"):
+    with pytest.raises(OptionError, match="add method butterworth"):
         chosen("processing: {method: kalman}\n", cutoff=20.0)
-    with pytest.raises(click.UsageError, match="belongs to --method butterworth"):
+    with options_written(lambda name: f"--{name}"), pytest.raises(OptionError, match="belongs to --method butterworth"):
         chosen(method="kalman", cutoff=20.0)
     with pytest.raises(InputError) as caught:
         loads_mapping(mapping("processing: {method: kalman, cutoff: 20 Hz}\n"))
@@ -124,9 +126,9 @@ def test_words_that_would_be_ignored_are_refused():
     with pytest.raises(InputError, match="cutoff belongs to the method butterworth"):
         Processing("kalman", cutoff=3.0)
     two = [loads_mapping(mapping(f"processing: {{cutoff: {f} Hz}}\n"), f"{f}.yaml") for f in (10, 20)]
-    with pytest.raises(InputError, match=r"10\.yaml and 20\.yaml disagree on cutoff"):
-        chosen_processing(two, None, None)
-    assert chosen_processing(two, None, 15.0).cutoff == 15.0
+    with pytest.raises(InputError, match=r"10\.yaml and 20\.yaml disagree on cutoff .* or set cutoff$"):
+        chosen_processing(two, PreprocessingOptions())
+    assert chosen_processing(two, PreprocessingOptions(cutoff=15.0)).cutoff == 15.0
 
 
 @pytest.fixture(scope="module")
