@@ -127,8 +127,9 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
     rank = int(np.sum(sigma > sigma[0] * problem.columns * 1e-11))
     if rank < problem.columns:
         raise InputError(
-            f"excitation: the regressor has {problem.columns} columns but rank {rank}; "
-            "no trajectory excites dependent columns, use the base regressor"
+            f"excitation: the regressor has {problem.columns} columns but rank {rank}, and no trajectory excites the "
+            "rest; if axes are nearly but not exactly parallel or perpendicular, such as 1.5708 for pi/2, write their "
+            "angles exactly, otherwise use the base regressor"
         )
 
 
