@@ -11,7 +11,7 @@ import click
 
 from rrrgen.cli.arguments import complete_robot, json_option, print_json
 from rrrgen.cli.main import main
-from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import progress_bar
 
 if TYPE_CHECKING:
     from bench.results import Results

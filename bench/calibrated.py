@@ -19,7 +19,7 @@ from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, chain_of
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 CALIBRATED = ("panda", "iiwa14", "stanford")
 ERRORS = (1e-5, 1e-4, 1e-3, 5e-3)

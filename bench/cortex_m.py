@@ -46,7 +46,7 @@ class Loop:
 def measured(name: str, folder: Path) -> Loop:
     """Emit the control laws of a robot in float, run the loop, and read what it prints."""
     from rrrgen.derive import derive
-    from rrrgen.emit.c.backend import CBackend
+    from rrrgen.emit.c.robot_files import CBackend
     from rrrgen.robot.file import read
     from rrrgen.robot.identity import identify
 

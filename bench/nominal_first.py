@@ -24,7 +24,7 @@ from rrrgen.verify.references.numeric_robot import Array, chain_of
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 LISTS = ("ur10e", "ur5")
 TABLES = ("ur10e", "puma560", "stanford", "panda")

@@ -17,7 +17,7 @@ from rrrgen.base.parallel import Tell
 if TYPE_CHECKING:
     from bench.contenders.contender import Supplier
     from bench.toolchain import Toolchain
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 Say = Callable[[str], None]
 GROWTH_SECONDS = {True: 20.0, False: 120.0}
@@ -60,7 +60,7 @@ def bench(plan: Plan, tell: Tell) -> Results:
 def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
     from bench.contenders.emitted import emitted_contenders
     from rrrgen.derive import derive
-    from rrrgen.derive.derived_cache import recall
+    from rrrgen.derive.derived_model import recall
     from rrrgen.robot.file import read
     from rrrgen.robot.identity import identify
 
@@ -157,7 +157,7 @@ def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> No
     from bench.measurements.control_tick import control_ticks
     from bench.measurements.path_timing import path_timings
     from rrrgen.derive import derive
-    from rrrgen.derive.derived_cache import recall
+    from rrrgen.derive.derived_model import recall
     from rrrgen.robot.file import read
     from rrrgen.robot.identity import identify
 

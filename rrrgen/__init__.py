@@ -40,10 +40,10 @@ if TYPE_CHECKING:
     from rrrgen.lab.studies.validate import ValidateOptions, validate
     from rrrgen.robot.file import bundled_names, load_spec, loads_spec
     from rrrgen.robot.importers.robotics_toolbox import from_toolbox
-    from rrrgen.runtime.estimator import online_estimator
     from rrrgen.runtime.load import compile
     from rrrgen.runtime.model import Model
-    from rrrgen.runtime.path import Path, spline_path
+    from rrrgen.runtime.online_estimators import online_estimator
+    from rrrgen.runtime.paths import Path, spline_path
 
 _STUDIES = {
     "calibrate": "CalibrateOptions",
@@ -68,9 +68,9 @@ _HOMES = {
     "bundled_names": "rrrgen.robot.file",
     "from_toolbox": "rrrgen.robot.importers.robotics_toolbox",
     "Model": "rrrgen.runtime.model",
-    "Path": "rrrgen.runtime.path",
-    "spline_path": "rrrgen.runtime.path",
-    "online_estimator": "rrrgen.runtime.estimator",
+    "Path": "rrrgen.runtime.paths",
+    "spline_path": "rrrgen.runtime.paths",
+    "online_estimator": "rrrgen.runtime.online_estimators",
     "RrrgenError": "rrrgen.base.errors",
     "InputError": "rrrgen.base.errors",
     "DerivationError": "rrrgen.base.errors",

@@ -70,7 +70,9 @@ def imported(file: Path) -> Iterator[str]:
 
 
 def room_files(room: str) -> list[Path]:
-    return sorted((PACKAGE / room).rglob("*.py"))
+    """The files of a room: those of its folder, or the one file that it is."""
+    alone = PACKAGE / f"{room}.py"
+    return [alone] if alone.exists() else sorted((PACKAGE / room).rglob("*.py"))
 
 
 def room_of(module: str) -> str:

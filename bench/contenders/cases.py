@@ -13,7 +13,7 @@ from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, Chain, chain_of, nominal_parameters
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 ROBOTS = ("rrr", "puma560", "ur10e", "panda")
 STATES = 16

@@ -8,16 +8,15 @@ import numpy as np
 
 from bench.contenders.cases import Case, Numbers
 from bench.contenders.contender import OURS, OURS_FILE, OURS_LIBM, TITLES, Contender, Supplier
-from rrrgen.emit.c.dialect import Dialect
-from rrrgen.emit.c.sources import header_and_sources
-from rrrgen.emit.c.trigonometry import sincos_strategy
+from rrrgen.emit.c.language import Dialect, sincos_strategy
+from rrrgen.emit.c.robot_files import header_and_sources
 from rrrgen.program import Program, Role, count_operations, specialization
 from rrrgen.robot.identity import identify
 from rrrgen.verify.references.numeric_robot import Array
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.emit.c.trigonometry import Trig
+    from rrrgen.emit.c.language import Trig
 
 PLACES = {Role.POSITION: 0, Role.VELOCITY: 1, Role.ACCELERATION: 2, Role.TORQUE: 2, Role.COVECTOR: 3}
 """Offset of each input in a state, in multiples of n."""

@@ -16,9 +16,8 @@ from bench.contenders.contender import DisagreementError
 from bench.measurements.python_calls import turns
 from bench.measurements.race import TOLERANCE
 from bench.toolchain import Toolchain, run
-from rrrgen.emit.c.dialect import Dialect
-from rrrgen.emit.c.sources import header_and_sources
-from rrrgen.emit.c.trigonometry import sincos_strategy
+from rrrgen.emit.c.language import Dialect, sincos_strategy
+from rrrgen.emit.c.robot_files import header_and_sources
 from rrrgen.robot.identity import identify
 from rrrgen.verify.references.numeric_robot import Array
 

@@ -22,13 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.calibrated import STROKE, _calibrated, _random, _spec, _wrapped
-from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import progress_bar
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, chain_of
 
 if TYPE_CHECKING:
     from bench.calibrated import Row
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 Kind = Literal["special", "random"]
 Counts = NDArray[np.integer]

@@ -11,11 +11,10 @@ from bench.measurements.control_tick import JERK, PERIOD, RESOLUTION, SAMPLES, T
 from bench.templates import render
 from bench.toolchain import Toolchain, run
 from rrrgen.derive.derived_model import DerivedModel
-from rrrgen.emit.c.dialect import Dialect
 from rrrgen.emit.c.function_files import function_files
-from rrrgen.emit.c.sources import header_and_sources
-from rrrgen.emit.c.trigonometry import sincos_strategy
-from rrrgen.emit.controller.kalman import kalman_program
+from rrrgen.emit.c.language import Dialect, sincos_strategy
+from rrrgen.emit.c.robot_files import header_and_sources
+from rrrgen.emit.controller.filters import kalman_program
 from rrrgen.lab.data.kalman import kalman_matrices
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.program import Program, Role

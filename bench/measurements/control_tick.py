@@ -12,10 +12,15 @@ from bench.templates import render
 from bench.toolchain import Toolchain, run
 from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.emit.c.function_files import function_files
-from rrrgen.emit.controller.gain import chosen_gain, gain_bound
-from rrrgen.emit.controller.kalman import kalman_program
-from rrrgen.emit.controller.programs import regression
-from rrrgen.emit.controller.sources import KINDS, EstimatorSettings, estimator_files
+from rrrgen.emit.controller.filters import kalman_program
+from rrrgen.emit.controller.online_estimators import (
+    KINDS,
+    EstimatorSettings,
+    chosen_gain,
+    estimator_files,
+    gain_bound,
+    regression,
+)
 from rrrgen.lab.data.kalman import kalman_matrices
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.robot.friction.laws import LAWS

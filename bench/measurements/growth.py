@@ -13,7 +13,7 @@ from bench.contenders.contender import Supplier
 from bench.contenders.emitted import emitted_contenders
 from bench.measurements.race import Effort, Score, race
 from bench.toolchain import Toolchain
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 Rivals = Callable[[Case], list[Supplier]]
 

@@ -103,7 +103,7 @@ def main(robots: Sequence[str]) -> None:
             write(robot, now)  # imports, so that they are not timed
             with (
                 patch("rrrgen.ik.recording.recorder.Pool", BuilderPool),
-                patch("rrrgen.emit.c.ik.scaffold.Pool", BuilderPool),
+                patch("rrrgen.emit.c.ik.common_code.Pool", BuilderPool),
             ):
                 before = _seconds(robot, builder)
             after = _seconds(robot, now)

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.ik.classify import plan_chain
-from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.families import parameter
 from rrrgen.ik.geometry.chain import numeric_chain
-from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
 from rrrgen.robot.file import load_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, Chain, chain_of

@@ -21,7 +21,7 @@ from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, Chain, chain_of
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 POSES = 32
 ROW_ERROR = 1e-6
@@ -118,10 +118,9 @@ def _compiled(
 def _reference_sources() -> dict[str, str]:
     """The C of the RRR's model, with which times are compared."""
     from rrrgen.derive import derive
-    from rrrgen.derive.derived_cache import recall
-    from rrrgen.emit.c.dialect import Dialect
-    from rrrgen.emit.c.sources import header_and_sources
-    from rrrgen.emit.c.trigonometry import sincos_strategy
+    from rrrgen.derive.derived_model import recall
+    from rrrgen.emit.c.language import Dialect, sincos_strategy
+    from rrrgen.emit.c.robot_files import header_and_sources
     from rrrgen.robot.file import load_spec
     from rrrgen.robot.identity import identify
 

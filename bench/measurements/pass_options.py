@@ -21,7 +21,7 @@ from rrrgen.derive.derived_model import DerivedModel, RecordedModel
 from rrrgen.derive.optimizer import Optimizer
 from rrrgen.program import count_operations
 from rrrgen.program.passes.cheapest import Weights
-from rrrgen.program.passes.expansion import CutSet
+from rrrgen.program.passes.rewriting import CutSet
 from rrrgen.robot.file import bundled_names, load_spec
 
 

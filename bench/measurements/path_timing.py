@@ -12,9 +12,9 @@ from bench.templates import render
 from bench.toolchain import Toolchain, run
 from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.functions.friction import friction_parameters
-from rrrgen.emit.c.dialect import Dialect
 from rrrgen.emit.c.function_files import function_files
-from rrrgen.emit.c.path_timing.files import further_inputs, timing_files
+from rrrgen.emit.c.language import Dialect
+from rrrgen.emit.c.path_timing import further_inputs, timing_files
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.program import evaluate
 

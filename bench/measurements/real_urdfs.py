@@ -28,7 +28,7 @@ from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import chain_of
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
     from rrrgen.runtime.engines import EngineName
 
 AGREE = 1e-9

@@ -25,7 +25,7 @@ from rrrgen.cli.main import run as command
 from rrrgen.lab.data.figure_style import new_figure, save_figure, style_axes
 from rrrgen.lab.data.kalman import kalman_matrices, kalman_step
 from rrrgen.robot.file.writer import dumps
-from rrrgen.robot.robot_spec import FrictionSpec
+from rrrgen.robot.spec import FrictionSpec
 
 PERIOD, ENCODER, BANDWIDTH, GAIN = 1e-3, 1e-5, 20.0, 50.0
 FRICTION = np.array([[0.2, 2.0, 0.0], [0.1, 1.0, 0.0], [0.05, 0.4, 0.0]])  # viscous, Coulomb, offset

@@ -27,7 +27,7 @@ from rrrgen.lab.data.figure_style import new_figure, save_figure, style_axes
 from rrrgen.lab.experiment.experiment_file import Experiment
 from rrrgen.lab.experiment.setup import writing_path
 from rrrgen.robot.file.writer import dumps
-from rrrgen.robot.robot_spec import LinkSpec
+from rrrgen.robot.spec import LinkSpec
 
 PERIOD, BANDWIDTH = 1e-3, 40.0
 MASS, COM, INERTIA = 1.5, np.array([0.02, 0.0, 0.05]), np.diag([2e-3, 2e-3, 1e-3])  # of the payload, in the tip's frame

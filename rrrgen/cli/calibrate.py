@@ -7,11 +7,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rrrgen.base.errors import Fault, InputError
-from rrrgen.base.extras import require
-from rrrgen.cli.arguments import json_option, read_with_warnings, robot_argument, robot_source
+from rrrgen.base.errors import Fault, InputError, require
+from rrrgen.cli.arguments import (
+    FindingsPrinter,
+    json_option,
+    read_with_warnings,
+    robot_argument,
+    robot_source,
+    run_study,
+)
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.workflow import FindingsPrinter, run_study
 from rrrgen.lab.studies.calibrate import CalibrateOptions
 
 if TYPE_CHECKING:
@@ -84,7 +89,7 @@ def _choose(robot: str, options: CalibrateOptions, kind: Kind, count: int, outpu
     """Print or write joint positions at which to measure."""
     from rrrgen.base.files import write_file
     from rrrgen.lab.calibrate.geometry import geometry_of
-    from rrrgen.lab.calibrate.pose_choice import choose_poses
+    from rrrgen.lab.calibrate.minimal_set import choose_poses
 
     spec = read_with_warnings(robot)
     nominal = geometry_of(spec)

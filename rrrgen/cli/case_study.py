@@ -7,12 +7,9 @@ from pathlib import Path
 
 import click
 
-from rrrgen.base.extras import require
-from rrrgen.cli.arguments import json_option, print_json
-from rrrgen.cli.colour import failed
-from rrrgen.cli.progress import progress_bar
-from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import jobs_options, output_option
+from rrrgen.base.errors import require
+from rrrgen.cli.arguments import jobs_options, json_option, output_option, print_json
+from rrrgen.cli.terminal import failed, progress_bar, say
 
 
 @click.command()

@@ -8,11 +8,10 @@ import click
 
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.cli.arguments import complete_robot, json_option, print_json, read_robot
-from rrrgen.cli.colour import failed, fault_text, passed
-from rrrgen.cli.terminal import say
+from rrrgen.cli.terminal import failed, fault_text, passed, say
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 @click.command()

@@ -9,7 +9,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "new": ("rrrgen.cli.new:new", "Write a robot file to start from."),
     "import": ("rrrgen.cli.import_robot:import_robot", "Write a robot file from one of another program."),
     "export": ("rrrgen.cli.export:export", "Write files of a robot for other programs."),
-    "robots": ("rrrgen.cli.robots:robots", "List the bundled robots."),
+    "robots": ("rrrgen.cli.new:robots", "List the bundled robots."),
     "check": ("rrrgen.cli.check:check", "Check robot files and print every fault with its place."),
     "show": ("rrrgen.cli.show:show", "Print a robot: DH table, zero pose, base parameters, closed forms."),
     "generate": ("rrrgen.cli.generate:generate", "Write C and CasADi models of a robot."),
@@ -52,6 +52,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "case-study": ("rrrgen.cli.case_study:case_study", "Run the whole case study on the virtual RRR."),
     "doctor": ("rrrgen.cli.doctor:doctor", "Say what this installation can do, and what is missing."),
-    "schema": ("rrrgen.cli.schema:schema", "Print the JSON Schema of robot files, for editors."),
+    "schema": ("rrrgen.cli.new:schema", "Print the JSON Schema of robot files, for editors."),
 }
 """The commands by name: (module and attribute, one-line help). A new command takes one line here, and one file."""

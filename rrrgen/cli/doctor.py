@@ -15,8 +15,7 @@ import click
 
 from rrrgen.base.version import VERSION
 from rrrgen.cli.arguments import json_option, print_json
-from rrrgen.cli.colour import doubtful, passed
-from rrrgen.cli.terminal import say, terminal_width
+from rrrgen.cli.terminal import doubtful, passed, say, terminal_width
 
 TOOLS = {
     "gcc": "compiles the emitted C",
@@ -125,7 +124,7 @@ def _version(command: list[str]) -> str:
 
 
 def _extras() -> Iterator[Finding]:
-    from rrrgen.base.extras import EXTRAS, USES, installed
+    from rrrgen.base.errors import EXTRAS, USES, installed
 
     for extra, use in USES.items():
         modules = [module for module, needed in EXTRAS.items() if needed == extra]

@@ -8,9 +8,18 @@ from typing import Any
 import click
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.cli.arguments import json_option, robot_argument, robot_source
+from rrrgen.cli.arguments import (
+    FindingsPrinter,
+    fresh_option,
+    json_option,
+    log_option,
+    output_option,
+    robot_argument,
+    robot_source,
+    run_study,
+    truncated_option,
+)
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.workflow import FindingsPrinter, fresh_option, log_option, output_option, run_study, truncated_option
 from rrrgen.lab.studies.estimate_drive_gains import DriveGainsOptions
 
 

@@ -6,11 +6,18 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, robot_argument, robot_source
+from rrrgen.cli.arguments import (
+    FindingsPrinter,
+    fresh_option,
+    json_option,
+    output_option,
+    robot_argument,
+    robot_source,
+    run_study,
+)
 from rrrgen.cli.friction_experiment import excite_friction
 from rrrgen.cli.response_experiment import excite_response
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.workflow import FindingsPrinter, fresh_option, output_option, run_study
 from rrrgen.lab.studies.excite import ExciteOptions
 
 

@@ -11,8 +11,7 @@ import click
 
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.cli.arguments import read_with_warnings, real_option, robot_argument, words
-from rrrgen.cli.progress import working
-from rrrgen.cli.terminal import say
+from rrrgen.cli.terminal import say, working
 from rrrgen.robot.file.fields import EMIT
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ class _WithTargets(click.Command):
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the name and meaning of every target, and the platforms to build for."""
         from rrrgen.emit.exporting import exporters
-        from rrrgen.emit.targets.platforms import PLATFORMS
+        from rrrgen.emit.targets.shared_libraries import PLATFORMS
 
         with formatter.section("Targets"):
             formatter.write_dl([(each.name, _described(each)) for each in exporters().values()])

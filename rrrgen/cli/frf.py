@@ -6,9 +6,8 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option
+from rrrgen.cli.arguments import fresh_option, json_option, output_option, run_study
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.workflow import fresh_option, output_option, run_study
 from rrrgen.lab.studies.frequency_response import FrequencyResponseOptions
 
 

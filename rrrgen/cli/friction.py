@@ -6,10 +6,18 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, robot_argument, robot_source
+from rrrgen.cli.arguments import (
+    FindingsPrinter,
+    fresh_option,
+    json_option,
+    output_option,
+    robot_argument,
+    robot_source,
+    run_study,
+    truncated_option,
+)
 from rrrgen.cli.study_options import click_options
 from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import FindingsPrinter, fresh_option, output_option, run_study, truncated_option
 from rrrgen.lab.studies.estimate_friction import FrictionOptions
 
 

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.base.option_names import option_name
-from rrrgen.cli.arguments import print_json, read_with_warnings
+from rrrgen.cli.arguments import described_files, print_json, read_with_warnings
 from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import described_files
 
 if TYPE_CHECKING:
     from rrrgen.lab.studies.excite import ExciteOptions

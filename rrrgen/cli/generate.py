@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -20,18 +21,271 @@ from rrrgen.cli.arguments import (
     robot_argument,
     words,
 )
-from rrrgen.cli.controller_code import controller_files, controller_options
-from rrrgen.cli.progress import progress_bar
-from rrrgen.cli.terminal import say
+from rrrgen.cli.terminal import progress_bar, say
 from rrrgen.derive import derive
 from rrrgen.robot.file.fields import EMIT, LANGUAGES
+from rrrgen.robot.friction.laws import LAWS
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
-    from rrrgen.emit.c.trigonometry import Trig
+    from rrrgen.emit.c.language import Trig
+    from rrrgen.emit.controller.online_estimators import Regression
     from rrrgen.emit.targets.interface import Contents
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.program import Program
+    from rrrgen.robot.spec import RobotSpec
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Options and files of the online estimators that ``rrrgen generate`` writes beside the model.
+# ------------------------------------------------------------------------------------------------------------------
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+KINDS = ("rls", "gradient")
+
+
+def estimator_options(function: F) -> F:
+    """Add the options of the online estimators."""
+    positive = click.FloatRange(min=0.0, min_open=True)
+    options = [
+        click.option(
+            "--estimator",
+            "estimators",
+            type=click.Choice(KINDS),
+            multiple=True,
+            help="Also write <name>_rls.h/.c or <name>_gradient.h/.c, which estimate the parameters sample by sample.",
+        ),
+        click.option(
+            "--fix",
+            metavar="NAME=VALUE",
+            multiple=True,
+            help="A parameter that the estimators take as known; repeat for several.",
+        ),
+        click.option(
+            "--torque-noise",
+            metavar="NM[,NM..]",
+            help="Standard deviation of the torque noise in N m (N), one for all joints or one each; default 0.1.",
+        ),
+        click.option(
+            "--spread",
+            type=positive,
+            metavar="STD",
+            help="Standard deviation of all parameters at the start, SI; default ten times the largest nominal one.",
+        ),
+        click.option(
+            "--forgetting",
+            type=click.FloatRange(0.0, 1.0, min_open=True),
+            help="Forgetting factor of the least squares, 1 to forget nothing; default 0.999.",
+        ),
+        click.option(
+            "--gain",
+            type=positive,
+            metavar="ALPHA",
+            help="Gain alpha of the gradient (14.23), 1/s; default: a tenth of its bound along --trajectory.",
+        ),
+        click.option(
+            "--rest-speed",
+            type=click.FloatRange(min=0.0),
+            metavar="SPEED",
+            help="Joints slower than this, rad/s (m/s), are left out of the estimation; default 0.01.",
+        ),
+    ]
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def estimator_files_of(model: DerivedModel, options: dict[str, Any]) -> dict[str, str]:
+    """The C files of the chosen estimators; raises UsageError for options without an estimator that uses them."""
+    kinds = tuple(dict.fromkeys(options["estimators"]))
+    _refuse_unused(kinds, options)
+    if not kinds:
+        return {}
+    from dataclasses import replace
+
+    from rrrgen.emit.controller.online_estimators import EstimatorSettings, estimator_files, regression
+
+    setting = regression(model, _fixed(options["fix"]))
+    given = {"forgetting": options["forgetting"], "rest": options["rest_speed"]}
+    settings = EstimatorSettings(**{name: value for name, value in given.items() if value is not None})
+    if options["torque_noise"] is not None:
+        settings = replace(settings, noise=_covariance(options["torque_noise"], model.spec.n))
+    if options["spread"] is not None:
+        settings = replace(settings, spread=(options["spread"],) * len(setting.names))
+    if "gradient" in kinds:
+        settings = replace(settings, gain=_gain(setting, options))
+    files: dict[str, str] = {}
+    for kind in kinds:
+        files |= estimator_files(setting, kind, settings, options["real"])
+    return files
+
+
+def _refuse_unused(kinds: tuple[str, ...], options: dict[str, Any]) -> None:
+    """Raise UsageError for an option that no chosen estimator has."""
+    users = {
+        "fix": KINDS,
+        "rest_speed": KINDS,
+        "torque_noise": ("rls",),
+        "spread": ("rls",),
+        "forgetting": ("rls",),
+        "gain": ("gradient",),
+    }
+    for name, having in users.items():
+        if options[name] not in (None, ()) and not set(having) & set(kinds):
+            option = f"--{name.replace('_', '-')}"
+            raise click.UsageError(f"{option} belongs to --estimator {' or '.join(having)}")
+
+
+def _gain(setting: Regression, options: dict[str, Any]) -> float:
+    """The gain alpha Ts of the gradient estimator; along a given motion it must be below the bound of stability."""
+    from rrrgen.base.errors import InputError
+    from rrrgen.emit.controller.online_estimators import chosen_gain, gain_bound
+    from rrrgen.lab.design.fourier_series import read_trajectory
+
+    bound = None
+    if options["trajectory"] is not None:
+        motion = read_trajectory(options["trajectory"])
+        if motion.n != setting.joints:
+            raise InputError(f"{options['trajectory']} moves {motion.n} joints, the robot has {setting.joints}")
+        bound = gain_bound(setting, *motion.evaluate(motion.times(1.0 / options["rate"])))
+    stated = None if options["gain"] is None else options["gain"] / options["rate"]
+    if stated is None and bound is None:
+        raise click.UsageError("--estimator gradient needs --gain, or the --trajectory along which it is chosen")
+    return chosen_gain(stated, bound)
+
+
+def _fixed(entries: tuple[str, ...]) -> dict[str, float]:
+    fixed = {}
+    for entry in entries:
+        name, _, value = entry.partition("=")
+        try:
+            fixed[name.strip()] = float(value)
+        except ValueError:
+            raise click.BadParameter(f"'{entry}' is not NAME=VALUE", param_hint="--fix") from None
+    return fixed
+
+
+def _covariance(text: str, joints: int) -> tuple[tuple[float, ...], ...]:
+    """Make the diagonal covariance matrix from the standard deviations listed in ``text``, one per joint."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) == 1:
+        values = values * joints
+    if len(values) != joints or not all(math.isfinite(value) and value > 0.0 for value in values):
+        message = f"'{text}' is neither one positive number nor {joints}, as in 0.2,0.1,.."
+        raise click.BadParameter(message, param_hint="--torque-noise")
+    return tuple(tuple(values[i] ** 2 * (i == j) for j in range(joints)) for i in range(joints))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Options of ``rrrgen generate`` for code made from the results of experiments, and the files that they ask for.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+RATE = 1000.0
+"""Default sampling rate of the controller, Hz."""
+
+
+def controller_options(function: F) -> F:
+    """Add the options of code for one experiment: its motion, Kalman filter, friction laws, online estimators."""
+    options = [
+        click.option(
+            "--trajectory",
+            type=click.Path(path_type=Path, exists=True),
+            help="Also write <name>_trajectory.h/.c, the motion of this excitation.json of `rrrgen excite`.",
+        ),
+        click.option(
+            "--tuning",
+            type=click.Path(path_type=Path, exists=True),
+            help="Also write <name>_kalman.h/.c, a Kalman filter with this tuning.json of `rrrgen reconstruct`.",
+        ),
+        click.option(
+            "--rate",
+            type=click.FloatRange(min=0.0, min_open=True),
+            metavar="HZ",
+            help=f"Sampling rate of the controller, for --tuning and the gradient estimator; default {RATE:g}.",
+        ),
+        click.option(
+            "--friction",
+            type=click.Choice(list(LAWS)),
+            multiple=True,
+            help="Also write <name>_friction.h/.c with this law, parameters as arguments; repeat for several.",
+        ),
+        estimator_options,
+    ]
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -> dict[str, str]:
+    """The C files that the options of :func:`controller_options` ask for, for the robot of ``model``."""
+    from rrrgen.emit.c.function_files import function_files
+
+    spec = model.spec
+    if options["rate"] is not None and not (options["tuning"] or "gradient" in options["estimators"]):
+        raise click.UsageError("--rate belongs to --tuning or --estimator gradient")
+    options = options | {"rate": options["rate"] or RATE, "real": real}
+    parts: list[tuple[str, str, list[Program]]] = []
+    if options["trajectory"]:
+        parts.append(("trajectory", f"an exciting motion of {spec.name}", [_motion(options["trajectory"], spec.n)]))
+    if options["tuning"]:
+        step = _kalman(options["tuning"], options["rate"], spec.n)
+        parts.append(("kalman", f"reconstruction of the joint motion of {spec.name}", [step]))
+    if options["friction"]:
+        programs = [program for law in dict.fromkeys(options["friction"]) for program in _friction(law, spec)]
+        parts.append(("friction", f"friction in the joints of {spec.name}", programs))
+    files = estimator_files_of(model, options)
+    for kind, title, programs in parts:
+        files |= function_files(f"{spec.name}_{kind}", title, programs, real)
+    return files
+
+
+def _motion(path: Path, joints: int) -> Program:
+    """The program that evaluates the trajectory of the excitation result ``path`` for a robot of ``joints`` joints."""
+    from rrrgen.base.errors import InputError
+    from rrrgen.emit.controller.fourier_series import fixed_fourier_program
+    from rrrgen.lab.design.fourier_series import read_trajectory
+
+    motion = read_trajectory(path)
+    if motion.n != joints:
+        raise InputError(f"{path} moves {motion.n} joints, the robot has {joints}")
+    program = fixed_fourier_program(motion.q0.tolist(), motion.a.tolist(), motion.b.tolist(), motion.base_frequency)
+    return program.described(name="evaluate")
+
+
+def _kalman(path: Path, rate: float, joints: int) -> Program:
+    """The Kalman filter step at ``rate`` (Hz), with the variances stored by ``rrrgen reconstruct`` in ``path``."""
+    from rrrgen.emit.controller.filters import kalman_program
+    from rrrgen.lab.data.kalman import kalman_matrices, read_tuning
+
+    matrices = [kalman_matrices(1.0 / rate, eta, xi) for eta, xi in read_tuning(path, joints)]
+    step = kalman_program([m.E.tolist() for m in matrices], [m.k.tolist() for m in matrices], 1.0 / rate)
+    return step.described(name="step")
+
+
+def _friction(law: str, spec: RobotSpec) -> list[Program]:
+    """The programs of a friction law: torques, and the state step if it has one; also of coupled motors."""
+    from rrrgen.derive.recursions.link_frames import rational
+    from rrrgen.robot.friction.programs import friction_program, friction_step_program
+    from rrrgen.robot.model.drives import friction_surfaces
+
+    chosen, found = LAWS[law], friction_surfaces(spec)
+    surfaces = None
+    if found is not None:
+        surfaces = {name: [w if type(w) is int else rational(w) for w in found[name]] for name in found}
+    programs = [friction_program(chosen, spec.n, surfaces).described(name=law)]
+    if chosen.step is not None:
+        programs.append(friction_step_program(chosen, spec.n, surfaces).described(name=f"{law}_step"))
+    return programs
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The command ``rrrgen generate``
+# ------------------------------------------------------------------------------------------------------------------
 
 GROUPS = ("control", "elastic", "observer", "points", "timing", "trajectory")
 """The words after ``--with`` that name groups of functions; the others name languages and further files."""
@@ -185,8 +439,7 @@ def _with_casadi(wanted: bool | None) -> bool:
 
     Raises MissingExtraError if they are requested and CasADi is missing.
     """
-    from rrrgen.base.errors import MissingExtraError
-    from rrrgen.base.extras import installed
+    from rrrgen.base.errors import MissingExtraError, installed
 
     if wanted is False or installed("casadi"):
         return wanted is not False

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.cli.arguments import USUAL, F
-from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.terminal import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.emit.html.motions import Illustration, Motion
+    from rrrgen.emit.html.scene import Illustration, Motion
     from rrrgen.emit.html.tables import Verification
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
     from rrrgen.verify.report import Report
 
 FRAMES_PER_SECOND = 50
@@ -39,7 +39,7 @@ def write_html(
     """Write the HTML report of ``model`` to ``file``, with the closed forms of the usual functions."""
     from rrrgen.base.files import write_file
     from rrrgen.derive import prepare
-    from rrrgen.derive.closed_forms.closed_form import closed_form
+    from rrrgen.derive.closed_forms import closed_form
     from rrrgen.emit.html import html_report
     from rrrgen.robot.identity import identify
 
@@ -85,7 +85,7 @@ def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[Motion]:
 def _trajectory(file: Path) -> Motion:
     import numpy as np
 
-    from rrrgen.emit.html.motions import Motion
+    from rrrgen.emit.html.scene import Motion
     from rrrgen.lab.design.fourier_series import read_trajectory
     from rrrgen.lab.design.friction_motion import read_friction_motion
 
@@ -95,9 +95,9 @@ def _trajectory(file: Path) -> Motion:
 
 
 def _recording(file: Path, spec: RobotSpec) -> Motion:
-    from rrrgen.emit.html.motions import Motion
-    from rrrgen.lab.data.log_stream import LogStream
+    from rrrgen.emit.html.scene import Motion
     from rrrgen.lab.data.recordings import check_robot, load_stream, open_log
+    from rrrgen.lab.data.uniform_stream import LogStream
 
     mapping = open_log(file)
     check_robot(mapping, spec)

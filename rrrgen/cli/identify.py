@@ -6,18 +6,20 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, robot_argument, robot_source
-from rrrgen.cli.study_options import click_options
-from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import (
+from rrrgen.cli.arguments import (
     FindingsPrinter,
     fresh_option,
+    json_option,
     log_option,
     output_option,
     print_causes,
+    robot_argument,
+    robot_source,
     run_study,
     truncated_option,
 )
+from rrrgen.cli.study_options import click_options
+from rrrgen.cli.terminal import say
 from rrrgen.lab.studies.identify import IdentifyOptions
 
 

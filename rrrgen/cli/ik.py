@@ -9,14 +9,12 @@ import click
 
 from rrrgen.base.tables import text_table
 from rrrgen.cli.arguments import ik_option, json_option, print_json, read_with_warnings, robot_argument
-from rrrgen.cli.colour import doubtful
-from rrrgen.cli.progress import working
-from rrrgen.cli.terminal import say, terminal_width
+from rrrgen.cli.terminal import doubtful, say, terminal_width, working
 
 if TYPE_CHECKING:
     from rrrgen.ik.interpreter.results import IKResult
     from rrrgen.ik.inverse_kinematics import InverseKinematics
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
     from rrrgen.runtime.engines import EngineName
 
 

@@ -9,8 +9,7 @@ from typing import Literal
 import click
 
 from rrrgen.base.errors import Fault, InputError
-from rrrgen.cli.colour import fault_text
-from rrrgen.cli.terminal import say
+from rrrgen.cli.terminal import fault_text, say
 
 
 class _WithFormats(click.Command):

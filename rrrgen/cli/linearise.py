@@ -7,18 +7,20 @@ from typing import Any
 
 import click
 
-from rrrgen.base.extras import require
-from rrrgen.cli.arguments import json_option, print_json, read_with_warnings, robot_argument
-from rrrgen.cli.progress import working
-from rrrgen.cli.response_experiment import read_response_design
-from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import (
+from rrrgen.base.errors import require
+from rrrgen.cli.arguments import (
     input_files,
+    json_option,
     log_option,
     output_option,
+    print_json,
     print_repairs,
+    read_with_warnings,
+    robot_argument,
     truncated_option,
 )
+from rrrgen.cli.response_experiment import read_response_design
+from rrrgen.cli.terminal import say, working
 
 
 @click.command()
@@ -47,11 +49,11 @@ def linearise(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, *
       rrrgen linearise my_arm.yaml --log log.yaml --response runs/excitation/results/response_excitation.json -o runs/q1
     """
     require("rrrgen linearise", "scipy")
-    from rrrgen.lab.data.log_stream import LogStream
     from rrrgen.lab.data.recordings import load_stream, open_log
     from rrrgen.lab.data.run_folder import RunFolder
-    from rrrgen.lab.experiment.linearised_log import linearised_log
-    from rrrgen.lab.plant.response_recording import write_responses
+    from rrrgen.lab.data.uniform_stream import LogStream
+    from rrrgen.lab.experiment.feedback_linearisation import linearised_log
+    from rrrgen.lab.plant.recording_files import write_responses
     from rrrgen.runtime import load
 
     spec = read_with_warnings(robot)

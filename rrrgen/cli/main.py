@@ -14,13 +14,12 @@ from typing import Any, NoReturn
 
 import click
 
-from rrrgen.base.errors import InputError, InternalError, RrrgenError, storage_error
-from rrrgen.base.extras import missing_extra
+from rrrgen.base.errors import InputError, InternalError, RrrgenError, missing_extra, storage_error
 from rrrgen.base.option_names import options_written
 from rrrgen.base.version import VERSION
 from rrrgen.cli.arguments import flag_here
-from rrrgen.cli.colour import Context, failed, fault_text, preference, say_error, usage_text
 from rrrgen.cli.commands import COMMANDS
+from rrrgen.cli.terminal import Context, failed, fault_text, preference, say_error, usage_text
 
 INTERRUPTED = 130
 

@@ -7,7 +7,9 @@ from pathlib import Path
 import click
 
 from rrrgen.base.errors import Fault, InputError, cannot_write
-from rrrgen.cli.terminal import say
+from rrrgen.base.tables import text_table
+from rrrgen.cli.arguments import json_option, print_json
+from rrrgen.cli.terminal import say, terminal_width
 
 
 @click.command()
@@ -39,7 +41,7 @@ def new(name: str, output: Path | None, joints: str, convention: str, bundled: s
       rrrgen new my_ur5 --from ur5
     """
     from rrrgen.robot.file import loads_spec
-    from rrrgen.robot.names import name_fault
+    from rrrgen.robot.spec import name_fault
 
     fault = name_fault(name, "robot")
     if fault is not None:
@@ -84,3 +86,88 @@ def _renamed(bundled: str, name: str) -> str:
 
     lines = bundled_path(bundled).read_text(encoding="utf-8").splitlines()
     return "\n".join(f"name: {name}" if line.startswith("name:") else line for line in lines) + "\n"
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The command ``rrrgen robots``: list the bundled robots with their joints and where their numbers come from.
+# ------------------------------------------------------------------------------------------------------------------
+
+NO_LINKS = " (kinematics only: no links)"
+
+
+@click.command()
+@json_option
+def robots(as_json: bool) -> None:
+    """List the bundled robots with their joints and where their numbers come from.
+
+    \b
+    Example:
+      rrrgen robots
+      rrrgen show ur5
+    """
+    from rrrgen.robot.file import bundled_names, load_spec
+
+    rows = []
+    for name in bundled_names():
+        spec = load_spec(name)
+        joints = "".join("R" if joint.is_revolute else "P" for joint in spec.joints)
+        rows.append(
+            {
+                "name": name,
+                "joints": joints,
+                "convention": spec.convention,
+                "links": spec.links is not None,
+                "description": spec.description,
+                "source": spec.source,
+            }
+        )
+    if as_json:
+        print_json(rows)
+        return
+    table = [
+        (
+            *(str(row[key]) for key in ("name", "joints", "convention")),
+            f"{row['description']}{'' if row['links'] else NO_LINKS}",
+        )
+        for row in rows
+    ]
+    say("\n".join(text_table(table, terminal_width(), indent="")))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The command ``rrrgen schema``: print the JSON Schema of robot files.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@click.command()
+@click.option("--markdown", is_flag=True, help="Print a page with a table of every key instead.")
+@click.option(
+    "--other-files",
+    is_flag=True,
+    help="Print such a page for mapping, experiment, controller and response files instead.",
+)
+def schema(markdown: bool, other_files: bool) -> None:
+    """Print the JSON Schema of robot files.
+
+    \b
+    Examples:
+      rrrgen schema --markdown
+      rrrgen schema --other-files
+      rrrgen schema > robot.schema.json
+    and as the first line of a robot file, for editors with the YAML language server:
+      # yaml-language-server: $schema=./robot.schema.json
+    """
+    if markdown and other_files:
+        raise click.UsageError("give one of --markdown and --other-files")
+    if other_files:
+        from rrrgen.lab.experiment import reference_page as other_pages
+
+        click.echo(other_pages.reference_page(), nl=False)
+    elif markdown:
+        from rrrgen.robot.file.schema import reference_page
+
+        click.echo(reference_page(), nl=False)
+    else:
+        from rrrgen.robot.file import json_schema
+
+        print_json(json_schema())

@@ -6,11 +6,9 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json
-from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.arguments import FindingsPrinter, fresh_option, json_option, output_option, print_json, truncated_option
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import FindingsPrinter, fresh_option, output_option, truncated_option
+from rrrgen.cli.terminal import progress_bar, say
 from rrrgen.lab.studies.preprocessing import MotionOptions
 
 

@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.base.option_names import option_name
-from rrrgen.cli.arguments import print_json, read_with_warnings
-from rrrgen.cli.colour import doubtful
-from rrrgen.cli.progress import progress_bar
-from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import described_files
+from rrrgen.cli.arguments import described_files, print_json, read_with_warnings
+from rrrgen.cli.terminal import doubtful, progress_bar, say
 
 if TYPE_CHECKING:
     from rrrgen.lab.design.plan import ResponseDesign
@@ -35,7 +32,7 @@ def excite_response(robot: str, joint: str, options: ExciteOptions, output: Path
     _refuse(options)
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.design.response_plots import plot_response_excitation
-    from rrrgen.lab.experiment.response_experiment import response_design, response_plan
+    from rrrgen.lab.experiment.response import response_design, response_plan
     from rrrgen.runtime import load
 
     plan = response_plan(experiment, None if joint == EXPERIMENT_JOINT else joint)
@@ -86,8 +83,8 @@ def simulate_response_runs(
     _refuse(options)
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.experiment.loop_design import MARGIN
-    from rrrgen.lab.experiment.response_experiment import response_margin, simulate_response
-    from rrrgen.lab.plant.response_recording import write_responses
+    from rrrgen.lab.experiment.response import response_margin, simulate_response
+    from rrrgen.lab.plant.recording_files import write_responses
     from rrrgen.runtime import load
 
     design = read_response_design(response)

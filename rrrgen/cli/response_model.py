@@ -6,9 +6,8 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, robot_source
+from rrrgen.cli.arguments import FindingsPrinter, fresh_option, json_option, output_option, robot_source, run_study
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.workflow import FindingsPrinter, fresh_option, output_option, run_study
 from rrrgen.lab.studies.fit_response import FitResponseOptions
 
 

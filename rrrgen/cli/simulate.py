@@ -6,13 +6,18 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, robot_argument, robot_source
-from rrrgen.cli.colour import failed
-from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.arguments import (
+    FindingsPrinter,
+    fresh_option,
+    json_option,
+    output_option,
+    print_json,
+    robot_argument,
+    robot_source,
+)
 from rrrgen.cli.response_experiment import simulate_response_runs
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.terminal import say, terminal_width
-from rrrgen.cli.workflow import FindingsPrinter, fresh_option, output_option
+from rrrgen.cli.terminal import failed, progress_bar, say, terminal_width
 from rrrgen.lab.studies.simulate import SimulateOptions
 
 

@@ -2,13 +2,166 @@
 
 from __future__ import annotations
 
+import io
 import os
+import re
 import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import click
 
+from rrrgen.base.errors import Fault
+from rrrgen.base.parallel import Tell
 from rrrgen.base.tables import folded
+
+# ------------------------------------------------------------------------------------------------------------------
+# Colours of faults, verdicts and headings on a terminal; a pipe or a file gets the same text without colours.
+#
+# ``NO_COLOR`` turns colour off, ``FORCE_COLOR`` turns it on for pipes too, and a terminal that calls itself dumb gets
+# none. Texts are laid out before they are coloured, since the marks of a terminal have a length but no width.
+# ------------------------------------------------------------------------------------------------------------------
+
+SEVERITY = {"error": "red", "warning": "yellow"}
+
+
+def preference() -> bool | None:
+    """Whether the user wants colour; None: on every stream that is a terminal.
+
+    An empty variable counts as not set. ``NO_COLOR`` wins over ``FORCE_COLOR``.
+    """
+    if os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return False if os.environ.get("TERM") == "dumb" else None
+
+
+def say_error(text: str) -> None:
+    """Print an error on stderr; usable where no command is running any more, and click has forgotten the preference."""
+    click.echo(text, err=True, color=preference())
+
+
+def fault_text(fault: Fault) -> str:
+    """The text of a fault, with its severity and the mark below its place in colour."""
+    head, *others = str(fault).split("\n")
+    colour = SEVERITY[fault.severity]
+    said = f": {fault.severity}: "
+    if fault.file and said in head:
+        place, _, message = head.partition(said)
+        head = f"{click.style(place, bold=True)}: {click.style(fault.severity + ':', fg=colour, bold=True)} {message}"
+    if fault.source_line:
+        others[1] = click.style(others[1], fg=colour, bold=True)
+    return "\n".join([head, *others])
+
+
+def usage_text(error: click.ClickException) -> str:
+    """The text that click prints for wrong usage, with its "Error:" in colour."""
+    shown = io.StringIO()
+    error.show(file=shown)
+    return shown.getvalue().rstrip("\n").replace("Error:", failed("Error:"), 1)
+
+
+def passed(text: str) -> str:
+    """Colour ``text`` green, as a passed check."""
+    return click.style(text, fg="green")
+
+
+def failed(text: str) -> str:
+    """Colour ``text`` red, as a failed check."""
+    return click.style(text, fg="red", bold=True)
+
+
+def doubtful(text: str) -> str:
+    """Colour ``text`` yellow, the colour of results that the user should check."""
+    return click.style(text, fg="yellow")
+
+
+def verdict(text: str, ok: bool) -> str:
+    """Colour ``text`` as a passed (``ok``) or failed check."""
+    return passed(text) if ok else failed(text)
+
+
+def with_headings(text: str) -> str:
+    """Set the headings of ``text`` in bold: lines without indentation that are followed by indented ones."""
+    return re.sub(r"^(?! )(.+)(?=\n )", lambda line: click.style(line[1], bold=True), text, flags=re.M)
+
+
+def with_warning(text: str) -> str:
+    """Colour the word "warning:" at the beginning of ``text``."""
+    return re.sub("^warning:", lambda word: doubtful(word[0]), text)
+
+
+def with_failures(text: str) -> str:
+    """Colour every word FAIL in ``text`` red."""
+    return re.sub(r"\bFAIL\b", lambda word: failed(word[0]), text)
+
+
+class Formatter(click.HelpFormatter):
+    """Help texts with their headings in bold."""
+
+    def write_heading(self, heading: str) -> None:
+        """Write the heading of a section."""
+        self.write(f"{'':>{self.current_indent}}{click.style(heading + ':', bold=True)}\n")
+
+
+class Context(click.Context):
+    """The context of every command: its help has headings in bold."""
+
+    formatter_class = Formatter
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Progress of long computations: a bar on a terminal, nothing if stderr is redirected.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def progress_bar(in_processes: bool = False) -> Iterator[Tell]:
+    """Draw a progress bar on stderr; yields the function ``tell(done, total, message)`` that updates it.
+
+    ``total`` is 0 where the end is not known. With ``in_processes`` the bar is drawn by ``tell`` alone, which forked
+    processes may call; otherwise a thread keeps it moving, and a process with several threads cannot fork safely.
+    """
+    if not sys.stderr.isatty():
+        yield lambda done, total, message: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+    )
+    console = Console(stderr=True)
+    kept = not sys.stdout.isatty()  # what is written to a file or a pipe goes there, not above the bar
+    with Progress(
+        *columns, console=console, transient=True, auto_refresh=not in_processes, redirect_stdout=not kept
+    ) as bar:
+        task = bar.add_task("", total=None)
+
+        def tell(done: int, total: int, message: str) -> None:
+            bar.update(task, description=message, completed=done, total=total or None)
+            if in_processes:
+                bar.refresh()
+
+        yield tell
+
+
+@contextmanager
+def working(message: str) -> Iterator[None]:
+    """Show on a terminal that ``message`` is being done, for work of some seconds whose end is not known."""
+    with progress_bar() as tell:
+        tell(0, 0, message)
+        yield
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The width of the terminal, and text that is folded to it
+# ------------------------------------------------------------------------------------------------------------------
 
 NARROWEST = 40
 """Fewest columns to which text is folded; a narrower terminal breaks the lines itself."""

@@ -6,12 +6,19 @@ from pathlib import Path
 
 import click
 
-from rrrgen.cli.arguments import json_option, print_json, robot_argument, robot_source
-from rrrgen.cli.colour import verdict
-from rrrgen.cli.progress import progress_bar
+from rrrgen.cli.arguments import (
+    FindingsPrinter,
+    fresh_option,
+    json_option,
+    log_option,
+    output_option,
+    print_json,
+    robot_argument,
+    robot_source,
+    truncated_option,
+)
 from rrrgen.cli.study_options import click_options
-from rrrgen.cli.terminal import say, terminal_width
-from rrrgen.cli.workflow import FindingsPrinter, fresh_option, log_option, output_option, truncated_option
+from rrrgen.cli.terminal import progress_bar, say, terminal_width, verdict
 from rrrgen.lab.studies.validate import ValidateOptions
 
 

@@ -13,10 +13,8 @@ from rrrgen.cli.arguments import (
     real_option,
     robot_argument,
 )
-from rrrgen.cli.colour import verdict, with_failures
 from rrrgen.cli.html import html_option, write_html
-from rrrgen.cli.progress import progress_bar
-from rrrgen.cli.terminal import terminal_width
+from rrrgen.cli.terminal import progress_bar, terminal_width, verdict, with_failures
 
 if TYPE_CHECKING:
     from rrrgen.emit import Real

@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrrgen.base.extras import require
-from rrrgen.cli.arguments import json_option, print_json, real_option
+from rrrgen.base.errors import require
+from rrrgen.cli.arguments import json_option, output_option, print_json, real_option
 from rrrgen.cli.terminal import say
-from rrrgen.cli.workflow import output_option
 
 if TYPE_CHECKING:
-    from rrrgen.lab.vibration.modes import Vibration
-    from rrrgen.lab.vibration.notches import Notch
-    from rrrgen.lab.vibration.shapers import Shaper
+    from rrrgen.lab.vibration import Notch, Shaper, Vibration
 
 SHAPERS = ("auto", "zv", "zvd", "ei", "none")
 AGAINST = ("resonances", "antiresonances")
@@ -113,9 +110,7 @@ def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -
     """
     require("rrrgen vibration", "scipy", "matplotlib")
     from rrrgen.lab.data.run_folder import RunFolder, plain
-    from rrrgen.lab.vibration.notches import design_notches
-    from rrrgen.lab.vibration.plots import plot_vibration
-    from rrrgen.lab.vibration.shapers import design_shaper
+    from rrrgen.lab.vibration import design_notches, design_shaper, plot_vibration
 
     vibrations, period, left_out = _vibrations(model, options)
     kind, tolerance = options["kind"], options["tolerance"]
@@ -144,9 +139,9 @@ def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibra
     Third the frequencies (Hz) of resonances of which the recording hardly tells that they exist, which are left out.
     """
     from rrrgen.base.errors import DerivationError
-    from rrrgen.lab.response.postures import modes_over_postures
+    from rrrgen.lab.response.resonances import modes_over_postures
     from rrrgen.lab.response.response_model import read_response_models
-    from rrrgen.lab.vibration.modes import Vibration
+    from rrrgen.lab.vibration import Vibration
 
     if (model is None) != bool(options["modes"]) or (model is None) == (options["rate"] is None):
         raise click.UsageError("give either MODEL, or --mode and --rate")
@@ -176,7 +171,7 @@ def _record(
     vibrations: list[Vibration], shaper: Shaper | None, notches: list[Notch], period: float, crossover: float | None
 ) -> dict[str, Any]:
     """The contents of vibration.json."""
-    from rrrgen.lab.vibration.notches import phase_lag
+    from rrrgen.lab.vibration import phase_lag
 
     told: list[dict[str, Any]] = []
     for i, each in enumerate(vibrations):
@@ -202,8 +197,7 @@ def _record(
 
 def _code(shaper: Shaper | None, notches: list[Notch], period: float, real: Any) -> dict[str, str]:
     from rrrgen.emit.c.function_files import function_files
-    from rrrgen.emit.controller.linear_step import linear_step_program
-    from rrrgen.emit.controller.taps import tap_files
+    from rrrgen.emit.controller.filters import linear_step_program, tap_files
 
     files: dict[str, str] = {}
     if shaper is not None:

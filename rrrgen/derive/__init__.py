@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 from rrrgen.base.parallel import Tell, without_collection
 
 if TYPE_CHECKING:
-    from rrrgen.derive.closed_forms.closed_form import ClosedForm
+    from rrrgen.derive.closed_forms import ClosedForm
     from rrrgen.derive.derived_model import Derivation, DerivedModel, ParametrizedRobot, RecordedModel
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 def prepare(spec: RobotSpec) -> Derivation:
@@ -44,8 +44,7 @@ def parametrized(derivation: Derivation) -> ParametrizedRobot:
     import sympy as sp
 
     from rrrgen.derive.derived_model import ParametrizedRobot
-    from rrrgen.derive.parameters.base_parameters import BaseParameter, linear_expression, standard_symbols
-    from rrrgen.derive.parameters.regrouping import regroupings
+    from rrrgen.derive.parameters.base_parameters import BaseParameter, linear_expression, regroupings, standard_symbols
     from rrrgen.derive.recursions.link_frames import rational
 
     spec, change, parametrization = derivation.spec, derivation.basis_change, derivation.parametrization
@@ -98,7 +97,7 @@ def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
 
 def _nominal_drive_inertia(spec: RobotSpec) -> tuple[Fraction, ...] | None:
     from rrrgen.derive.recursions.link_frames import rational_float
-    from rrrgen.robot.model.drive_terms import inertia_terms
+    from rrrgen.robot.model.drives import inertia_terms
 
     return tuple(rational_float(term.value) for term in inertia_terms(spec)) or None
 
@@ -137,7 +136,7 @@ def derive_once(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> DerivedM
     Raises:
         DerivationError: a function does not exist for this robot.
     """
-    from rrrgen.derive.derived_cache import recall
+    from rrrgen.derive.derived_model import recall
     from rrrgen.robot.identity import identify
 
     one = identify(replace(spec, ik="general"))  # no function depends on the choice of a solver
@@ -154,6 +153,6 @@ def closed_form(spec: RobotSpec, function: str) -> ClosedForm:
     Raises:
         DerivationError: the function has no closed form.
     """
-    from rrrgen.derive.closed_forms.closed_form import closed_form as closed_form_of
+    from rrrgen.derive.closed_forms import closed_form as closed_form_of
 
     return closed_form_of(prepare(spec), function)

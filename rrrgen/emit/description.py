@@ -7,10 +7,9 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rrrgen.derive.functions.friction import friction_parameters
-from rrrgen.emit.comments import plain
-from rrrgen.emit.printing import decimal
+from rrrgen.emit.printing import decimal, plain
 from rrrgen.program import Builder, Op, Port, Program, Role
-from rrrgen.robot.model.drive_text import coupling_equations, motor_facts
+from rrrgen.robot.model.drives import coupling_equations, motor_facts
 from rrrgen.robot.model.mechanism import mechanism_equations
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
     from rrrgen.robot.identity import Identity
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 _CONVENTIONS = {
     "standard": "standard Denavit-Hartenberg: T_i-1_i = Rz(theta) Tz(d) Tx(a) Rx(alpha), joint i about z_i-1",

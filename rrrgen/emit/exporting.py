@@ -8,10 +8,10 @@ from dataclasses import fields, replace
 from importlib.metadata import entry_points
 
 from rrrgen.base.errors import DerivationError, InputError
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.emit import targets
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 TARGETS = ("cuda", "embedded", "fmu", "jax", "matlab", "mjcf", "open_symoro", "ros2", "urdf", "wheel")
 """Modules of :mod:`rrrgen.emit.targets` that hold an ``EXPORTER``."""

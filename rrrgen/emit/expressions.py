@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rrrgen.emit.interface import PRODUCT, Target, Text
-from rrrgen.emit.names import Names
-from rrrgen.emit.printing import Statements, decimal
+from rrrgen.emit.printing import Names, Statements, decimal
 from rrrgen.program import Op, Port, Program
-from rrrgen.robot.names import KEYWORDS, ROBOT_RESERVED
+from rrrgen.robot.spec import KEYWORDS, ROBOT_RESERVED
 
 _LOCAL = ("arg", "res", "iw", "w", "mem", "ca", "gamma", "y0", "y1", "yn", "j0", "j1", "jn")
 RESERVED = KEYWORDS | ROBOT_RESERVED | frozenset(_LOCAL) | frozenset(keyword.kwlist)

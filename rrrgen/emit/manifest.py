@@ -13,9 +13,9 @@ from rrrgen.emit import Real
 from rrrgen.emit.c.stack import stack_bound
 from rrrgen.program import Port, Program, count_operations
 from rrrgen.robot.identity import Identity, identify
-from rrrgen.robot.model.drive_text import drives_data
+from rrrgen.robot.model.drives import drives_data
 from rrrgen.robot.model.mechanism import mechanism_data
-from rrrgen.robot.robot_spec import JointSpec, joint_units
+from rrrgen.robot.spec import JointSpec, joint_units
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel

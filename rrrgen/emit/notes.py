@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 
 def unused_entries(spec: RobotSpec, kept: Collection[str] = ()) -> Iterator[str]:

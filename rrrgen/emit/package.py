@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from rrrgen.base.files import Contents
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
-    from rrrgen.emit.c.trigonometry import Trig
+    from rrrgen.emit.c.language import Trig
     from rrrgen.emit.interface import Backend, Check
     from rrrgen.robot.identity import Identity
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 @without_collection()
@@ -55,7 +55,7 @@ def emit(
     """
     from rrrgen.base.files import MANIFEST
     from rrrgen.emit import casadi
-    from rrrgen.emit.c.packaging import build_files
+    from rrrgen.emit.c.robot_files import build_files
     from rrrgen.emit.manifest import manifest
     from rrrgen.robot.identity import identify
 
@@ -90,7 +90,7 @@ def _further_model(
 
     Folders of languages get names of their own, such as ``rust_any_gravity``.
     """
-    from rrrgen.emit.c.backend import CBackend
+    from rrrgen.emit.c.robot_files import CBackend
     from rrrgen.emit.casadi.files import CasadiBackend
     from rrrgen.robot.identity import identify
 
@@ -139,7 +139,7 @@ def _backends(
     spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[str], checks: Sequence[Check]
 ) -> list[Backend]:
     """The backends for C and CasADi, then those for ``languages``."""
-    from rrrgen.emit.c.backend import CBackend
+    from rrrgen.emit.c.robot_files import CBackend
     from rrrgen.emit.casadi.files import CasadiBackend
 
     return [CBackend(trig, partial(_beside, spec, real, checks)), CasadiBackend(), *map(_further_backend, languages)]

@@ -8,8 +8,11 @@ the emitted code rounds as the reference evaluation does.
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache
 from itertools import chain
@@ -17,8 +20,96 @@ from itertools import chain
 from rrrgen.base.errors import BackendError
 from rrrgen.emit import Real
 from rrrgen.emit.interface import ATOM, PRODUCT, SUM, UNARY, FunctionTarget, Target, Text
-from rrrgen.emit.names import Names
 from rrrgen.program import REFUSED, Op, Port, Program, Role
+
+# ------------------------------------------------------------------------------------------------------------------
+# Text for comments in emitted files: escaped, wrapped, aligned in columns.
+# ------------------------------------------------------------------------------------------------------------------
+
+WIDTH = 112
+
+
+def plain(text: str) -> str:
+    """Make ``text`` safe for a comment: on one line, without comment marks, line continuations and trigraphs."""
+    flat = " ".join(text.split())
+    printable = "".join(c if c.isprintable() else "?" for c in flat)
+    return printable.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").rstrip("\\")
+
+
+def mathematics(expression: object) -> str:
+    """Print an expression for a comment, with ^ for powers, since ** is no operator of C or Rust."""
+    return plain(str(expression).replace("**", "^"))
+
+
+def wrapped(text: str) -> list[str]:
+    """Break ``text`` into lines of a comment."""
+    return textwrap.wrap(plain(text), WIDTH, break_long_words=False)
+
+
+def columns(rows: Iterable[Sequence[str]], indent: str = "  ", gap: str = "  ") -> list[str]:
+    """Format ``rows`` as lines of left-aligned columns without trailing blanks; a long last column is wrapped."""
+    table = [[plain(cell) for cell in row] for row in rows]
+    if not table:
+        return []
+    widths = [max(len(row[k]) for row in table) for k in range(len(table[0]))]
+    lines = []
+    for row in table:
+        head = indent + "".join(cell.ljust(width) + gap for cell, width in zip(row[:-1], widths, strict=False))
+        last = textwrap.wrap(row[-1], max(30, WIDTH - len(head)), break_long_words=False) or [""]
+        lines += [(head + last[0]).rstrip(), *(" " * len(head) + more for more in last[1:])]
+    return lines
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Names of local variables: readable, unique within their function, and not reserved by the language.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+class Names:
+    """Generates the local names of one function, different from those in ``reserved`` and ``taken``."""
+
+    def __init__(self, reserved: frozenset[str], taken: Iterable[str] = ()) -> None:
+        self._taken = {*reserved, *taken}
+        self._temporaries = 0
+        self._serials: dict[str, int] = {}
+
+    def temporary(self) -> str:
+        """The next unused name of the sequence t1, t2, ..."""
+        while True:
+            self._temporaries += 1
+            name = f"t{self._temporaries}"
+            if name not in self._taken:
+                self._taken.add(name)
+                return name
+
+    def suggested(self, hint: str) -> str:
+        """The name ``hint``, made a valid identifier; a number is appended if it is taken."""
+        base = re.sub(r"\W+", "_", hint, flags=re.ASCII).strip("_") or "t"
+        if base[0].isdigit():
+            base = f"t{base}"
+        name = base
+        while name in self._taken:
+            self._serials[base] = self._serials.get(base, 1) + 1
+            name = f"{base}_{self._serials[base]}"
+        self._taken.add(name)
+        return name
+
+
+def with_free_ports(program: Program, taken: frozenset[str]) -> Program:
+    """The program with an underscore behind those names of inputs and outputs that are in ``taken``.
+
+    For languages in which a variable must not have the name of a keyword, or of a constant of the emitted file.
+    """
+
+    def renamed(port: Port) -> Port:
+        return replace(port, name=f"{port.name}_") if port.name in taken else port
+
+    return replace(program, inputs=tuple(map(renamed, program.inputs)), outputs=tuple(map(renamed, program.outputs)))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Printing of a program as statements of a language with infix arithmetic
+# ------------------------------------------------------------------------------------------------------------------
 
 _UNKNOWN = Text("")
 _LONGEST = 88  # characters of one expression; with the declaration in front a line stays below 120

@@ -10,18 +10,14 @@ from typing import TYPE_CHECKING
 
 from rrrgen.base.errors import DerivationError
 from rrrgen.ik import families
-from rrrgen.ik.derive import ARM_ANGLE
-from rrrgen.ik.geometry.chain import Chain, numeric_chain
-from rrrgen.ik.geometry.coupling import coupling_of, solved_chain
-from rrrgen.ik.geometry.fixed_rows import largest_tilt
-from rrrgen.ik.geometry.nearest import changes, deviation, nearest_special, with_near_frames
-from rrrgen.ik.geometry.snap import snapped
-from rrrgen.ik.geometry.virtual import extended
-from rrrgen.ik.plan import NominalFirst, SolverPlan
+from rrrgen.ik.geometry.chain import Chain, extended, numeric_chain
+from rrrgen.ik.geometry.mechanism import coupling_of, largest_tilt, solved_chain
+from rrrgen.ik.geometry.nearly_special import changes, deviation, nearest_special, snapped, with_near_frames
+from rrrgen.ik.plan import ARM_ANGLE, NominalFirst, SolverPlan
 from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 TRIALS = 3
 """Number of random configurations that a plan must find again from their poses."""

@@ -7,20 +7,18 @@ from dataclasses import replace
 from typing import Any
 
 from rrrgen.base.errors import DerivationError, InternalError
-from rrrgen.ik.derive import ARM_ANGLE, record, solving_loop
 from rrrgen.ik.geometry.chain import Chain, multiply, translation
 from rrrgen.ik.geometry.loop import Loop, commuted, straightened
 from rrrgen.ik.geometry.rigid_transforms import Crossing, rigid
-from rrrgen.ik.plan import Singularity, SolverPlan
+from rrrgen.ik.plan import ARM_ANGLE, Singularity, SolverPlan, record, solving_loop
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.singularities import described
-from rrrgen.ik.solutions.elbow7 import is_elbow7
-from rrrgen.ik.solutions.general6r import MAX_SOLUTIONS, is_general, tables_of
+from rrrgen.ik.solutions.general_6r import MAX_SOLUTIONS, is_general, tables_of
 from rrrgen.ik.solutions.parallel import Frame, better
 from rrrgen.ik.solutions.planar import triple_of
 from rrrgen.ik.solutions.position import UNUSABLE, Arm, simplest
 from rrrgen.ik.solutions.reduced import turning_axes
-from rrrgen.ik.solutions.spherical import arm_of, is_spherical
+from rrrgen.ik.solutions.spherical_triples import arm_of, is_elbow7, is_spherical
 from rrrgen.ik.tolerances import ALONG, DEPENDENT, FOUND, NEARLY_DEPENDENT
 
 Options = Iterator[tuple[int, SolverPlan]]
@@ -199,7 +197,7 @@ def parameter(plan: SolverPlan, q: Any) -> float:
 
     It is the value of the prescribed joint (rad or m), or the arm angle (rad); 0 for an arm that has none.
     """
-    from rrrgen.ik.geometry.arm_angle import arm_angle
+    from rrrgen.ik.geometry.chain import arm_angle
 
     if plan.locked is None:
         return 0.0

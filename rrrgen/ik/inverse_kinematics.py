@@ -9,10 +9,9 @@ import numpy as np
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
-from rrrgen.ik.interpreter.ending import Wish
 from rrrgen.ik.interpreter.mechanisms import CoupledEvaluation
 from rrrgen.ik.interpreter.results import STATUS, Answer, Engine, IKBatch, IKResult, batch_of
-from rrrgen.ik.interpreter.solve import Evaluation
+from rrrgen.ik.interpreter.solve import Evaluation, Wish
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.result_layout import labels, most_rows, reasons_of, status_texts
 from rrrgen.ik.run_time_tool import plan_with_tool
@@ -20,7 +19,7 @@ from rrrgen.ik.run_time_tool import plan_with_tool
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 LIMITS, NEAREST, RESIDUAL = 1, 2, 4
 """Option bits of the emitted functions, as in the emitted header: respect limits, sort by distance, keep residual."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.recording.steps import Stage
-from rrrgen.ik.solutions.general6r import ASPECT, root_stage
+from rrrgen.ik.solutions.general_6r import ASPECT, root_stage
 from rrrgen.ik.tolerances import LONGEST_TOOL
 
 STATUS_TEXTS = (

@@ -9,12 +9,12 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.ik.classify import TRIALS, plan
 from rrrgen.ik.families import equipped, works
 from rrrgen.ik.geometry.chain import Matrix
-from rrrgen.ik.geometry.coupling import solved_chain
+from rrrgen.ik.geometry.mechanism import solved_chain
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.robot.robot_spec import FixedTransform
+from rrrgen.robot.spec import FixedTransform
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 def plan_with_tool(spec: RobotSpec) -> SolverPlan:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from rrrgen.ik.recording.steps import Stage
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 TERMS = 8
 """Largest number of terms of a factor that is rewritten with sums of angles, as in cos(q2 + q3). That search takes

@@ -1,11 +1,22 @@
 """The one intermediate representation: straight-line, single-assignment programs over scalars."""
 
 from rrrgen.program.builder import Builder, Scalar, Value
-from rrrgen.program.counts import OperationCount, count_operations
 from rrrgen.program.evaluation import evaluate
-from rrrgen.program.ir import Program, nominal_name, specialization
-from rrrgen.program.nodes import Node, Op
-from rrrgen.program.ports import REFUSED, Domain, Failure, Port, Role, Status
+from rrrgen.program.program import (
+    REFUSED,
+    Domain,
+    Failure,
+    Node,
+    Op,
+    OperationCount,
+    Port,
+    Program,
+    Role,
+    Status,
+    count_operations,
+    nominal_name,
+    specialization,
+)
 
 __all__ = [
     "REFUSED",

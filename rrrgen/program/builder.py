@@ -14,9 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
 from rrrgen.base.errors import InternalError
-from rrrgen.program.ir import Program
-from rrrgen.program.nodes import Node, Op, reachable
-from rrrgen.program.ports import Port, Status
+from rrrgen.program.program import Node, Op, Port, Program, Status, reachable
 
 Number = int | Fraction
 """A number known while recording; whole ones are ints."""

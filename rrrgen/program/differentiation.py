@@ -13,9 +13,7 @@ from fractions import Fraction
 
 from rrrgen.base.errors import InternalError
 from rrrgen.program.builder import Builder, Scalar, Value, replay
-from rrrgen.program.ir import Program
-from rrrgen.program.nodes import Op
-from rrrgen.program.ports import Port
+from rrrgen.program.program import Op, Port, Program
 
 Tangent = dict[int, Value]
 """Directional derivatives of one value, keyed by the number of the direction; absent ones are zero."""

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.program.ir import Program
-from rrrgen.program.nodes import Op
+from rrrgen.program.program import Op, Program
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,8 +1,8 @@
 """Guards: a function with a state, limits, a period or an estimate refuses unusable input and keeps its state.
 
-A program is guarded if one of its outputs is a state (:attr:`rrrgen.program.ports.Port.state`) or one of its inputs a
-limit, a period or the estimate of an observer (:class:`rrrgen.program.ports.Domain`). Its results are then computed as
-before, but they count only if every input that the program reads, and every result, is a number in its domain:
+A program is guarded if one of its outputs is a state (:attr:`rrrgen.program.program.Port.state`) or one of its inputs
+a limit, a period or the estimate of an observer (:class:`rrrgen.program.program.Domain`). Its results are then computed
+as before, but they count only if every input that the program reads, and every result, is a number in its domain:
 
     refused = nonfinite(sum of |checked values|), or a bound that is NaN, negative or contradictory
     state_next = refused ? state : state_next,   output = refused ? 0 : output,   status = refused ? 2 : status
@@ -10,7 +10,7 @@ before, but they count only if every input that the program reads, and every res
 Checking all inputs one by one would cost more than the smaller laws themselves. NaN and infinity pass through sums,
 products and quotients' numerators, so a few values of the program show those of nearly all inputs; the rest is checked
 directly. A sum of magnitudes is finite only if all its terms are, and no compiler may simplify it. It is the bits of
-that one sum that are examined (:attr:`rrrgen.program.nodes.Op.NONFINITE`), since comparisons with NaN mean nothing
+that one sum that are examined (:attr:`rrrgen.program.program.Op.NONFINITE`), since comparisons with NaN mean nothing
 under ``-ffast-math``.
 """
 
@@ -22,9 +22,7 @@ from itertools import chain
 
 from rrrgen.program.builder import Builder, Value
 from rrrgen.program.differentiation import record
-from rrrgen.program.ir import Program
-from rrrgen.program.nodes import Op
-from rrrgen.program.ports import REFUSED, Domain, Port, Status
+from rrrgen.program.program import REFUSED, Domain, Op, Port, Program, Status
 
 BOUNDS = (Domain.LIMIT, Domain.LOWER, Domain.UPPER)
 """The domains in which infinity is a value."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from rrrgen.base.version import VERSION
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from rrrgen.ik.result_layout import most_rows
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
     from rrrgen.runtime.engines import EngineName
 
 

@@ -19,12 +19,12 @@ from rrrgen.runtime.engines import CompiledEngine, Engine, EngineName, NumpyEngi
 from rrrgen.runtime.model import Model
 
 if TYPE_CHECKING:
-    from rrrgen.derive.closed_forms.closed_form import ClosedForm
+    from rrrgen.derive.closed_forms import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.emit.c.dialect import Dialect
+    from rrrgen.emit.c.language import Dialect
     from rrrgen.program import Program
     from rrrgen.robot.file import Robot
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 def load_model(
@@ -51,9 +51,8 @@ def load_model(
 
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
-    from rrrgen.emit.c.dialect import Dialect
-    from rrrgen.emit.c.sources import DERIVATIVES, header_and_sources, source_parts
-    from rrrgen.emit.c.trigonometry import InlineSinCos
+    from rrrgen.emit.c.language import Dialect, InlineSinCos
+    from rrrgen.emit.c.robot_files import DERIVATIVES, header_and_sources, source_parts
     from rrrgen.emit.description import programs_of
 
     dialect = Dialect(derived.spec.name, real)
@@ -79,7 +78,7 @@ def _functions(
     programs: Mapping[str, Program], sources: Mapping[str, str], dialect: Dialect
 ) -> tuple[Any, dict[str, Any]]:
     """Compile the C ``sources`` of ``programs``; returns cffi's interface and the C functions by program name."""
-    from rrrgen.emit.c.batches.loops import declarations
+    from rrrgen.emit.c.batches import declarations
     from rrrgen.emit.c.compilers import NATIVE
     from rrrgen.emit.c.header_comments import function_name
     from rrrgen.runtime.build import build_extension
@@ -90,7 +89,7 @@ def _functions(
 
 def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
     """Compile the loops over states of ``programs`` as a separate extension; returns them by program name."""
-    from rrrgen.emit.c.batches.loops import loop_declarations, loop_files, loop_name
+    from rrrgen.emit.c.batches import loop_declarations, loop_files, loop_name
     from rrrgen.emit.c.compilers import CONTRACT, NATIVE, find_compiler
     from rrrgen.runtime.build import build_extension
 

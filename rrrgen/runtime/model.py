@@ -13,22 +13,20 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rrrgen.runtime.arguments import read_only
-from rrrgen.runtime.bound import BoundFunction
-from rrrgen.runtime.engines import Engine
+from rrrgen.runtime.display import Drawings, html_summary
+from rrrgen.runtime.engines import BoundFunction, Engine
 from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.differential import DifferentialFunctions
-from rrrgen.runtime.functions.drawings import Drawings
 from rrrgen.runtime.functions.parameters import ParameterFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
-from rrrgen.runtime.path_functions import PathFunctions
+from rrrgen.runtime.paths import PathFunctions
 from rrrgen.runtime.results import JointLimits
-from rrrgen.runtime.summary import html_summary
 
 if TYPE_CHECKING:
     import sympy as sp
     from numpy.typing import ArrayLike
 
-    from rrrgen.derive.closed_forms.closed_form import ClosedForm
+    from rrrgen.derive.closed_forms import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.ik.interpreter.results import IKBatch, IKResult
     from rrrgen.ik.inverse_kinematics import InverseKinematics

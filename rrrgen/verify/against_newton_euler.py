@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
-from rrrgen.robot.robot_spec import FrictionSpec, MotorSpec, RobotSpec
-from rrrgen.verify.comparison import Collector, Tolerances, rate, size
-from rrrgen.verify.definiteness import check_refusal, is_definite
+from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
+from rrrgen.verify.identities import check_refusal, is_definite
 from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, motor_loads, motor_speeds
+from rrrgen.verify.report import Collector, Tolerances, rate, size
 from rrrgen.verify.subject import Parameters, States, draw_states
 
 if TYPE_CHECKING:

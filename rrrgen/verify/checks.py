@@ -7,16 +7,12 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from rrrgen.verify.against_newton_euler import check_dynamics, check_friction, check_kinematics, check_regressors
-from rrrgen.verify.comparison import DOUBLE, SINGLE, Collector, Tolerances
-from rrrgen.verify.derivatives import check_derivatives
-from rrrgen.verify.identities import check_identities
+from rrrgen.verify.identities import check_derivatives, check_identities, check_parameters
 from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
-from rrrgen.verify.parameters import check_parameters
-from rrrgen.verify.references.libraries import LIBRARIES
+from rrrgen.verify.references.libraries import LIBRARIES, ReferenceUnavailableError
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Chain, chain_of
-from rrrgen.verify.references.reference import ReferenceUnavailableError
-from rrrgen.verify.report import Report
+from rrrgen.verify.report import DOUBLE, SINGLE, Collector, Report, Tolerances
 from rrrgen.verify.subject import Parameters, SplitCalls, States, draw_states, parameter_sets
 
 if TYPE_CHECKING:

@@ -2,18 +2,194 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rrrgen.verify.comparison import Collector, Tolerances, rate, size
-from rrrgen.verify.references.numeric_robot import Array, Chain
-from rrrgen.verify.report import Row
-from rrrgen.verify.subject import Parameters, States
+from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import Array, Chain, centre_and_tensor
+from rrrgen.verify.report import STENCIL, Check, Collector, Row, Tolerances, rate, size
+from rrrgen.verify.subject import Parameters, States, random_parameters
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Check that forward dynamics reports a mass matrix that is not positive definite.
+# ------------------------------------------------------------------------------------------------------------------
+
+ASKED = 5  # states with an indefinite M at which the model is evaluated, one by one
+INDEFINITE = 1e-3
+"""M counts as indefinite if an eigenvalue is below minus this fraction of the largest. Closer to zero M is nearly
+singular, and round-off decides whether an error is raised."""
+
+
+def is_definite(M: Array, tolerances: Tolerances) -> NDArray[np.bool_]:
+    """Mask (N,) of the states where M (N, n, n) is positive definite by more than round-off."""
+    eigenvalues = np.linalg.eigvalsh(M)
+    return np.asarray(eigenvalues[:, 0] > 0.1 * tolerances.exact * np.abs(eigenvalues[:, -1]), dtype=bool)
+
+
+Ask = Callable[[Array, Array, Array], Array]
+
+
+def check_refusal(function: str, check: Check, ask: Ask, s: States, M: Array) -> None:
+    """Check that forward dynamics ``ask(q, dq, tau)`` raises an error at states where M (N, n, n) is indefinite.
+
+    Where M is singular within round-off, it may raise the error or return finite accelerations.
+    """
+
+    def wrong() -> Array:
+        return np.array([_answers_wrongly(ask, s, M, k) for k in range(min(ASKED, s.count))], dtype=np.float64)
+
+    check(f"{function} refuses an indefinite M", wrong, np.zeros(min(ASKED, s.count)), scale=1.0)
+
+
+def _answers_wrongly(ask: Ask, s: States, M: Array, k: int) -> bool:
+    eigenvalues = np.linalg.eigvalsh(M[k])
+    try:
+        ddq = ask(s.q[k : k + 1], s.dq[k : k + 1], np.ones_like(s.q[k : k + 1]))
+    except (np.linalg.LinAlgError, ArithmeticError):
+        return False
+    indefinite = eigenvalues[0] < -INDEFINITE * np.max(np.abs(eigenvalues))
+    return bool(indefinite) or not np.all(np.isfinite(ddq))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Checks of the derivatives of inverse and forward dynamics by differences of the built-in Newton-Euler recursion.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def check_derivatives(
+    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+) -> None:
+    """Compare the derivatives of tau, and those of ddq multiplied by M.
+
+    The factor M removes the amplification of errors where M is ill-conditioned.
+    """
+    known = _torques(ne, s, tolerances.step)
+    _check_inverse(model, ne, parameters, s, known, tolerances, rows)
+    definite = is_definite(known.M, tolerances)
+    if np.any(definite):
+        _check_forward(model, ne, parameters, s.at(definite), known.at(definite), tolerances, rows)
+    if not np.all(definite):
+        check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
+        check_refusal(
+            "forward_dynamics_derivatives",
+            check,
+            lambda q, dq, tau: model.forward_dynamics_derivatives(q, dq, tau, beta=parameters.beta)[0],
+            s.at(~definite),
+            known.M[~definite],
+        )
+
+
+@dataclass(frozen=True)
+class _Torques:
+    """The torques ``tau`` (N, n), their derivatives ``by_q`` and ``by_dq``, and the mass matrix ``M``, (N, n, n)."""
+
+    tau: Array
+    by_q: Array
+    by_dq: Array
+    M: Array
+
+    @property
+    def scale(self) -> float:
+        """The largest magnitude of the torques and their derivatives."""
+        return max(size(self.by_q), size(self.by_dq), size(self.tau))
+
+    def at(self, chosen: NDArray[np.bool_]) -> _Torques:
+        """The values at the states for which the mask ``chosen`` (N,) is true."""
+        return _Torques(self.tau[chosen], self.by_q[chosen], self.by_dq[chosen], self.M[chosen])
+
+
+def _torques(ne: NewtonEuler, s: States, step: float) -> _Torques:
+    """Compute the torques, their derivatives by central differences, and the mass matrix."""
+    by_q = _derivatives_of(lambda shift: ne.inverse_dynamics(*_batch(s.q + shift, s.dq, s.ddq)), s, step)
+    by_dq = _derivatives_of(lambda shift: ne.inverse_dynamics(*_batch(s.q, s.dq + shift, s.ddq)), s, step)
+    return _Torques(ne.inverse_dynamics(s.q, s.dq, s.ddq), by_q, by_dq, ne.mass_matrix(s.q))
+
+
+def _derivatives_of(function: Callable[[Array], Array], s: States, step: float) -> Array:
+    """The derivatives (N, n, n) of values (N, n) by what is shifted, by eighth-order central differences.
+
+    ``function`` maps all shifts (m, 1, n) of the states together to their values (m N, n): the recursion spends most of
+    its time on the way from one operation to the next, however many states take part.
+    """
+    count, n = s.q.shape
+    places = step * np.array([(k, -k) for k, _ in STENCIL])
+    shifts = places[..., None, None] * np.eye(n)
+    values = function(shifts.reshape(-1, 1, n)).reshape(*places.shape, n, count, n)
+    slopes = sum(w * (ahead - behind) for (_, w), (ahead, behind) in zip(STENCIL, values, strict=True))
+    return np.moveaxis(np.asarray(slopes / step), 0, 2)
+
+
+def _batch(*parts: Array) -> list[Array]:
+    """The ``parts``, broadcast to a common shape (..., n), as batches of states (N, n)."""
+    return [part.reshape(-1, part.shape[-1]) for part in np.broadcast_arrays(*parts)]
+
+
+def _check_inverse(
+    model: Model,
+    ne: NewtonEuler,
+    parameters: Parameters,
+    s: States,
+    known: _Torques,
+    tolerances: Tolerances,
+    rows: Collector,
+) -> None:
+    beta = parameters.beta
+    exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
+    close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
+
+    @cache
+    def answer() -> Any:
+        return model.inverse_dynamics_derivatives(s.q, s.dq, s.ddq, beta=beta)
+
+    exact("inverse_dynamics_derivatives: tau", lambda: answer()[0], known.tau)
+    close("inverse_dynamics_derivatives: dtau_dq", lambda: answer()[1], known.by_q, scale=known.scale)
+    close("inverse_dynamics_derivatives: dtau_dv", lambda: answer()[2], known.by_dq, scale=known.scale)
+    exact("inverse_dynamics_derivatives: M", lambda: answer()[3], known.M)
+
+
+def _check_forward(
+    model: Model,
+    ne: NewtonEuler,
+    parameters: Parameters,
+    s: States,
+    known: _Torques,
+    tolerances: Tolerances,
+    rows: Collector,
+) -> None:
+    beta, tau, M = parameters.beta, known.tau, known.M
+    exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
+    close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
+
+    @cache
+    def answer() -> Any:
+        return model.forward_dynamics_derivatives(s.q, s.dq, tau, beta=beta)
+
+    unit = np.broadcast_to(np.eye(s.q.shape[1]), M.shape)
+    condition = size(M) * size(np.asarray(np.linalg.inv(M), dtype=float))
+    scale = known.scale
+    close("forward_dynamics_derivatives: M dddq_dq", lambda: M @ np.asarray(answer()[1]), -known.by_q, scale=scale)
+    close("forward_dynamics_derivatives: M dddq_dv", lambda: M @ np.asarray(answer()[2]), -known.by_dq, scale=scale)
+    exact("forward_dynamics_derivatives: M dddq_dtau", lambda: M @ np.asarray(answer()[3]), unit, scale=condition)
+    exact(
+        "forward_dynamics_derivatives: ddq (as torque)",
+        lambda: ne.inverse_dynamics(s.q, s.dq, np.asarray(answer()[0])),
+        tau,
+        scale=size(tau) * max(1.0, condition / s.q.shape[1]),
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Checks of identities of mechanics that the functions of a model must satisfy among themselves
+# ------------------------------------------------------------------------------------------------------------------
 
 SELF = "identity"
 
@@ -106,3 +282,48 @@ def _check_rates(
     check("dM/dt - 2C skew", skew, np.zeros_like(own.C), scale=size(own.M) * size(s.dq))
     power = own.tau * s.dq
     check("d(K + U)/dt = tau.dq", lambda: rate(total, tolerances.step), np.sum(power, axis=1), scale=size(power))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Checks of base parameters and payloads: the torques that they cause are compared with those of the reference.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def check_parameters(
+    model: Model, ne: NewtonEuler, s: States, rng: np.random.Generator, tolerances: Tolerances, rows: Collector
+) -> None:
+    """Compare the torques of random link parameters, and those that random payloads add, at the states ``s``."""
+    check = rows.against(ne.name, "-", tolerances.exact, s.count)
+    Y, n = ne.standard_regressor(s.q, s.dq, s.ddq), ne.chain.links
+    phi = np.stack([random_parameters(n, rng).ravel() for _ in range(s.count)])
+
+    def torques(beta: Array) -> Array:
+        return np.asarray(np.einsum("nij,nj->ni", model.regressor(s.q, s.dq, s.ddq), beta))
+
+    check("base_parameters", lambda: torques(model.base_parameters_of(phi)), np.einsum("nij,nj->ni", Y, phi))
+    bodies = random_parameters(s.count, rng)
+    added = np.einsum("nij,nj->ni", Y[:, :, 10 * ne.chain.tip : 10 * ne.chain.tip + 10], bodies)
+    mass = bodies[:, 0]
+    centres = [centre_and_tensor(row) for row in bodies]
+    com, tensors = (np.stack(part) for part in zip(*centres, strict=True))
+    R, p = np.stack([_rotation(rng) for _ in range(s.count)]), rng.uniform(-0.3, 0.3, (s.count, 3))
+    frame = np.zeros((s.count, 4, 4))
+    frame[:, :3, :3], frame[:, :3, 3], frame[:, 3, 3] = R, p, 1.0
+    own_com = np.einsum("nji,nj->ni", R, com - p)
+    own_tensors = np.einsum("nki,nkl,nlj->nij", R, tensors, R)
+
+    def bare() -> Array:
+        return np.asarray(model.base_parameters_of(np.zeros((s.count, 10 * n)))[0])
+
+    check("add_payload", lambda: torques(model.add_payload(mass, com, tensors, beta=bare())), added)
+    check(
+        "add_payload_at",
+        lambda: torques(model.add_payload_at(mass, own_com, own_tensors, frame, beta=bare())),
+        added,
+    )
+
+
+def _rotation(rng: np.random.Generator) -> Array:
+    """Draw a random rotation matrix (3, 3)."""
+    Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return np.asarray(Q * np.sign(np.linalg.det(Q)))

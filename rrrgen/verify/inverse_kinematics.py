@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.verify.comparison import Collector
 from rrrgen.verify.references.numeric_robot import Array, Chain
-from rrrgen.verify.report import Row
+from rrrgen.verify.report import Collector, Row
 from rrrgen.verify.subject import STROKE
 
 FUNCTION = "inverse_kinematics"

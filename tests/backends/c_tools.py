@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.emit.c.backend import CBackend
+from rrrgen.emit.c.robot_files import CBackend
 from rrrgen.robot.identity import Identity
 
 IDENTITY = Identity("0123456789abcdef" * 4, "0.0.0")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from rrrgen.emit.c.ik.counting import SolverOperations
+from rrrgen.emit.c.ik.costs import SolverOperations
 from rrrgen.emit.c.ik.kernels import KernelDialect
 from rrrgen.emit.c.ik.loop_nest import ARC, Arc, Leaf, Loop, LoopNest, Statement
 from rrrgen.emit.c.ik.statements import printed
-from rrrgen.emit.c.printer import CTarget
-from rrrgen.emit.c.trigonometry import LibmSinCos
+from rrrgen.emit.c.language import CTarget, LibmSinCos
 from rrrgen.ik.recording.scalar import Pool, Scalar
 
 TWO, FOUR = Loop("i", "n", 2, 0), Loop("j", "m", 4, 1)

@@ -12,9 +12,9 @@ from fractions import Fraction
 import sympy as sp
 
 from rrrgen.derive.derived_model import BaseParameter, DerivedModel
-from rrrgen.derive.recursions.positive_definite import status_at
+from rrrgen.derive.recursions.linear_algebra import status_at
 from rrrgen.program import Builder, Port, Program, Role
-from rrrgen.robot.robot_spec import DriveSpec, FrictionSpec, JointSpec, LinkSpec, RobotSpec
+from rrrgen.robot.spec import DriveSpec, FrictionSpec, JointSpec, LinkSpec, RobotSpec
 
 F = Fraction
 A1, A2, G = F(1, 2), F(7, 20), F(981, 100)

@@ -12,7 +12,7 @@ import rrrgen
 from backends.c_tools import IDENTITY
 from pipeline.optimized import bundled
 from rrrgen.base.errors import BuildError
-from rrrgen.emit.c.backend import CBackend
+from rrrgen.emit.c.robot_files import CBackend
 
 EPS = np.finfo(float).eps
 FEW_TURNS = 4 * np.pi

@@ -10,13 +10,10 @@ import pytest
 
 from backends.casadi_cases import arguments, random_program
 from rrrgen.base.errors import BackendError
-from rrrgen.emit.c.batches.loops import declarations
-from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.batches import declarations
 from rrrgen.emit.c.header_comments import explanation, prototype
-from rrrgen.emit.c.printer import print_body
-from rrrgen.emit.c.trigonometry import LibmSinCos
-from rrrgen.emit.comments import plain
-from rrrgen.emit.printing import decimal
+from rrrgen.emit.c.language import Dialect, LibmSinCos, print_body
+from rrrgen.emit.printing import decimal, plain
 from rrrgen.program import Builder, Port, Program, Role, Status, evaluate
 from rrrgen.runtime.build import build_extension
 

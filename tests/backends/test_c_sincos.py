@@ -11,8 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from rrrgen.emit.c.dialect import Dialect
-from rrrgen.emit.c.trigonometry import ERROR_BOUND, HALF_PI, RANGE, InlineSinCos
+from rrrgen.emit.c.language import ERROR_BOUND, HALF_PI, RANGE, Dialect, InlineSinCos
 
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]
 

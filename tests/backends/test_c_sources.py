@@ -30,8 +30,7 @@ from backends.c_tools import (
 )
 from backends.planar import planar_model
 from pipeline.optimized import bundled
-from rrrgen.emit.c.backend import CBackend
-from rrrgen.emit.c.packaging import build_files
+from rrrgen.emit.c.robot_files import CBackend, build_files
 from rrrgen.emit.manifest import manifest
 
 MODELS = {"nominal": {}, "no links": {"links": False, "drives": False}}
@@ -207,7 +206,7 @@ def test_nothing_in_the_files_depends_on_when_and_where_they_are_made(tmp_path):
         "import hashlib, sys; sys.path[:0] = sys.argv[1:]\n"
         "from backends.planar import planar_model\n"
         "from backends.c_tools import IDENTITY\n"
-        "from rrrgen.emit.c.backend import CBackend\n"
+        "from rrrgen.emit.c.robot_files import CBackend\n"
         "files = CBackend().files(planar_model(), IDENTITY, 'double')\n"
         "print(hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest())\n"
     )

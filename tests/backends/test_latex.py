@@ -13,7 +13,7 @@ from backends.formula_reading import compute, raise_functions, read_latex, read_
 from rrrgen.base.errors import BackendError
 from rrrgen.emit.html.mathml import MathmlMarkup
 from rrrgen.emit.latex import Walk, break_sum, latex, latex_expression, notation, plain, plain_expression
-from rrrgen.emit.latex.markup import TextMarkup
+from rrrgen.emit.latex.formulas import TextMarkup
 
 TRANSCRIBED = 1e-9  # numbers may be shown to 12 digits; a wrong sign or grouping is of order one
 

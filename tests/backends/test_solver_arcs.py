@@ -3,8 +3,7 @@
 import pytest
 
 from backends.loop_nests import arc, counted, leaf, opened, text
-from rrrgen.emit.c.ik.loop_nest import ARC, Arc, Flip, Loop, LoopNest, Statement
-from rrrgen.emit.c.ik.passes.arcs import TakeArcsTogether
+from rrrgen.emit.c.ik.loop_nest import ARC, Arc, Flip, Loop, LoopNest, Statement, TakeArcsTogether
 from rrrgen.ik.recording.scalar import Pool
 
 LOOPS = (Loop("i1", "n1", 2, 0), Loop("i2", "n2", 4, 1))

@@ -3,7 +3,7 @@
 import pytest
 
 from backends.loop_nests import FOUR, TWO, counted
-from rrrgen.emit.c.ik.counting import CALLS, SolverOperations, block_operations, sum_of
+from rrrgen.emit.c.ik.costs import CALLS, SolverOperations, block_operations, sum_of
 from rrrgen.emit.c.ik.loop_nest import LoopNest, Statement, Value
 from rrrgen.ik.recording.scalar import Pool
 from rrrgen.program import Builder, Port

@@ -3,8 +3,7 @@
 import pytest
 
 from backends.loop_nests import counted, leaf, opened, text
-from rrrgen.emit.c.ik.loop_nest import Loop, LoopNest, Statement
-from rrrgen.emit.c.ik.passes.hoisting import Hoist
+from rrrgen.emit.c.ik.loop_nest import Hoist, Loop, LoopNest, Statement
 from rrrgen.ik.recording.scalar import Pool
 
 

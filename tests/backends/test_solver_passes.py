@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from rrrgen.emit.c.ik.files import emit
+from rrrgen.emit.c.ik.loop_nest import Hoist, TakeArcsTogether
 from rrrgen.emit.c.ik.passes import PASSES
-from rrrgen.emit.c.ik.passes.arcs import TakeArcsTogether
-from rrrgen.emit.c.ik.passes.hoisting import Hoist
 from rrrgen.ik.classify import plan
 from rrrgen.robot.file import load_spec
 

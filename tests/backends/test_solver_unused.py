@@ -1,8 +1,7 @@
 """Unused definitions are left out, and what only they needed with them."""
 
 from backends.loop_nests import leaf, text
-from rrrgen.emit.c.ik.loop_nest import LoopNest, Statement
-from rrrgen.emit.c.ik.passes.unused import DropUnused
+from rrrgen.emit.c.ik.loop_nest import DropUnused, LoopNest, Statement
 from rrrgen.ik.recording.scalar import Pool
 
 

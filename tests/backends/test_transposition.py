@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from backends.c_tools import compiler
-from rrrgen.emit.c.batches.simd import SimdSinCos
-from rrrgen.emit.c.batches.transposition import SIZES, transfers
-from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.batches import SIZES, SimdSinCos, transfers
+from rrrgen.emit.c.language import Dialect
 
 WIDTHS = {"sse2": "-msse2", "avx": "-mavx", "avx512f": "-mavx512f"}
 

@@ -2,7 +2,7 @@
 
 ``python -m tests.calibrate.mistakes_study`` prints a line for each robot and number of poses, and ends with the exit
 code 1 if a mistake is named wrongly or a file without one is refused. Mistakes are drawn from those that
-:mod:`rrrgen.lab.calibrate.mistakes` knows and from others, which must not be given a name.
+:mod:`rrrgen.lab.calibrate.diagnosis` knows and from others, which must not be given a name.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.calibrate.diagnosis import estimate_checked
-from rrrgen.lab.calibrate.measurement_file import read_table
+from rrrgen.lab.calibrate.measurements import read_table
 from rrrgen.robot.file import load_spec
 from tests.calibrate.virtual import ANGLE_NOISE, NOISE, measure, off_the_table, positions
 

@@ -16,10 +16,9 @@ import numpy as np
 from rrrgen.lab.calibrate.estimation import calibrate
 from rrrgen.lab.calibrate.geometry import Geometry, geometry_of, rigid
 from rrrgen.lab.calibrate.measurements import Measurements
-from rrrgen.lab.calibrate.minimal_set import minimal_set
-from rrrgen.lab.calibrate.pose_choice import choose_poses
+from rrrgen.lab.calibrate.minimal_set import choose_poses, minimal_set
 from rrrgen.robot.file import load_spec
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 from tests.calibrate.virtual import ANGLE_NOISE, NOISE, measure, off_the_table, positions, touching
 
 HELD_OUT = 1000

@@ -15,16 +15,13 @@ from calibrate.virtual import NOISE, measure, off_the_table, positions, touching
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import cli
 from rrrgen.lab.calibrate.estimation import calibrate
-from rrrgen.lab.calibrate.fixtures import Fixture
-from rrrgen.lab.calibrate.geometry import Geometry, geometry_of, rigid, rotation_vectors
-from rrrgen.lab.calibrate.measurement_file import read_table
-from rrrgen.lab.calibrate.measurements import Measurements
-from rrrgen.lab.calibrate.minimal_set import minimal_set
-from rrrgen.lab.calibrate.pose_choice import choose_poses
+from rrrgen.lab.calibrate.geometry import Fixture, Geometry, geometry_of, rigid, rotation_vectors
+from rrrgen.lab.calibrate.measurements import Measurements, read_table
+from rrrgen.lab.calibrate.minimal_set import choose_poses, minimal_set
 from rrrgen.lab.calibrate.report import to_data, to_text
 from rrrgen.lab.calibrate.robot_file import calibrated_spec
 from rrrgen.robot.file import dumps, load_spec, loads_spec
-from rrrgen.robot.robot_spec import FixedTransform
+from rrrgen.robot.spec import FixedTransform
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 

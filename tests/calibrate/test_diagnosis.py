@@ -10,7 +10,7 @@ from calibrate.virtual import NOISE, measure, off_the_table, positions
 from rrrgen.base.errors import InputError
 from rrrgen.lab.calibrate.diagnosis import estimate_checked
 from rrrgen.lab.calibrate.geometry import rigid
-from rrrgen.lab.calibrate.measurement_file import read_table
+from rrrgen.lab.calibrate.measurements import read_table
 from rrrgen.robot.file import load_spec
 
 

@@ -10,8 +10,8 @@ import sys
 
 import pytest
 
-from rrrgen.cli.colour import with_headings
 from rrrgen.cli.main import run
+from rrrgen.cli.terminal import with_headings
 
 MARK = re.compile(r"\x1b\[[\d;]*m")
 FAULTY = "schema: rrrgen/1\nname: 5x\n"

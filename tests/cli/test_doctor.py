@@ -7,7 +7,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from rrrgen.base import extras
+from rrrgen.base import errors
 from rrrgen.cli.doctor import doctor
 from rrrgen.cli.main import main
 from rrrgen.emit.c import compilers as compiler
@@ -46,7 +46,7 @@ def test_a_compiler_that_fails_is_not_ok(monkeypatch, capsys):
 
 
 def test_a_missing_extra_is_named_with_the_line_to_type(monkeypatch, capsys):
-    monkeypatch.setattr(extras, "installed", lambda module: module != "h5py")
+    monkeypatch.setattr(errors, "installed", lambda module: module != "h5py")
     _, found = findings(capsys)
     assert not found["extra logs"]["ok"]
     assert "without h5py; pip install 'rrrgen[logs]'" in found["extra logs"]["found"]

@@ -19,7 +19,7 @@ from rrrgen.emit.c.ik.files import emit
 from rrrgen.emit.exporting import export_robot
 from rrrgen.ik.classify import plan
 from rrrgen.robot.file import load_spec
-from rrrgen.robot.names import name_fault
+from rrrgen.robot.spec import name_fault
 
 pytestmark = pytest.mark.usefixtures("unoptimized")
 

@@ -7,13 +7,12 @@ import sys
 import numpy as np
 import pytest
 
-from rrrgen.base.errors import MissingExtraError
-from rrrgen.base.extras import EXTRAS
+from rrrgen.base.errors import EXTRAS, MissingExtraError
 from rrrgen.cli.commands import COMMANDS
 from rrrgen.cli.main import run
 from rrrgen.lab.data.mapping import FileSource
 from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.data.tables.table_formats import open_here
+from rrrgen.lab.data.tables.formats import open_here
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.robot.robots import bundled_path
 from samples.recordings import write_log

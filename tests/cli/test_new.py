@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rrrgen.base.yamltext.document import FaultList, Mapping, Place, Sequence, parse_document
+from rrrgen.base.yamltext.document import FaultList, MappingNode, Place, SequenceNode, parse_document
 from rrrgen.cli.main import run
 from rrrgen.ik.classify import plan
 from rrrgen.robot.file import RobotSpec, load_spec, loads_spec
@@ -101,14 +101,14 @@ def test_both_conventions_are_the_same_arm(written):
     assert np.allclose(standard, modified, atol=1e-12)
 
 
-def fields(node: Mapping, section: str) -> Iterator[tuple[str, str, Place]]:
+def fields(node: MappingNode, section: str) -> Iterator[tuple[str, str, Place]]:
     """Section, key and place of every field in ``node`` and below."""
     table = {key.name: key for key in SECTIONS[section]}
     for name, value in node.entries:
         yield section, name.text, name.place
         key = table[name.text]
         inner = "basis" if key.name == "basis" else key.section
-        rows = value.items if isinstance(value, Sequence) else [value]
+        rows = value.items if isinstance(value, SequenceNode) else [value]
         for row in [each for _, each in value.entries] if key.kind == "transforms" else rows if inner else []:
             yield from fields(row, inner)
 

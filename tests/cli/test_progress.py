@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from bench import session
 from rrrgen.cli import reconstruct, show
 from rrrgen.cli.main import cli
-from rrrgen.cli.progress import working
+from rrrgen.cli.terminal import working
 from rrrgen.lab.data.recordings import Log
 from samples.recordings import fourier_motion, write_log
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import rrrgen
-from rrrgen.cli.description import stated
 from rrrgen.cli.main import run
+from rrrgen.cli.show import stated
 from rrrgen.cli.terminal import say
 from rrrgen.robot.file import bundled_names, load_spec
 

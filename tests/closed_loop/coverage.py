@@ -17,10 +17,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
-from rrrgen.lab.data.processing import Processing
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.closed_loop.refinement import closed_loop_estimate
+from rrrgen.lab.data.preprocessing import Processing
+from rrrgen.lab.identify.identification import Options, identify
 from samples.disturbed_arm import FRICTION, DisturbedArm
 
 BOUNDS = (0.85, 0.99)

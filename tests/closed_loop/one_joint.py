@@ -26,14 +26,13 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
-from rrrgen.lab.closed_loop.controller_file import loads_controller
-from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.closed_loop.controller import loads_controller
+from rrrgen.lab.closed_loop.refinement import closed_loop_estimate
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import open_log
-from rrrgen.lab.identify.choice import LawChoice
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.data.uniform_stream import LogStream
+from rrrgen.lab.identify.friction_choice import LawChoice
+from rrrgen.lab.identify.identification import Options, identify
 from samples.linear_drive import (
     CONTROLLER,
     GAIN,

@@ -22,14 +22,13 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.lab.closed_loop.controller_file import load_controller
-from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
+from rrrgen.lab.closed_loop.controller import load_controller
+from rrrgen.lab.closed_loop.refinement import closed_loop_estimate
 from rrrgen.lab.closed_loop.validation import stated_equations, validate_loop
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import open_log
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.data.uniform_stream import LogStream
+from rrrgen.lab.identify.identification import Options, identify
 
 ADDED = "    friction: {{viscous: {}, coulomb: {}}}\n    drive: {{inertia: {}, encoder_resolution: 1e-4}}\n"
 DRIVES = ((4, 5, 1.1), (5, 6, 4.7), (3, 4, 0.8), (0.4, 0.6, 0.2), (0.3, 0.5, 0.18), (0.2, 0.4, 0.19))

@@ -11,12 +11,11 @@ from scipy.io import savemat
 
 import rrrgen
 from rrrgen.base.errors import InputError
-from rrrgen.lab.closed_loop.controller import Operation, filtered
-from rrrgen.lab.closed_loop.controller_file import load_controller, loads_controller
+from rrrgen.lab.closed_loop.controller import Operation, filtered, load_controller, loads_controller
 from rrrgen.lab.closed_loop.validation import validate_loop
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import open_log
+from rrrgen.lab.data.uniform_stream import LogStream
 from samples.linear_drive import CONTROLLER
 
 FAULTY = """\

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from rrrgen.cli.main import cli
-from rrrgen.lab.closed_loop.controller_file import loads_controller
+from rrrgen.lab.closed_loop.controller import loads_controller
 from rrrgen.lab.closed_loop.joint_friction import refine
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.friction.candidate_laws import Candidate

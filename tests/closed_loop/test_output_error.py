@@ -11,15 +11,14 @@ from click.testing import CliRunner
 import rrrgen
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import cli
-from rrrgen.lab.closed_loop.controller_file import load_controller, loads_controller
-from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
+from rrrgen.lab.closed_loop.controller import load_controller, loads_controller
+from rrrgen.lab.closed_loop.refinement import closed_loop_estimate
 from rrrgen.lab.closed_loop.validation import validate_loop
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import open_log
-from rrrgen.lab.identify.choice import LawChoice
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.data.uniform_stream import LogStream
+from rrrgen.lab.identify.friction_choice import LawChoice
+from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.robot.file import load_spec
 from samples.linear_drive import CONTROLLER, DAHL, MASS, TRUTH, record, write_drive
 

@@ -20,8 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import rrrgen
 from contact.simulation import RESOLUTION, Arms, Ts, forces
 from contact.study import ROBOTS
-from rrrgen.lab.contact.covariance import residual_covariance
-from rrrgen.lab.contact.residuals import first_order_lag
+from rrrgen.lab.contact import first_order_lag, residual_covariance
 from rrrgen.lab.data.kalman import kalman_matrices, kalman_step
 
 QUANTILES = {1: 3.841, 2: 5.991, 3: 7.815, 6: 12.592}  # 95 % of chi-squared

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrrgen.lab.contact.residuals import changes
+from rrrgen.lab.contact import changes
 from rrrgen.lab.data.kalman import kalman_matrices, kalman_step
 
 Ts = 1e-3

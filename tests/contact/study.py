@@ -18,8 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
 from contact.simulation import FRICTION, Arms, Ts, forces, ratios, visibility
-from rrrgen.lab.contact.residuals import step_responses
-from rrrgen.lab.contact.thresholds import contact_thresholds, expected_detection
+from rrrgen.lab.contact import contact_thresholds, expected_detection, step_responses
 
 ROBOTS = {
     "rrr": (FRICTION, [0, 0.5, 0.8]),

@@ -13,11 +13,16 @@ import rrrgen
 from contact.simulation import FRICTION, RESOLUTION, WIDTH, Arms, Ts, forces, ratios, visibility
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.lab.contact.covariance import residual_covariance
-from rrrgen.lab.contact.extremes import block_maxima, fit_gumbel
-from rrrgen.lab.contact.residuals import observer_residuals, step_responses
-from rrrgen.lab.contact.thresholds import contact_thresholds, expected_detection
-from rrrgen.lab.data.smoother import KalmanSmoother
+from rrrgen.lab.contact import (
+    block_maxima,
+    contact_thresholds,
+    expected_detection,
+    fit_gumbel,
+    observer_residuals,
+    residual_covariance,
+    step_responses,
+)
+from rrrgen.lab.data.kalman import KalmanSmoother
 
 
 def test_the_distribution_of_maxima_is_found():

@@ -28,10 +28,8 @@ from control.test_online_estimators import (
     relative_torque_error,
     rows,
 )
-from rrrgen.emit.controller.gain import gain_bound
-from rrrgen.emit.controller.programs import regression
-from rrrgen.emit.controller.sources import EstimatorSettings
-from rrrgen.runtime.estimator import online_estimator
+from rrrgen.emit.controller.online_estimators import EstimatorSettings, gain_bound, regression
+from rrrgen.runtime.online_estimators import online_estimator
 
 EVERY = 50  # samples between two evaluations of the torque error
 

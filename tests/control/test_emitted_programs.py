@@ -10,7 +10,7 @@ import pytest
 import rrrgen
 from friction.test_models import EXAMPLES, SPEEDS
 from rrrgen.base.errors import InputError
-from rrrgen.emit.controller.trajectory import fixed_fourier_program, fourier_program
+from rrrgen.emit.controller.fourier_series import fixed_fourier_program, fourier_program
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.program import Program, count_operations, evaluate
 from rrrgen.robot.friction.laws import LAWS
@@ -35,9 +35,9 @@ class Emitted:
     """The programs of this half as one C file, called state by state."""
 
     def __init__(self, programs: list[Program]) -> None:
-        from rrrgen.emit.c.dialect import Dialect
         from rrrgen.emit.c.header_comments import function_name
-        from rrrgen.emit.c.sources import header_and_sources
+        from rrrgen.emit.c.language import Dialect
+        from rrrgen.emit.c.robot_files import header_and_sources
         from rrrgen.robot.identity import identify
         from rrrgen.runtime.build import build_extension
 

@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from rrrgen.emit.c.trigonometry import sincos_strategy
+from rrrgen.emit.c.language import sincos_strategy
 from rrrgen.emit.controller.fourier_series import fourier_series_files
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.runtime.build import build_extension

@@ -12,12 +12,16 @@ import pytest
 import rrrgen
 from oracles.recursive_least_squares import InformationFilter, batch_estimate, gradient_step
 from rrrgen.base.errors import InputError
-from rrrgen.emit.controller.gain import chosen_gain, gain_bound
-from rrrgen.emit.controller.programs import regression
-from rrrgen.emit.controller.sources import EstimatorSettings, estimator_files
+from rrrgen.emit.controller.online_estimators import (
+    EstimatorSettings,
+    chosen_gain,
+    estimator_files,
+    gain_bound,
+    regression,
+)
 from rrrgen.lab.data.kalman import kalman_matrices, kalman_step
 from rrrgen.program import count_operations, evaluate
-from rrrgen.runtime.estimator import online_estimator
+from rrrgen.runtime.online_estimators import online_estimator
 
 FIXED = {"p4": 0.0, "p15": 0.0}  # as in the chapter: links 2 and 3 are symmetric
 SIGMA = np.array([0.2, 0.1, 0.05])

@@ -143,7 +143,7 @@ def spline_paths(count: int, points: int):
 def kernel_of(n: int):
     """The timing for a robot of ``n`` joints without inertia or friction, so that speeds and accelerations decide."""
     from rrrgen.program import Builder, Port, Program
-    from rrrgen.runtime.path_kernel import TimingKernel
+    from rrrgen.runtime.paths import TimingKernel
 
     def zero(name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> Program:
         b = Builder()

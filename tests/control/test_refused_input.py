@@ -18,13 +18,12 @@ import pytest
 
 import rrrgen
 from rrrgen.derive import derive_once
-from rrrgen.emit.c.dialect import Dialect
 from rrrgen.emit.c.header_comments import function_name
-from rrrgen.emit.c.sources import failures_of, header_and_sources
+from rrrgen.emit.c.language import Dialect
+from rrrgen.emit.c.robot_files import failures_of, header_and_sources
 from rrrgen.emit.casadi.function import function as casadi_function
 from rrrgen.emit.casadi.module import rebuild_module
-from rrrgen.emit.controller.kalman import kalman_program
-from rrrgen.emit.controller.linear_step import linear_step_program
+from rrrgen.emit.controller.filters import kalman_program, linear_step_program
 from rrrgen.emit.controller.state_space import StateSpace
 from rrrgen.emit.targets.javascript import BACKEND as JAVASCRIPT
 from rrrgen.program import REFUSED, Domain, Op, Program, evaluate

@@ -10,9 +10,7 @@ from scipy.signal import cont2discrete
 from backends.c_tools import C99, CXX, SANITIZERS, compile_all, compiler
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.lab.vibration.modes import Vibration
-from rrrgen.lab.vibration.notches import design_notches, phase_lag
-from rrrgen.lab.vibration.shapers import KINDS, design_shaper, impulses
+from rrrgen.lab.vibration import KINDS, Vibration, design_notches, design_shaper, impulses, phase_lag
 
 PERIOD = 1e-3
 BASE, JOINT = Vibration((28.0,), (0.1,)), Vibration((96.3,), (0.02,))

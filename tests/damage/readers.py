@@ -219,7 +219,7 @@ def read_robot(folder: Path) -> None:
     """A robot file, its normal form and its text printed back, as ``check`` and ``show`` need them."""
     from rrrgen.robot.file import load_spec
     from rrrgen.robot.file.writer import dumps
-    from rrrgen.robot.model.robot_model import build_model
+    from rrrgen.robot.model.canonical_frames import build_model
 
     spec = load_spec(folder / "robot.yaml")
     build_model(spec)
@@ -286,7 +286,7 @@ def make_measurements(folder: Path) -> None:
 
 def read_poses(folder: Path) -> None:
     """Measurements for a calibration."""
-    from rrrgen.lab.calibrate.measurement_file import read_table
+    from rrrgen.lab.calibrate.measurements import read_table
 
     read_table(folder / "poses.csv", ("q1", "q2", "q3")).measurements(1e-4, 1e-4)
 
@@ -298,7 +298,7 @@ def make_mapping(folder: Path) -> None:
 
 def read_mapping(folder: Path) -> None:
     """A mapping file and the recording that it describes, made ready with the mapping's own processing."""
-    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.data.preprocessing import Processing
     from rrrgen.lab.data.recordings import open_log, read_log
 
     mapping = open_log(folder / "log.yaml")
@@ -319,7 +319,7 @@ def read_experiment(folder: Path) -> None:
 
     from rrrgen.lab.design.problem import ExcitationProblem
     from rrrgen.lab.experiment.experiment_file import load_experiment
-    from rrrgen.lab.experiment.writing import writing_task
+    from rrrgen.lab.experiment.writing_task import writing_task
     from rrrgen.lab.plant.experiment import Instruments
 
     experiment = load_experiment(folder / "experiment.yaml", 3)

@@ -28,7 +28,7 @@ from rrrgen.derive.parameters.base_parameters import base_set, standard_symbols
 from rrrgen.program import evaluate
 from rrrgen.robot.file import bundled_names, load_spec, loads_spec
 from rrrgen.robot.model import build_model
-from rrrgen.robot.model.drive_terms import drive_terms
+from rrrgen.robot.model.drives import drive_terms
 from rrrgen.runtime.regressor_columns import drive_columns
 
 CLEAR_GAP = 1e5  # measured gaps of singular values are above 1e8; nothing between the two sides of the rank

@@ -10,9 +10,9 @@ import sympy as sp
 from derive.exact import vanishes
 from oracles import chapter14
 from rrrgen.derive import derive_model
-from rrrgen.derive.closed_forms.closed_form import closed_form
+from rrrgen.derive.closed_forms import closed_form
 from rrrgen.robot.file import load_spec
-from rrrgen.robot.robot_spec import parameter_symbol
+from rrrgen.robot.spec import parameter_symbol
 
 N = 3
 A2, A3, D1, D2, D3 = (parameter_symbol(name) for name in ("a2", "a3", "d1", "d2", "d3"))

@@ -11,8 +11,7 @@ import sympy as sp
 from pipeline.optimized import bundled
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive import prepare
-from rrrgen.derive.closed_forms.closed_form import CLOSED, closed_form
-from rrrgen.derive.closed_forms.shared_form import SharedForm, shared_form
+from rrrgen.derive.closed_forms import CLOSED, SharedForm, closed_form, shared_form
 from rrrgen.program import Builder, Port, evaluate
 from rrrgen.robot.file import load_spec
 

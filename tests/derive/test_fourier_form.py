@@ -6,7 +6,7 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.derive.closed_forms.fourier_form import shorter_form
+from rrrgen.derive.closed_forms import shorter_form
 from rrrgen.program.polynomials import PolynomialRing
 
 q1, q2, q3 = sp.symbols("q1 q2 q3", real=True)

@@ -11,7 +11,7 @@ import rrrgen
 from rrrgen.base.errors import InputError
 from rrrgen.derive import prepare
 from rrrgen.derive.functions.table import recorders
-from rrrgen.derive.recursions.positive_definite import factorize
+from rrrgen.derive.recursions.linear_algebra import factorize
 from rrrgen.program import Builder, Port
 from rrrgen.program.evaluation import evaluate
 from rrrgen.robot.file import load_spec, loads_spec

@@ -13,7 +13,7 @@ from derive.comparison import Reference, failures
 from oracles.numeric_rank import base_parameter_count
 from oracles.random_robots import arbitrary_link, robots, to_yaml
 from rrrgen.base.parallel import without_collection
-from rrrgen.derive.functions.dynamic_functions import forward_dynamics
+from rrrgen.derive.functions.dynamics import forward_dynamics
 from rrrgen.derive.functions.recording import Recording, parametrize
 from rrrgen.derive.functions.table import functions_of, recorders
 from rrrgen.derive.parameters.base_parameters import base_set

@@ -14,7 +14,7 @@ from rrrgen.derive.functions.quantities import Quantity
 from rrrgen.derive.functions.table import FUNCTIONS, GROUPS, TABLE, exists, recorders
 from rrrgen.program import Role
 from rrrgen.robot.file import load_spec, loads_spec
-from rrrgen.robot.names import KEYWORDS
+from rrrgen.robot.spec import KEYWORDS
 
 
 def test_the_table_loads_without_heavy_libraries():

@@ -8,7 +8,7 @@ import pytest
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, to_yaml, transform
 from rrrgen.derive import derive_model, prepare
-from rrrgen.derive.functions import contact, operational
+from rrrgen.derive.functions import contact, operational_space
 from rrrgen.derive.functions.table import functions_for, recorders
 from rrrgen.program import evaluate
 from rrrgen.robot.file import load_spec, loads_spec
@@ -33,7 +33,7 @@ class Case:
         robot = self.robot = random_robot(7300 + seed, n=joints, prismatic=0)
         rng = np.random.default_rng(seed)
         derivation = prepare(loads_spec(to_yaml(robot)))
-        task = operational.POSE if rows == 6 else operational.POSITION
+        task = operational_space.POSE if rows == 6 else operational_space.POSITION
         self.program = recorders(f"{task.prefix}operational_space")[0](derivation.recording())
         K = np.array(derivation.recording().parametrization.projection, dtype=float)
         q, dq = rng.uniform(-1, 1, (2, joints))
@@ -190,13 +190,13 @@ tool: {translation: [0, 0, 0.4]}
 @pytest.mark.parametrize("text", [THROUGH_ONE_POINT, BESIDE_THE_TIP])
 def test_a_tip_whose_position_no_joint_moves_has_no_control_of_it(text):
     spec = loads_spec(text)
-    assert operational.tip_moves(spec) == (False, True)
+    assert operational_space.tip_moves(spec) == (False, True)
     names = {function.name for function in functions_for(spec, ("control",))}
     assert "computed_torque" in names
     assert not names & {"operational_space", "position_operational_space"}
     derive_model(spec, ("control", "points", "observer"))
     moved = loads_spec(text.partition("tool:")[0] + "tool: {translation: [0, 0.1, 0.4]}\n")
-    assert operational.tip_moves(moved) == (True, True)
+    assert operational_space.tip_moves(moved) == (True, True)
     assert "position_operational_space" in {function.name for function in functions_for(moved, ("control",))}
     derive_model(moved, ("control",))
 
@@ -204,6 +204,6 @@ def test_a_tip_whose_position_no_joint_moves_has_no_control_of_it(text):
 def test_gantries_do_not_turn_the_tip():
     rows = "".join(f"  - {{type: prismatic, alpha: {alpha}, a: 0, theta: 0}}\n" for alpha in (90, 90, 0, 90, 90, 0))
     spec = loads_spec(THROUGH_ONE_POINT.partition("  - {name")[0] + rows)
-    assert operational.tip_moves(spec) == (True, False)
+    assert operational_space.tip_moves(spec) == (True, False)
     assert {f.name for f in functions_for(spec, ("control",))} & {"operational_space"} == set()
     derive_model(spec, ("control",))

@@ -15,7 +15,7 @@ from rrrgen.derive.parameters.user_basis import change_basis
 from rrrgen.program import evaluate
 from rrrgen.robot.file import bundled_path, load_spec, loads_spec
 from rrrgen.robot.model import build_model
-from rrrgen.robot.robot_spec import BasisSpec
+from rrrgen.robot.spec import BasisSpec
 
 TEXT = bundled_path("rrr").read_text(encoding="utf-8")
 FILE = "arm.yaml"

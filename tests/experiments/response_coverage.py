@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from experiments.test_response_experiment import ARM, NOISY, record, simulated, truth
 from rrrgen.lab.experiment.experiment_file import loads_experiment
-from rrrgen.lab.response.estimate import estimate_one
+from rrrgen.lab.response.estimation import estimate_one
 
 CASES = {
     "noise": "signal: noise, period: 2 s, periods: 10, settle: 3, band: [0.5 Hz, 220 Hz], rms: 7",

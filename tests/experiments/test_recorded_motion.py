@@ -10,9 +10,9 @@ import pytest
 
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.experiment.recorded_motion import RecordedMotion
+from rrrgen.lab.experiment.feedback_linearisation import RecordedMotion
 from rrrgen.runtime import load
 from samples.recordings import fourier_motion, write_log
 

@@ -18,8 +18,8 @@ from rrrgen.cli.main import run as run_command
 from rrrgen.lab.data.recordings import read_log
 from rrrgen.lab.design.plan import ResponseDesign
 from rrrgen.lab.experiment.experiment_file import loads_experiment
-from rrrgen.lab.experiment.linearised_log import linearised_log
-from rrrgen.lab.experiment.response_experiment import (
+from rrrgen.lab.experiment.feedback_linearisation import linearised_log
+from rrrgen.lab.experiment.response import (
     recorded_run,
     response_design,
     response_margin,
@@ -27,9 +27,8 @@ from rrrgen.lab.experiment.response_experiment import (
     simulate_response,
 )
 from rrrgen.lab.experiment.setup import plant_of, rigid_body_of
-from rrrgen.lab.plant.recording import write_recording
-from rrrgen.lab.plant.response_recording import write_responses
-from rrrgen.lab.response.estimate import estimate_one, estimate_responses
+from rrrgen.lab.plant.recording_files import write_recording, write_responses
+from rrrgen.lab.response.estimation import estimate_one, estimate_responses
 from rrrgen.lab.response.response_file import ResponseRecording, load_response
 
 ARM = """

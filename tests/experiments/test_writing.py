@@ -13,12 +13,14 @@ from hypothesis import strategies as st
 from oracles import newton_euler
 from oracles.chapter14 import fk_1444, ik_1445_complete, rrr
 from rrrgen.base.errors import DerivationError, InputError
-from rrrgen.lab.experiment.strokes import LETTERS, W, text_path
-from rrrgen.lab.experiment.writing import (
+from rrrgen.lab.experiment.writing_task import (
+    LETTERS,
     JointPath,
+    W,
     WritingPlane,
     follow_branch,
     newton_inverse_kinematics,
+    text_path,
     writing_task,
 )
 

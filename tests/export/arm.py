@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from rrrgen.robot.file import loads_spec
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 TEXT = """\
 schema: rrrgen/1

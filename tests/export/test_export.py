@@ -21,7 +21,7 @@ from rrrgen.emit.exporting import export_robot, exporters
 from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.robot.importers.importing import import_robot
 from rrrgen.robot.importers.interface import ChainChoice
-from rrrgen.robot.robot_spec import LinkSpec
+from rrrgen.robot.spec import LinkSpec
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 

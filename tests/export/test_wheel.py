@@ -19,7 +19,7 @@ from export.test_export import ours
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
 from rrrgen.emit.exporting import export_robot
-from rrrgen.emit.targets import platforms
+from rrrgen.emit.targets import shared_libraries
 from rrrgen.emit.targets.interface import ExportOptions
 from rrrgen.robot.file import loads_spec
 
@@ -99,7 +99,8 @@ except ImportError:
 @pytest.fixture(autouse=True, scope="module")
 def unoptimized_libraries():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(platforms, "FLAGS", tuple("-O0" if flag == "-O2" else flag for flag in platforms.FLAGS))
+        flags = tuple("-O0" if flag == "-O2" else flag for flag in shared_libraries.FLAGS)
+        patch.setattr(shared_libraries, "FLAGS", flags)
         yield
 
 
@@ -168,9 +169,9 @@ def test_the_record_lists_every_file(files, tmp_path):
 
 def test_options_that_make_no_sense_are_refused():
     with pytest.raises(InputError, match="did you mean 'linux-x86_64'"):
-        export_robot(arm(), "wheel", options=ExportOptions(platforms=("linux-x86-64",)))
+        export_robot(arm(), "wheel", options=ExportOptions(shared_libraries=("linux-x86-64",)))
     with pytest.raises(InputError, match=r"urdf has no use for --platform; targets that have: .*wheel"):
-        export_robot(arm(), "urdf", options=ExportOptions(platforms=("linux-x86_64",)))
+        export_robot(arm(), "urdf", options=ExportOptions(shared_libraries=("linux-x86_64",)))
 
 
 def test_packages_hold_what_is_asked_for_and_say_what_they_cannot(capsys, tmp_path):

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from rrrgen.lab.friction.notes import notes, stiff_bristles
+from rrrgen.lab.friction.estimation import notes, stiff_bristles
 
 
 def law(name, held_out, sigma0=0.0, std=0.0):

@@ -7,8 +7,7 @@ import pytest
 
 from rrrgen.lab.friction.candidate_laws import candidates
 from rrrgen.lab.friction.choice import Score, choose
-from rrrgen.lab.friction.estimation import LawEstimate, reported
-from rrrgen.lab.friction.notes import notes
+from rrrgen.lab.friction.estimation import LawEstimate, notes, reported
 
 BLOCKS = np.repeat(np.arange(10), 5)
 

@@ -19,11 +19,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.identify.bias import check_bias
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.robot.file import loads_spec
 
 LENGTHS, MASSES, CENTRES, INERTIAS = (0.4, 0.3), (5.0, 3.0), (0.18, 0.14), (0.08, 0.03)

@@ -23,9 +23,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import rrrgen
 from oracles.newton_euler import Link
 from rrrgen.base.errors import DerivationError
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import open_log
+from rrrgen.lab.data.uniform_stream import LogStream
 from rrrgen.lab.identify.drive_gains import identify_gains
 from rrrgen.lab.identify.payload import NAMES, identify_payload
 from rrrgen.lab.identify.rows import standard_of

@@ -10,17 +10,16 @@ import rrrgen
 from rrrgen.base.errors import InputError
 from rrrgen.base.option_names import options_written
 from rrrgen.cli.main import cli
-from rrrgen.lab.data.mapping_reader import loads_mapping
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.mapping import loads_mapping
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.identify.bandwidth import bandwidth_of, fitted_stretches, motion_bandwidth, reach, tune
-from rrrgen.lab.identify.estimated_terms import DriveTerms
 from rrrgen.lab.identify.factoring import factor_recordings
-from rrrgen.lab.identify.full_regressor import FullRegressor
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.observations import Observations, RowMaker
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.scores import score_table
 from rrrgen.lab.studies.options import OptionError
 from rrrgen.lab.studies.preprocessing import PreprocessingOptions

@@ -9,10 +9,9 @@ from rrrgen.base.errors import InputError
 from rrrgen.derive.parameters.physical_links import Prior, pseudo_inertia
 from rrrgen.lab.estimate.regression import least_squares
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
-from rrrgen.lab.identify.consistency import consistent_estimate, parameters_of
-from rrrgen.lab.identify.definiteness import indefinite_share, mass_matrix
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.consistency import consistent_estimate, indefinite_share, mass_matrix, parameters_of
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.robot.model.inertial_parameters import standard_names
 from samples.recordings import fourier_motion, point_masses
 from samples.stand_in import RRR_ROWS, NumericModel

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import read_log
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
 from samples.recordings import SHARED
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "delan"

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.estimate.identifiability import collinear
 from rrrgen.lab.estimate.regression import (
@@ -20,10 +20,9 @@ from rrrgen.lab.estimate.regression import (
 )
 from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.full_regressor import FullRegressor
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.robot.file import dumps
 from samples.recordings import fourier_motion, write_log
 

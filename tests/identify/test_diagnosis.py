@@ -10,15 +10,14 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.mapping_reader import loads_mapping
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.mapping import loads_mapping
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log, open_log
+from rrrgen.lab.data.uniform_stream import LogStream
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording, merged
 from rrrgen.lab.identify.diagnosis.report import diagnose_fit, diagnose_recordings
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
+from rrrgen.lab.identify.parameters import DriveTerms
 from samples.recordings import SHARED, fourier_motion, write_log
 
 PERIOD, N = 2e-3, 2500

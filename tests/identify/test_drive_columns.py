@@ -10,8 +10,8 @@ import pytest
 import rrrgen
 from rrrgen.base.errors import DerivationError
 from rrrgen.lab.identify.consistency import ConsistentEstimate
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.results import identified_spec
 from rrrgen.lab.identify.validation import robot_model
 from rrrgen.robot.file import FrictionSpec, loads_spec

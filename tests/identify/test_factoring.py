@@ -12,13 +12,12 @@ import pytest
 
 import rrrgen
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log, open_log, read_log
+from rrrgen.lab.data.uniform_stream import LogStream
 from rrrgen.lab.estimate.regression import weighted_least_squares
 from rrrgen.lab.estimate.tsqr import factor_rows
 from rrrgen.lab.identify.bandwidth import motion_bandwidth, tune
-from rrrgen.lab.identify.estimated_terms import DriveTerms
 from rrrgen.lab.identify.factoring import (
     FittedRows,
     factor_recordings,
@@ -26,9 +25,10 @@ from rrrgen.lab.identify.factoring import (
     rows_of_recordings,
     score,
 )
-from rrrgen.lab.identify.full_regressor import FullRegressor
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Observations, RowMaker
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from samples.recordings import fourier_motion, planar_arm, write_log
 
 SAME = 1e-9  # relative: the accuracy promised for streams against recordings in memory
@@ -254,10 +254,10 @@ import scipy.signal, scipy.linalg
 sys.path[:0] = [{tests!r}, {identify!r}]
 from test_factoring import TERMS
 from rrrgen.lab.identify.factoring import factor_recordings
-from rrrgen.lab.data.mapping_reader import load_mapping
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.processing import Processing
-from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.data.mapping import load_mapping
+from rrrgen.lab.data.uniform_stream import LogStream
+from rrrgen.lab.data.preprocessing import Processing
+from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.observations import Observations, RowMaker, Window
 
 regressor = FullRegressor(rrrgen.compile("planar2r"), TERMS)

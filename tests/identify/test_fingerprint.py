@@ -9,13 +9,13 @@ from click.testing import CliRunner
 import rrrgen
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
-from rrrgen.lab.data.log_stream import LogStream
 from rrrgen.lab.data.recordings import Log, open_log
-from rrrgen.lab.identify.fingerprint import SMALLEST, common_share, fingerprint
+from rrrgen.lab.data.uniform_stream import LogStream
 from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.scores import SMALLEST, common_share, fingerprint
 from rrrgen.robot.file import dumps
 from rrrgen.robot.identity import identify
-from rrrgen.robot.robot_spec import FitSpec
+from rrrgen.robot.spec import FitSpec
 from samples.recordings import fourier_motion, write_log
 
 

@@ -12,14 +12,13 @@ from click.testing import CliRunner
 import rrrgen
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.identify import choice
-from rrrgen.lab.identify.choice import CANDIDATES, LawChoice
+from rrrgen.lab.identify import friction_choice
+from rrrgen.lab.identify.friction_choice import CANDIDATES, LawChoice
 from rrrgen.lab.identify.friction_columns import FrictionSurface
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.results import identified_spec
 from rrrgen.lab.identify.validation import robot_model, validate_recordings
 from rrrgen.robot.file import dumps, loads_spec
@@ -124,7 +123,7 @@ def test_the_law_of_every_joint_is_found_with_its_shapes(chosen):
 
 def test_bristles_are_found_and_chosen(arm, monkeypatch):
     """LuGre friction, once with more and once with less friction at rest than in sliding; (14.13)."""
-    monkeypatch.setattr(choice, "CANDIDATES", ("coulomb_viscous", "stribeck", "dahl_exponential", "lugre"))
+    monkeypatch.setattr(friction_choice, "CANDIDATES", ("coulomb_viscous", "stribeck", "dahl_exponential", "lugre"))
     log = recording(arm, BRISTLES, seconds=6.0, noise=0.005)
     found = fitted(arm, log, "auto", split=Split.parse("first:0.7"))
     assert [surface.law for surface in found.friction.surfaces] == ["lugre", "lugre"]
@@ -161,7 +160,7 @@ def test_the_true_law_beats_the_linear_one_held_out(arm, log, chosen):
 
 def test_held_out_data_do_not_reach_the_shapes_or_the_choice(arm, log, monkeypatch):
     """Other torques in the held-out part change no bit of what was fitted."""
-    monkeypatch.setattr(choice, "CANDIDATES", ("coulomb_viscous", "stribeck"))
+    monkeypatch.setattr(friction_choice, "CANDIDATES", ("coulomb_viscous", "stribeck"))
     spoiled = Log(log.joints, log.t, log.q, log.tau.copy(), dq=log.dq, ddq=log.ddq, period=PERIOD)
     spoiled.tau[int(0.75 * len(log.t)) :] *= 3.0
     options = {"split": Split.parse("first:0.7"), "guard": 0.2, "consistent": False}
@@ -204,7 +203,7 @@ def test_the_command_prints_the_table_and_writes_the_law(tmp_path, arm, log, mon
     robot.write_text(written(arm.spec))
     write_log(data, log)
     command = ["identify", str(robot), "--log", str(data), "-o", str(tmp_path / "run"), "--cutoff", "60"]
-    monkeypatch.setattr(choice, "CANDIDATES", ("coulomb_viscous", "dahl", "dahl_exponential"))
+    monkeypatch.setattr(friction_choice, "CANDIDATES", ("coulomb_viscous", "dahl", "dahl_exponential"))
     told = CliRunner().invoke(cli, [*command, "--decimate", "10", "--friction", "a=auto", "--no-consistent"])
     assert told.exit_code == 0, told.output
     lines = told.output.splitlines()
@@ -212,7 +211,7 @@ def test_the_command_prints_the_table_and_writes_the_law(tmp_path, arm, log, mon
     assert any(line.startswith("friction of a: dahl_exponential: decay_speed 0.1") for line in lines)
     assert "relative torque error" in told.output
     record = json.loads((tmp_path / "run" / "results" / "identification.json").read_text())
-    assert [each["law"] for each in record["friction"]["candidates"]] == list(choice.CANDIDATES)
+    assert [each["law"] for each in record["friction"]["candidates"]] == list(friction_choice.CANDIDATES)
     assert record["friction"]["surfaces"][0]["shapes"]["presliding"] == pytest.approx(8e-4, rel=0.2)
 
 
@@ -230,12 +229,16 @@ def test_joints_share_a_law_unless_another_one_is_significantly_better(factor, s
     surfaces = [FrictionSurface(name, tuple(float(i == k) for i in range(3)), "") for k, name in enumerate(names)]
     table = []
     for law, size in ((CANDIDATES[0], [4.0, 4.0, 4.0]), ("stribeck", [1.5, 1.5, factor]), ("dahl", [1.0, 1.0, 1.0])):
-        blocks = np.full((choice.BLOCKS, 3), size)
+        blocks = np.full((friction_choice.BLOCKS, 3), size)
         if law == "stribeck":
             blocks[:, 2] *= (
-                1.0 + spread * np.sqrt(choice.BLOCKS) * (noise := rng.normal(size=choice.BLOCKS)) / noise.std()
+                1.0
+                + spread
+                * np.sqrt(friction_choice.BLOCKS)
+                * (noise := rng.normal(size=friction_choice.BLOCKS))
+                / noise.std()
             )
             blocks[:, 2] += size[2] - blocks[:, 2].mean()
-        table.append(choice.Candidate(law, 0.0, 0.0, (), tuple(map(tuple, blocks.tolist()))))
-    found = choice._chosen(table, surfaces, dict.fromkeys(names, choice.AUTO))
+        table.append(friction_choice.Candidate(law, 0.0, 0.0, (), tuple(map(tuple, blocks.tolist()))))
+    found = friction_choice._chosen(table, surfaces, dict.fromkeys(names, friction_choice.AUTO))
     assert [found[name] for name in names] == expected

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns, recursion
 from rrrgen.lab.identify.observations import Observations, RowMaker

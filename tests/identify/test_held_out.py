@@ -10,18 +10,15 @@ import pytest
 import rrrgen
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run as rrrgen_run
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.identify.bands import Coverage, TorqueBand
 from rrrgen.lab.identify.cross_validation import cross_validate
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.full_regressor import FullRegressor
-from rrrgen.lab.identify.held_out import held_out_notes
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.results import identified_spec
-from rrrgen.lab.identify.scores import joint_table
+from rrrgen.lab.identify.scores import Coverage, TorqueBand, held_out_notes, joint_table
 from rrrgen.robot.file import dumps
 from rrrgen.runtime import load
 from samples.recordings import fourier_motion, write_log

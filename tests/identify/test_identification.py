@@ -8,17 +8,16 @@ import pytest
 import rrrgen
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.kalman import kalman_matrices
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log, check_robot, load_stream, open_log
 from rrrgen.lab.data.run_folder import RunFolder, plain
-from rrrgen.lab.identify.convergence import convergence
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.estimation_plots import bode_data, plot_bode, plot_whiteness
-from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.data.uniform_stream import LogStream
+from rrrgen.lab.identify.cross_validation import convergence
+from rrrgen.lab.identify.figures import bode_data, plot_bode, plot_whiteness
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.results import as_record, write_identification
 from samples.recordings import fourier_motion, write_log
 

@@ -7,19 +7,18 @@ import pytest
 
 import rrrgen
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.identify.choice import LawChoice
+from rrrgen.lab.identify.friction_choice import LawChoice
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.results import identified_spec
 from rrrgen.lab.identify.validation import robot_model, validate_recordings
 from rrrgen.lab.plant.friction import Friction
 from rrrgen.lab.plant.integration import RigidIntegrator
 from rrrgen.lab.plant.plant import make_plant
 from rrrgen.robot.file import dumps, loads_spec
-from rrrgen.robot.friction.stated import robot_friction
+from rrrgen.robot.friction.models import robot_friction
 from samples.recordings import fourier_motion
 
 ARM = """schema: rrrgen/1

@@ -12,7 +12,7 @@ import pytest
 import rrrgen
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import run
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.identify.drive_gains import identify_gains
 from rrrgen.lab.identify.payload import identify_payload

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 import rrrgen
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
+from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.results import identified_spec
 from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler

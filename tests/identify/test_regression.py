@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.lab.estimate.essential import essential_parameters
-from rrrgen.lab.estimate.identifiability import unexcited, weak_directions
+from rrrgen.lab.estimate.identifiability import essential_parameters, unexcited, weak_directions
 from rrrgen.lab.estimate.regression import (
     correlated_covariance,
     least_squares,
@@ -16,8 +15,8 @@ from rrrgen.lab.estimate.regression import (
 )
 from rrrgen.lab.estimate.statistics import confidence_factor, relative_error, residual_whiteness, rms, whiteness
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_rows
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from samples.recordings import fourier_motion
 from samples.stand_in import RRR_ROWS, NumericModel
 

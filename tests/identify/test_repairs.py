@@ -8,8 +8,8 @@ from click.testing import CliRunner
 
 import rrrgen
 from rrrgen.cli.main import cli
-from rrrgen.lab.data.log_stream import LogStream
 from rrrgen.lab.data.recordings import open_log
+from rrrgen.lab.data.uniform_stream import LogStream
 from samples.recordings import fourier_motion
 
 N, PERIOD = 2000, 2e-3

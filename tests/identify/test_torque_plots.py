@@ -5,20 +5,18 @@ import pytest
 
 import rrrgen
 from rrrgen.lab.data.kalman import kalman_matrices
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.data.run_folder import RunFolder
 from rrrgen.lab.estimate.tsqr import Rows
 from rrrgen.lab.identify import identification
-from rrrgen.lab.identify.convergence import convergence
-from rrrgen.lab.identify.diagnosis.sample import Sample
-from rrrgen.lab.identify.estimated_terms import Column, DriveTerms
-from rrrgen.lab.identify.estimation_plots import plot_bode, plot_convergence
+from rrrgen.lab.identify.cross_validation import convergence
+from rrrgen.lab.identify.diagnosis.trial_fits import Sample
+from rrrgen.lab.identify.figures import force_units, plot_bode, plot_convergence, plot_friction, torque_curves
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.identification import identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Options, identify
+from rrrgen.lab.identify.parameters import Column, DriveTerms
 from rrrgen.lab.identify.results import write_identification
-from rrrgen.lab.identify.torque_plots import force_units, plot_friction, torque_curves
 from samples.recordings import fourier_motion
 
 

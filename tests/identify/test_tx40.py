@@ -7,19 +7,18 @@ import pytest
 
 import rrrgen
 from rrrgen.derive.parameters.physical_links import pseudo_inertia
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import load_stream, open_log
+from rrrgen.lab.data.uniform_stream import LogStream
+from rrrgen.lab.estimate.identifiability import structure_of
 from rrrgen.lab.estimate.regression import least_squares, weighted_least_squares
-from rrrgen.lab.estimate.structure import structure_of
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
-from rrrgen.lab.identify.choice import LawChoice
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.full_regressor import FullRegressor
+from rrrgen.lab.identify.friction_choice import LawChoice
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.identification import identify
+from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.observations import Observations, RowMaker, reconstruct
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.results import identified_spec
 from rrrgen.lab.identify.validation import robot_model
 from rrrgen.robot.file import dumps

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.decimation import Decimator
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Decimator, Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.identify.validation import (
     Thresholds,

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.ik.kernels import NEEDS, reopening, settings
 from rrrgen.emit.c.ik.mechanisms import mechanism_settings
-from rrrgen.emit.c.ik.settings import NEEDS, reopening, settings
+from rrrgen.emit.c.language import Dialect
 from rrrgen.ik.classify import plan
 from rrrgen.ik.result_layout import STATUS_TEXTS, most_rows, opens, parts_of, reasons_of
 

@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import sympy as sp
 
-from rrrgen.robot.robot_spec import FixedTransform, JointSpec, Limits, RobotSpec
+from rrrgen.robot.spec import FixedTransform, JointSpec, Limits, RobotSpec
 
 h = pi / 2
 

@@ -16,12 +16,12 @@ from oracles.newton_euler import Robot
 from rrrgen.emit.c.ik.files import emit, manifest
 from rrrgen.ik.classify import plan
 from rrrgen.ik.interpreter.results import STATUS
-from rrrgen.ik.solutions.elimination import eliminations
+from rrrgen.ik.solutions.general_6r import eliminations
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import MULTIPLE
-from rrrgen.verify.comparison import Collector
 from rrrgen.verify.inverse_kinematics import check_inverse_kinematics
 from rrrgen.verify.references.numeric_robot import chain_of
+from rrrgen.verify.report import Collector
 
 pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
 

@@ -13,13 +13,13 @@ import pytest
 from backends.c_tools import C99, CXX, IDENTITY, SANITIZERS, compile_all, compiler, run, write
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive import derive
-from rrrgen.emit.c.backend import CBackend
 from rrrgen.emit.c.ik.files import sources
 from rrrgen.emit.c.ik.self_test import selftest
+from rrrgen.emit.c.robot_files import CBackend
 from rrrgen.emit.interface import Check
 from rrrgen.emit.latex.inverse_kinematics import closed_form
 from rrrgen.ik.classify import plan
-from rrrgen.ik.geometry.coupling import solved_chain
+from rrrgen.ik.geometry.mechanism import solved_chain
 from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.verify.references.newton_euler import NewtonEuler

@@ -13,7 +13,7 @@ from ik.robots import ROWS, make
 from ik.test_calibrated import calibrated
 from rrrgen.emit.c.ik.files import emit, manifest
 from rrrgen.ik.classify import plan
-from rrrgen.ik.geometry.nearest import deviation
+from rrrgen.ik.geometry.nearly_special import deviation
 from rrrgen.ik.recording.newton_step import error_program, newton_program
 from rrrgen.ik.tolerances import nominal_margins
 from rrrgen.program import evaluate

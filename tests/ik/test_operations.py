@@ -13,7 +13,7 @@ import pytest
 from ik.chains import position
 from ik.robots import make
 from ik.test_mechanisms import TEXTS
-from rrrgen.emit.c.ik.counting import coupling_operations
+from rrrgen.emit.c.ik.costs import coupling_operations
 from rrrgen.emit.c.ik.files import emit, manifest
 from rrrgen.ik.classify import plan
 from rrrgen.ik.families import parameter

@@ -13,8 +13,8 @@ from ik.robots import ROWS, make
 from rrrgen.base.errors import DerivationError
 from rrrgen.emit.latex.inverse_kinematics import closed_form
 from rrrgen.ik.classify import plan
-from rrrgen.ik.derive import record_exactly
 from rrrgen.ik.geometry.symbolic_chain import number_chain, symbolic_chain
+from rrrgen.ik.plan import record_exactly
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch
 from rrrgen.robot.file import load_spec
 

@@ -6,8 +6,8 @@ import pytest
 from ik.chains import planar, position, spherical
 from ik.robots import ROWS, make, robot
 from rrrgen.ik.classify import plan
-from rrrgen.ik.derive import derive
 from rrrgen.ik.families import parameter
+from rrrgen.ik.plan import derive
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch
 
 RRR = """\

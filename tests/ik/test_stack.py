@@ -12,7 +12,7 @@ from backends.c_tools import compiler, frames, write
 from ik.robots import make
 from ik.test_emitted_c import LIMITS, VARIANTS
 from rrrgen.base.errors import InternalError
-from rrrgen.emit.c.ik.call_stack import stack_bounds
+from rrrgen.emit.c.ik.costs import stack_bounds
 from rrrgen.emit.c.ik.files import emit
 from rrrgen.ik.classify import plan
 

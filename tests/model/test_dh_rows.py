@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rrrgen.robot.file import load_spec
-from rrrgen.robot.model.dh_rows import NO_TWIST, dh_rows
+from rrrgen.robot.model.canonical_frames import NO_TWIST, dh_rows
 
 
 def screw(axis: int, angle: float, length: float) -> np.ndarray:

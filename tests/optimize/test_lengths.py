@@ -6,8 +6,7 @@ from fractions import Fraction
 import pytest
 
 from rrrgen.derive import derive_model
-from rrrgen.derive.lengths import SpellLengths, lengths_of
-from rrrgen.derive.optimizer import Optimizer
+from rrrgen.derive.optimizer import Optimizer, SpellLengths, lengths_of
 from rrrgen.program import Builder, Op, Port, count_operations
 from rrrgen.robot.file import load_spec
 

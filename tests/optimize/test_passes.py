@@ -11,9 +11,8 @@ from optimize.programs import PORTS, STATE, recorded
 from rrrgen.program import Builder, Port, Role, Status
 from rrrgen.program.passes.common_factors import Collect
 from rrrgen.program.passes.doubling import DoubleByAddition
-from rrrgen.program.passes.expansion import CutSet
 from rrrgen.program.passes.folding import Fold
-from rrrgen.program.passes.rewriting import ExpandAndFactor
+from rrrgen.program.passes.rewriting import CutSet, ExpandAndFactor
 
 
 def test_passes_know_ports_by_their_roles():

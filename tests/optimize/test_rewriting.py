@@ -9,8 +9,7 @@ from hypothesis import given, settings
 
 from optimize.programs import body, programs, recorded, same_values
 from rrrgen.program import Builder, Op, OperationCount, Port, Status, count_operations
-from rrrgen.program.passes.expansion import CutSet
-from rrrgen.program.passes.rewriting import ExpandAndFactor, SeenExpansions
+from rrrgen.program.passes.rewriting import CutSet, ExpandAndFactor, SeenExpansions
 
 
 @pytest.mark.parametrize("cut_set", CutSet)

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from rrrgen.cli.main import cli
 from rrrgen.lab.experiment import experiment_file
-from rrrgen.lab.experiment.experiment_keys import KEYS
+from rrrgen.lab.experiment.experiment_file import KEYS
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/files.md"
 

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 
 from pages.test_pages import PAGES, ROOT, blocks
 from rrrgen.cli.main import cli
-from rrrgen.lab.contact.header import contact_header
+from rrrgen.lab.contact import contact_header
 
 WARNINGS = ["-Wall", "-Wextra", "-Werror"]
 C, CXX = ["-std=c99", *WARNINGS], ["-x", "c++", "-std=c++17", *WARNINGS]

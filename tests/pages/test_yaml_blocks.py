@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 from pages.test_pages import PAGES, blocks
-from rrrgen.lab.closed_loop.controller_file import loads_controller
-from rrrgen.lab.data.mapping_reader import loads_mapping
+from rrrgen.lab.closed_loop.controller import loads_controller
+from rrrgen.lab.data.mapping import loads_mapping
 from rrrgen.lab.experiment.experiment_file import loads_experiment
 from rrrgen.lab.response.response_file import loads_response
 from rrrgen.robot.file import loads_spec as loads

@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from rrrgen.derive import derive
-from rrrgen.derive.derived_cache import recall
-from rrrgen.derive.derived_model import DerivedModel
+from rrrgen.derive.derived_model import DerivedModel, recall
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.identity import identify
 

@@ -12,7 +12,7 @@ import rrrgen
 from backends.c_tools import C99, CXX, compile_all, compiler, emitted, run
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, to_yaml
-from rrrgen.cli.description import as_data, as_text
+from rrrgen.cli.show import as_data, as_text
 from rrrgen.derive import derive_model
 from rrrgen.emit.html import html_report
 from rrrgen.emit.latex import plain

@@ -15,14 +15,13 @@ from control.test_emitted_programs import Emitted
 from friction.test_models import EXAMPLES
 from rrrgen.base.errors import InputError
 from rrrgen.emit.c.function_files import function_files
-from rrrgen.lab.friction.robot_file import with_friction
+from rrrgen.lab.friction.report import with_friction
 from rrrgen.robot.file import dumps, json_schema, loads_spec
 from rrrgen.robot.friction.laws import LAWS
-from rrrgen.robot.friction.models import FrictionModel
-from rrrgen.robot.friction.stated import MixedFriction, robot_friction
+from rrrgen.robot.friction.models import FrictionModel, MixedFriction, robot_friction
 from rrrgen.verify.against_newton_euler import check_friction
-from rrrgen.verify.comparison import DOUBLE, Collector
 from rrrgen.verify.references.numeric_robot import chain_of
+from rrrgen.verify.report import DOUBLE, Collector
 from rrrgen.verify.subject import draw_states
 
 HEAD = """schema: rrrgen/1

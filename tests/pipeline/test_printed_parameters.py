@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from backends.formula_reading import compute, read_latex, read_mathml
-from rrrgen.cli.description import as_data, as_text
+from rrrgen.cli.show import as_data, as_text
 from rrrgen.derive import derive
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit.html import html_report

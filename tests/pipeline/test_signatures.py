@@ -11,8 +11,8 @@ import pytest
 from rrrgen.derive import derive_model
 from rrrgen.derive.functions.table import GROUPS
 from rrrgen.derive.optimizer import combined
-from rrrgen.emit.c.dialect import Dialect
 from rrrgen.emit.c.header_comments import prototype
+from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.description import programs_of
 from rrrgen.program import evaluate
 from rrrgen.robot.file import loads_spec

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rrrgen.base.errors import InternalError
 from rrrgen.program import Builder, Op, Port, Program, Scalar, evaluate
 from rrrgen.program.builder import replay
-from rrrgen.program.nodes import ARITY
+from rrrgen.program.program import ARITY
 
 HALF = Fraction(1, 2)
 

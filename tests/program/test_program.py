@@ -1,7 +1,7 @@
 """What a program says about itself: the function that it specializes."""
 
 from rrrgen.derive import derive
-from rrrgen.emit.c.sources import source_parts
+from rrrgen.emit.c.robot_files import source_parts
 from rrrgen.program import Program, specialization
 from rrrgen.robot.file import load_spec
 

@@ -14,9 +14,9 @@ import pytest
 
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.mapping import FileSource
-from rrrgen.lab.data.tables import guarded_table
+from rrrgen.lab.data.tables import formats
+from rrrgen.lab.data.tables.formats import open_table
 from rrrgen.lab.data.tables.reading_process import _Memory
-from rrrgen.lab.data.tables.table_formats import open_table
 
 
 def read(path: Path, columns, **source):
@@ -94,7 +94,7 @@ def test_an_unending_line_is_refused_without_reading_it_all(tmp_path):
 def test_a_reader_that_hangs_is_given_up(tmp_path, monkeypatch):
     os.mkfifo(tmp_path / "log.parquet")
     monkeypatch.setenv("RRRGEN_READ_SECONDS", "0.5")
-    monkeypatch.setattr(guarded_table, "_idle", {})
+    monkeypatch.setattr(formats, "_idle", {})
     start = time.monotonic()
     with pytest.raises(InputError, match=r"(?s)log\.parquet: error: reading was given up after .* RRRGEN_READ_SECONDS"):
         read(tmp_path / "log.parquet", ["q"])
@@ -127,7 +127,7 @@ def test_reading_goes_on_after_a_crash(tmp_path, monkeypatch):
     next(blocks)
     blocks.close()
     assert len(np.concatenate(list(table.chunks(["q", "p"], 100)))) == 5000
-    for process in guarded_table._idle[os.getpid()]:
+    for process in formats._idle[os.getpid()]:
         process._popen.kill()
         process._popen.wait()
     np.testing.assert_array_equal(np.concatenate(list(table.chunks(["q"], 999)))[:, 0], np.arange(5000.0))

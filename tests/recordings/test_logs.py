@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.log_stream import LogStream
-from rrrgen.lab.data.mapping_reader import loads_mapping
+from rrrgen.lab.data.mapping import loads_mapping
 from rrrgen.lab.data.recordings import Log, load_stream, open_log, read_log
+from rrrgen.lab.data.uniform_stream import LogStream
 from samples.recordings import fourier_motion, write_log
 
 ROUND_OFF = 1e-12  # relative: one multiplication and one addition per number

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.mapping_reader import load_mapping, loads_mapping
+from rrrgen.lab.data.mapping import load_mapping, loads_mapping
 from rrrgen.lab.data.recordings import check_robot
 from rrrgen.robot.file import load_spec
 

@@ -6,8 +6,8 @@ from click.testing import CliRunner
 
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
-from rrrgen.lab.data.log_stream import LogStream
 from rrrgen.lab.data.recordings import Log, load_stream, open_log
+from rrrgen.lab.data.uniform_stream import LogStream
 from samples.recordings import write_log
 
 

@@ -17,9 +17,9 @@ import pytest
 
 from pipeline.optimized import bundled
 from rrrgen.derive import prepare
-from rrrgen.derive.closed_forms.closed_form import closed_form
+from rrrgen.derive.closed_forms import closed_form
 from rrrgen.emit.html import html_report
-from rrrgen.emit.html.motions import Illustration, Motion
+from rrrgen.emit.html.scene import Illustration, Motion
 from rrrgen.program import evaluate
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

@@ -23,14 +23,12 @@ from pipeline.optimized import bundled
 from rrrgen.base.errors import InputError
 from rrrgen.cli.html import verification
 from rrrgen.derive import prepare
-from rrrgen.derive.closed_forms.closed_form import closed_form
+from rrrgen.derive.closed_forms import closed_form
 from rrrgen.derive.functions.table import recorders
 from rrrgen.emit.html import html_report
-from rrrgen.emit.html.geometry import zero_pose
 from rrrgen.emit.html.mathml import MathmlMarkup
-from rrrgen.emit.html.motions import Illustration, Motion
-from rrrgen.emit.html.scene import POSES, scene
-from rrrgen.emit.html.sketch import HEIGHT, WIDTH, frame_sketch
+from rrrgen.emit.html.scene import POSES, Illustration, Motion, scene
+from rrrgen.emit.html.sketch import HEIGHT, WIDTH, frame_sketch, zero_pose
 from rrrgen.emit.html.tables import dh_exact, dh_numbers, stated
 from rrrgen.emit.latex import Walk, latex
 from rrrgen.program import evaluate
@@ -288,7 +286,7 @@ def test_a_mechanism_is_shown_with_its_branches_and_couplings() -> None:
 _HASH = """
 import hashlib
 from rrrgen.emit.latex import latex
-from rrrgen.derive.closed_forms.closed_form import closed_form
+from rrrgen.derive.closed_forms import closed_form
 from rrrgen.derive import derive, prepare
 from rrrgen.emit.html import html_report
 from rrrgen.robot.file import load_spec

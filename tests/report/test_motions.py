@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import InputError
-from rrrgen.emit.html.motions import LARGEST_DRAWING, SAMPLES, Motion, illustrations
+from rrrgen.emit.html.scene import LARGEST_DRAWING, SAMPLES, Motion, illustrations
 
 
 def test_long_motions_are_thinned_and_keep_both_ends() -> None:

@@ -21,7 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from rrrgen.lab.design.signals import excitation_signal
-from rrrgen.lab.response.estimate import METHODS, estimate_one
+from rrrgen.lab.response.estimation import METHODS, estimate_one
 from samples.flexible_joint import CONTROLLER, PERIOD, FlexibleJoint, flexible_joint, multisine, record
 
 SIGNALS, STRENGTHS, DISTURBANCES = ("multisine", "noise"), (2.0, 7.0), (0.2, 1.0)

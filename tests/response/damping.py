@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from rrrgen.lab.response.estimate import estimate_one
+from rrrgen.lab.response.estimation import estimate_one
 from rrrgen.lab.response.modal_fit import fit_modes
 from samples.flexible_joint import flexible_joint, multisine, record
 

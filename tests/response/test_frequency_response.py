@@ -10,8 +10,7 @@ from click.testing import CliRunner
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import cli, run
 from rrrgen.lab.design.signals import excitation_signal
-from rrrgen.lab.response.estimate import combine, estimate_one
-from rrrgen.lab.response.excitation_period import find_period
+from rrrgen.lab.response.estimation import combine, estimate_one, find_period
 from rrrgen.lab.response.frequency_response import read_responses
 from rrrgen.lab.response.modal_fit import fit_modes
 from rrrgen.lab.response.response_file import loads_response, read_recordings

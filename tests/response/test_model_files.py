@@ -14,9 +14,9 @@ from backends.c_tools import C99, CXX, compile_all, compiler
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
 from rrrgen.emit.c.function_files import function_files
-from rrrgen.emit.controller.linear_step import linear_step_program
+from rrrgen.emit.controller.filters import linear_step_program
 from rrrgen.emit.controller.state_space import realize
-from rrrgen.lab.response.postures import modes_over_postures
+from rrrgen.lab.response.resonances import modes_over_postures
 from rrrgen.lab.response.response_model import Resonance, ResponseModel, read_response_models
 from samples.flexible_joint import PERIOD, flexible_joint, multisine, record
 

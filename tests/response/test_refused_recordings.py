@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import DerivationError, InputError
-from rrrgen.lab.response.controller import Controller
-from rrrgen.lab.response.estimate import estimate_one
+from rrrgen.lab.response.estimation import estimate_one
 from rrrgen.lab.response.response_file import ResponseRecording, loads_response, read_recordings
+from rrrgen.lab.response.response_model import Controller
 from samples.flexible_joint import CONTROLLER, KD, KP, PERIOD, flexible_joint, multisine, record
 
 SAMPLES = 10000

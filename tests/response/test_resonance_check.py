@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.lab.response.difference_models import fit_difference_model
-from rrrgen.lab.response.equations import arx
+from rrrgen.lab.response.difference_models import arx, fit_difference_model
 from rrrgen.lab.response.frequency_response import FrequencyResponse
+from rrrgen.lab.response.local_polynomial import unknown_variances
 from rrrgen.lab.response.modal_fit import fit_modes
-from rrrgen.lab.response.resonance_check import check_resonances
+from rrrgen.lab.response.resonances import check_resonances
 from rrrgen.lab.response.response_file import ResponseRecording
 from rrrgen.lab.response.response_model import Resonance, resonance
-from rrrgen.lab.response.uncertainty import unknown_variances
 from samples.flexible_joint import flexible_joint
 
 PERIOD = 2e-3

@@ -8,10 +8,8 @@ import pytest
 
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import run
-from rrrgen.lab.response.armax import armax
-from rrrgen.lab.response.difference_models import fit_difference_model, free_run, plant_of_loop
-from rrrgen.lab.response.equations import arx
-from rrrgen.lab.response.estimate import estimate_one
+from rrrgen.lab.response.difference_models import armax, arx, fit_difference_model, free_run, plant_of_loop
+from rrrgen.lab.response.estimation import estimate_one
 from rrrgen.lab.response.modal_fit import _Lines, _residual, _slopes, fit_modes
 from rrrgen.lab.response.response_file import ResponseRecording
 from rrrgen.lab.response.response_model import ResponseModel

@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from rrrgen.lab.response.frequency_response import WIDEST_BAND, FrequencyResponse
-from rrrgen.lab.response.local_polynomial import between_harmonics, regress_window
-from rrrgen.lab.response.noise_lines import STEP
-from rrrgen.lab.response.noise_lines import _overlap as overlap
-from rrrgen.lab.response.smoothing import GOALS, smooth
-from rrrgen.lab.response.uncertainty import radius
+from rrrgen.lab.response.frequency_response import GOALS, WIDEST_BAND, FrequencyResponse, smooth
+from rrrgen.lab.response.local_polynomial import STEP, between_harmonics, radius, regress_window
+from rrrgen.lab.response.local_polynomial import _overlap as overlap
 from samples.flexible_joint import PERIOD, flexible_joint
 
 FINE = 0.05 * np.arange(1, 4421)  # Hz, the lines of 20 s

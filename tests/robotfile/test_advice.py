@@ -7,7 +7,7 @@ import re
 import pytest
 
 from rrrgen.base.errors import InputError
-from rrrgen.base.yamltext.advice import added_number, with_point
+from rrrgen.base.yamltext.suggestions import added_number, with_point
 from rrrgen.robot.file import loads_spec
 
 FILE = """\

@@ -26,7 +26,7 @@ from rrrgen.robot.file import (
     loads_spec,
 )
 from rrrgen.robot.file.writer import number_text, quoted
-from rrrgen.robot.robot_spec import parameter_symbol
+from rrrgen.robot.spec import parameter_symbol
 
 
 @pytest.mark.parametrize("name", bundled_names())

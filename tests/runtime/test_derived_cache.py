@@ -10,8 +10,8 @@ import pytest
 from backends.c_tools import IDENTITY
 from backends.planar import planar_model
 from rrrgen.base.cache import cache_directory, keep
-from rrrgen.derive import derive_model, derive_once, derived_cache
-from rrrgen.derive.derived_format import dumps, loads
+from rrrgen.derive import derive_model, derive_once, derived_model
+from rrrgen.derive.derived_model import dumps, loads
 from rrrgen.robot.file import load_spec
 
 
@@ -31,18 +31,18 @@ def test_a_robot_is_derived_once(cache, monkeypatch):
         calls.append(spec)
         return model
 
-    first = derived_cache.recall(model.spec, IDENTITY, derive)
+    first = derived_model.recall(model.spec, IDENTITY, derive)
     described = dataclasses.replace(model.spec, description="other words for the same robot")
-    second = derived_cache.recall(described, IDENTITY, derive)
+    second = derived_model.recall(described, IDENTITY, derive)
     assert len(calls) == 1
     assert first.programs == second.programs == model.programs
     assert second.spec.description == described.description
     (file,) = cache.glob("*.derived")
     file.write_bytes(file.read_bytes()[:-100])
-    assert derived_cache.recall(model.spec, IDENTITY, derive).programs == model.programs
+    assert derived_model.recall(model.spec, IDENTITY, derive).programs == model.programs
     assert len(calls) == 2
-    monkeypatch.setattr(derived_cache, "_compiler_hash", lambda: "another version of the compiler")
-    derived_cache.recall(model.spec, IDENTITY, derive)
+    monkeypatch.setattr(derived_model, "_compiler_hash", lambda: "another version of the compiler")
+    derived_model.recall(model.spec, IDENTITY, derive)
     assert len(calls) == 3
 
 
@@ -67,10 +67,10 @@ def test_what_stands_in_the_cache_is_never_run(cache):
             return pytest.fail, ("code from the cache was run",)
 
     model = planar_model()
-    derived_cache.recall(model.spec, IDENTITY, lambda spec: model)
+    derived_model.recall(model.spec, IDENTITY, lambda spec: model)
     (file,) = cache.glob("*.derived")
     keep(file.name, pickle.dumps(Attack()))
-    assert derived_cache.recall(model.spec, IDENTITY, lambda spec: model).programs == model.programs
+    assert derived_model.recall(model.spec, IDENTITY, lambda spec: model).programs == model.programs
 
 
 @pytest.mark.parametrize("robot", ["rrr", "scara", "puma560"])

@@ -12,13 +12,13 @@ import pytest
 import rrrgen
 from rrrgen import derive
 from rrrgen.base import errors
-from rrrgen.derive.closed_forms.closed_form import ClosedForm
+from rrrgen.derive.closed_forms import ClosedForm
 from rrrgen.emit import package
 from rrrgen.ik.interpreter.results import IKBatch, IKResult
 from rrrgen.ik.inverse_kinematics import InverseKinematics
 from rrrgen.robot import file as robotfile
 from rrrgen.runtime import load, results
-from rrrgen.runtime.bound import BoundFunction
+from rrrgen.runtime.engines import BoundFunction
 
 PYTHON_NAMES = {"base_parameters": "base_parameters_of"}
 """Methods with another name than the function in C and CasADi: ``base_parameters`` are the expressions of a model."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.runtime.drawing import corners
+from rrrgen.runtime.display import corners
 
 
 @pytest.mark.parametrize("robot", ["ur10e", "panda", "scara"])  # standard, modified, prismatic

@@ -12,9 +12,9 @@ import rrrgen
 from rrrgen.base.parallel import without_collection
 from rrrgen.derive import derive_model, prepare
 from rrrgen.derive.functions.table import GROUPS, TABLE, functions_for, recorders
-from rrrgen.emit.c.dialect import Dialect
 from rrrgen.emit.c.header_comments import prototype
 from rrrgen.emit.c.ik.files import emit
+from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.casadi.derivatives import matrix_size
 from rrrgen.ik.classify import plan
 from rrrgen.ik.interpreter.results import IKBatch, IKResult

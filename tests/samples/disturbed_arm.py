@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 import rrrgen
-from rrrgen.lab.closed_loop.controller import LoopController
-from rrrgen.lab.closed_loop.controller_file import loads_controller
+from rrrgen.lab.closed_loop.controller import LoopController, loads_controller
 from rrrgen.lab.closed_loop.loop import CompiledLoop
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording
 from rrrgen.lab.closed_loop.validation import stated_equations

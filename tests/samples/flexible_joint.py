@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrrgen.lab.response.controller import Controller
 from rrrgen.lab.response.response_file import ResponseRecording
+from rrrgen.lab.response.response_model import Controller
 
 PERIOD = 1e-3
 MODES = ((28.0, 0.02, 0.3), (96.0, 0.02, 0.5))  # Hz, damping, residue

@@ -6,15 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.decimation import Decimator
-from rrrgen.lab.data.kalman import frequency_response, kalman_matrices, kalman_step
-from rrrgen.lab.data.reconstruction import Butterworth, CentralDifferences, Reconstruction
-from rrrgen.lab.data.smoother import (
+from rrrgen.lab.data.kalman import (
     KalmanSmoother,
+    frequency_response,
     innovations,
+    kalman_matrices,
+    kalman_step,
     quantisation_variance,
     tune_by_innovations,
 )
+from rrrgen.lab.data.preprocessing import Decimator
+from rrrgen.lab.data.reconstruction import Butterworth, CentralDifferences, Reconstruction
 from rrrgen.lab.estimate.statistics import whiteness
 from samples.recordings import fourier_motion
 

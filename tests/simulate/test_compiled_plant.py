@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 import rrrgen
-from rrrgen.lab.plant.compiled_plant import compiled_integrator, fastest_rate, plant_program
+from rrrgen.lab.plant.compiled import compiled_integrator, fastest_rate, plant_program
 from rrrgen.lab.plant.friction import Friction, MotorFriction
 from rrrgen.lab.plant.integration import StiffIntegrator
 from rrrgen.lab.plant.plant import FlexibleBase, FlexibleJoints, RigidBody, make_plant
 from rrrgen.program import evaluate
 from rrrgen.robot.friction.laws import LAWS
-from rrrgen.robot.friction.models import FrictionModel, coulomb_viscous
-from rrrgen.robot.friction.stated import MixedFriction
+from rrrgen.robot.friction.models import FrictionModel, MixedFriction, coulomb_viscous
 
 JOINTS = FlexibleJoints((0.2, 0.1), (2e4, 1e4), (20.0, 10.0))
 BASE = FlexibleBase(20.0, 28.0, 0.1)

@@ -9,14 +9,13 @@ import pytest
 
 import rrrgen
 from rrrgen.lab.plant import experiment
-from rrrgen.lab.plant.compiled_rigid import CompiledRigidIntegrator, compiled_rigid_integrator
+from rrrgen.lab.plant.compiled import CompiledRigidIntegrator, compiled_rigid_integrator
 from rrrgen.lab.plant.experiment import VirtualRobot
 from rrrgen.lab.plant.friction import Friction, MotorFriction
 from rrrgen.lab.plant.integration import RigidIntegrator
 from rrrgen.lab.plant.plant import FlexibleBase, make_plant
 from rrrgen.robot.friction.laws import LAWS
-from rrrgen.robot.friction.models import FrictionModel, coulomb_viscous
-from rrrgen.robot.friction.stated import MixedFriction
+from rrrgen.robot.friction.models import FrictionModel, MixedFriction, coulomb_viscous
 
 ROBOT = """
 schema: rrrgen/1

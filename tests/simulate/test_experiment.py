@@ -13,7 +13,7 @@ from rrrgen.lab.plant.controllers import PD, BackwardDifference, ComputedTorque,
 from rrrgen.lab.plant.experiment import Instruments, VirtualRobot
 from rrrgen.lab.plant.friction import Friction
 from rrrgen.lab.plant.plant import RigidBody, make_plant
-from rrrgen.lab.plant.recording import write_recording
+from rrrgen.lab.plant.recording_files import write_recording
 from rrrgen.robot.friction.models import coulomb_viscous
 
 TS = 1e-3

@@ -13,8 +13,7 @@ from rrrgen.lab.plant.friction import Friction, MotorFriction
 from rrrgen.lab.plant.integration import RigidIntegrator, StiffIntegrator, make_integrator
 from rrrgen.lab.plant.plant import FlexibleBase, FlexibleJoints, make_plant
 from rrrgen.robot.friction.laws import LAWS
-from rrrgen.robot.friction.models import FrictionModel, coulomb_viscous
-from rrrgen.robot.friction.stated import MixedFriction
+from rrrgen.robot.friction.models import FrictionModel, MixedFriction, coulomb_viscous
 
 STEP = 1e-3
 

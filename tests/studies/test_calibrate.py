@@ -6,7 +6,7 @@ import pytest
 import rrrgen
 from calibrate.virtual import measure, off_the_table, positions
 from rrrgen.lab.calibrate.geometry import rotation_vectors
-from rrrgen.lab.calibrate.measurement_file import table_of_arrays
+from rrrgen.lab.calibrate.measurements import table_of_arrays
 from studies.commands import printed_json
 
 NAMES = ("q1", "q2", "q3", "q4")

@@ -10,7 +10,7 @@ from oracles.lagrange import STEP
 from oracles.newton_euler import Link, Robot
 from oracles.numeric_rank import stacked_regressor
 from rrrgen.base.errors import DerivationError
-from rrrgen.robot.robot_spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
+from rrrgen.robot.spec import DriveSpec, FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
 from rrrgen.runtime.engines import NumpyEngine
 
 

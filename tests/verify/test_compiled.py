@@ -11,7 +11,7 @@ import pytest
 
 import rrrgen
 from rrrgen.base.errors import BuildError
-from rrrgen.emit.c import sources
+from rrrgen.emit.c import robot_files
 from rrrgen.verify import verify
 
 FUNCTION = re.compile(r"^\w+ rrr_(\w+)\([^;{]*\)\n\{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
@@ -49,7 +49,7 @@ def one_wrong_sign_per_function(source: str) -> tuple[str, list[str]]:
 def test_one_wrong_sign_in_emitted_c_is_found_in_every_function(monkeypatch, tmp_path):
     compiled("rrr")  # skips without a toolchain
     hit: list[str] = []
-    original = sources.header_and_sources
+    original = robot_files.header_and_sources
 
     def spoiled(*arguments):
         files = dict(original(*arguments))
@@ -58,7 +58,7 @@ def test_one_wrong_sign_in_emitted_c_is_found_in_every_function(monkeypatch, tmp
             hit.extend(found)
         return files
 
-    monkeypatch.setattr(sources, "header_and_sources", spoiled)
+    monkeypatch.setattr(robot_files, "header_and_sources", spoiled)
     monkeypatch.setenv("RRRGEN_CACHE", str(tmp_path))
     report = verify(rrrgen.compile("rrr", "c"), samples=20, libraries=False)
     assert len(hit) > 20

@@ -11,9 +11,9 @@ import pytest
 from rrrgen.base.errors import DerivationError
 from rrrgen.robot.file import read
 from rrrgen.runtime.inverse_kinematics import load_solver
-from rrrgen.verify.comparison import Collector
 from rrrgen.verify.inverse_kinematics import check_inverse_kinematics
 from rrrgen.verify.references.numeric_robot import chain_of
+from rrrgen.verify.report import Collector
 
 
 def checked(name, change=None):

@@ -15,7 +15,7 @@ import rrrgen.verify as package
 from oracles import chapter14
 from oracles.newton_euler import Link
 from oracles.random_robots import random_robot
-from rrrgen.robot.robot_spec import FrictionSpec
+from rrrgen.robot.spec import FrictionSpec
 from rrrgen.verify import Report, Row, verify
 from verify.oracle_model import OracleModel
 
@@ -350,7 +350,7 @@ def test_verdict_of_a_row():
 
 def test_nothing_of_the_compiler_is_imported():
     """The references would prove nothing if they shared code with the derivation."""
-    allowed = {"rrrgen.base.errors", "rrrgen.robot.robot_spec", "rrrgen.base.tables"}
+    allowed = {"rrrgen.base.errors", "rrrgen.robot.spec", "rrrgen.base.tables"}
     for file in Path(package.__file__).parent.glob("*.py"):
         tree = ast.parse(file.read_text(encoding="utf-8"))
         for block in [node for node in tree.body if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node)]:

@@ -55,7 +55,7 @@ class Scalar:
 
 
 @dataclass(frozen=True)
-class Sequence:
+class SequenceNode:
     """A YAML list; ``place`` is where it begins."""
 
     place: Place
@@ -63,14 +63,14 @@ class Sequence:
 
 
 @dataclass(frozen=True)
-class Mapping:
+class MappingNode:
     """A YAML mapping: its (key, value) pairs in the order of the file, duplicate keys included."""
 
     place: Place
     entries: list[tuple[Node, Node]] = field(default_factory=list)
 
 
-Node: TypeAlias = Scalar | Sequence | Mapping
+Node: TypeAlias = Scalar | SequenceNode | MappingNode
 
 
 class FaultList:
@@ -224,9 +224,9 @@ class _Composer:
                     return None
                 if not stack:
                     root = node
-                elif isinstance(parent := stack[-1], Sequence):
+                elif isinstance(parent := stack[-1], SequenceNode):
                     parent.items.append(node)
-                elif isinstance(parent, Mapping):
+                elif isinstance(parent, MappingNode):
                     key = keys[-1]
                     keys[-1] = node if key is None else None
                     if key is not None:
@@ -266,9 +266,9 @@ class _Composer:
 
     def plain_node(self, kind: str, event: Any, place: Place) -> Node:
         if kind == "SequenceStartEvent":
-            return Sequence(place)
+            return SequenceNode(place)
         if kind == "MappingStartEvent":
-            return Mapping(place)
+            return MappingNode(place)
         quoted = event.style in ("'", '"', "|", ">")
         one_line = event.start_mark.line == event.end_mark.line
         text = self.encodable(event.value, place)
@@ -284,3 +284,16 @@ class _Composer:
             half = ord(_SURROGATE.findall(text)[0])
             self.faults.error(place, f"the escape \\u{half:04x} is half of a character", "write the character itself")
             return _SURROGATE.sub("?", text)
+
+
+def describe(node: Node) -> str:
+    """Describe a node in a message: ``'its text'``, ``nothing``, ``a list`` or ``a mapping``."""
+    if isinstance(node, Scalar):
+        return "nothing" if node.is_null else f"'{shorten(node.text)}'"
+    return "a list" if isinstance(node, SequenceNode) else "a mapping"
+
+
+def shorten(text: str, width: int = 40) -> str:
+    """Shorten ``text`` to one line of at most ``width`` characters, with ``...`` where it is cut."""
+    text = " ".join(text.split())
+    return text if len(text) <= width else text[: width - 3] + "..."

@@ -17,8 +17,14 @@ from fractions import Fraction
 import sympy as sp
 
 from rrrgen.base.errors import Fault, InputError
-from rrrgen.base.yamltext.advice import added_number, comma_advice, plain_advice, with_point, without_leading_zeros
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.yamltext.suggestions import (
+    added_number,
+    comma_advice,
+    did_you_mean,
+    plain_advice,
+    with_point,
+    without_leading_zeros,
+)
 from rrrgen.base.yamltext.units import ANGLE, UNITS, Dimension, Unit, find_unit, quantity_name
 
 MAX_LENGTH = 4000  # characters of one value

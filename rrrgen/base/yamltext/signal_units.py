@@ -6,9 +6,8 @@ import math
 import re
 from collections.abc import Mapping
 
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar
-from rrrgen.base.yamltext.sections import describe
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.yamltext.document import FaultList, Node, Scalar, describe
+from rrrgen.base.yamltext.suggestions import did_you_mean
 
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 RATE = {"Hz": 1.0, "kHz": 1e3}

@@ -31,11 +31,22 @@ from typing import Any
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions.coriolis import Body, Composition, compose, generalized_forces, joint_force
+from rrrgen.derive.recursions.linear_algebra import (
+    Matrix,
+    Vector,
+    add,
+    cross,
+    dot,
+    factorize,
+    flat,
+    rotate_z,
+    rows,
+    scale,
+    status_at,
+)
 from rrrgen.derive.recursions.link_frames import ChainJoint
 from rrrgen.derive.recursions.newton_euler import Wrench, composite_wrenches, link_wrenches
-from rrrgen.derive.recursions.positive_definite import factorize, status_at
 from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
-from rrrgen.derive.recursions.vectors import Matrix, Vector, add, cross, dot, flat, rotate_z, rows, scale
 from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, choose_frames, forward
 from rrrgen.program import Port, Program, Role
 from rrrgen.program.builder import replay

@@ -16,14 +16,13 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
-from rrrgen.derive.functions.dynamic_functions import Frames, block_frames_first, link_frames_only, torque_port
+from rrrgen.derive.functions.dynamics import Frames, block_frames_first, link_frames_only, torque_port
 from rrrgen.derive.functions.friction import RunTimeFriction
+from rrrgen.derive.functions.operational_space import limited
 from rrrgen.derive.functions.recording import Recorder, Recording
-from rrrgen.derive.functions.tip import limited
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions import newton_euler
-from rrrgen.derive.recursions.positive_definite import Factors, factorize, status_at
-from rrrgen.derive.recursions.vectors import Vector, add, subtract
+from rrrgen.derive.recursions.linear_algebra import Factors, Vector, add, factorize, status_at, subtract
 from rrrgen.program import Builder, Port, Program, Role, Value
 from rrrgen.program.differentiation import Tangent, is_zero, record, tangents
 

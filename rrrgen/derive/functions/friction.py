@@ -15,10 +15,9 @@ from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.recursions.drive_inertia import along
 from rrrgen.derive.recursions.link_frames import rational, rational_float
 from rrrgen.program import Builder, Port, Program, Role
-from rrrgen.robot.friction.law import FrictionLaw
-from rrrgen.robot.friction.laws import LAWS
-from rrrgen.robot.model.drive_terms import unit
-from rrrgen.robot.robot_spec import FrictionSpec, RobotSpec
+from rrrgen.robot.friction.laws import LAWS, FrictionLaw
+from rrrgen.robot.model.drives import unit
+from rrrgen.robot.spec import FrictionSpec, RobotSpec
 
 LINEAR = "tau_f = fv dq + fc sgn(dq) + offset   (14.11)"
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.recursions import kinematics as poses
-from rrrgen.derive.recursions.vectors import flat
+from rrrgen.derive.recursions.linear_algebra import flat
 from rrrgen.program import Port, Program
 
 BASE = "base frame"

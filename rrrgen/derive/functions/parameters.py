@@ -19,8 +19,8 @@ from rrrgen.derive.functions.recording import Recorder, Recording, drive_inertia
 from rrrgen.derive.parameters.base_parameters import regroup
 from rrrgen.derive.parameters.listing import TENSOR
 from rrrgen.derive.parameters.user_basis import BasisChange
+from rrrgen.derive.recursions.linear_algebra import Matrix, add, dot, product, scale, times, transpose
 from rrrgen.derive.recursions.link_frames import Placement
-from rrrgen.derive.recursions.vectors import Matrix, add, dot, product, scale, times, transpose
 from rrrgen.program import Port, Program, Role
 from rrrgen.program.polynomials import to_expression
 from rrrgen.robot.model import RigidTransform

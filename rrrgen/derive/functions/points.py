@@ -22,20 +22,21 @@ from typing import Any
 from rrrgen.derive.functions.kinematics import BASE, jacobian_port, pose_port
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import kinematics
-from rrrgen.derive.recursions.link_frames import Placement
-from rrrgen.derive.recursions.positive_definite import Factors, factorize
-from rrrgen.derive.recursions.vectors import (
+from rrrgen.derive.recursions.linear_algebra import (
+    Factors,
     Matrix,
     Vector,
     add,
     cross,
     dot,
+    factorize,
     flat,
     product,
     subtract,
     times,
     transpose,
 )
+from rrrgen.derive.recursions.link_frames import Placement
 from rrrgen.derive.recursions.velocities_and_accelerations import forward
 from rrrgen.program import Port, Program, Status
 

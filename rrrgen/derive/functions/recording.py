@@ -19,8 +19,8 @@ from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
 from rrrgen.program import Builder, Domain, Port, Program, Role, Value
 from rrrgen.program.polynomials import to_expression
 from rrrgen.robot.model import RobotModel
-from rrrgen.robot.model.drive_terms import inertia_terms
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.model.drives import inertia_terms
+from rrrgen.robot.spec import RobotSpec
 
 Constant = Callable[[sp.Expr], Value]
 

@@ -11,11 +11,12 @@ from typing import Any
 
 import sympy as sp
 
-from rrrgen.derive.functions.dynamic_functions import Frames, block_frames_first, link_frames_only
+from rrrgen.derive.functions.dynamics import Frames, block_frames_first, link_frames_only
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.parameters.listing import TENSOR
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions.drive_inertia import inertia_columns, virtual_work
+from rrrgen.derive.recursions.linear_algebra import dot, flat
 from rrrgen.derive.recursions.link_frames import Chain
 from rrrgen.derive.recursions.pseudo_inertia import from_standard
 from rrrgen.derive.recursions.regressor import (
@@ -24,7 +25,6 @@ from rrrgen.derive.recursions.regressor import (
     columns_passed_down,
     virtual_power,
 )
-from rrrgen.derive.recursions.vectors import dot, flat
 from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, forward
 from rrrgen.program import Port, Program
 from rrrgen.robot.model.inertial_parameters import STANDARD

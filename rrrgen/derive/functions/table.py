@@ -18,22 +18,22 @@ from rrrgen.program import Op, Program
 
 if TYPE_CHECKING:
     from rrrgen.derive.functions.recording import Recorder, Recording
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 KINEMATICS = "rrrgen.derive.functions.kinematics"
-DYNAMICS = "rrrgen.derive.functions.dynamic_functions"
+DYNAMICS = "rrrgen.derive.functions.dynamics"
 DERIVATIVES = "rrrgen.derive.functions.derivatives"
 REGRESSORS = "rrrgen.derive.functions.regressors"
-ENERGIES = "rrrgen.derive.functions.energy_functions"
+ENERGIES = "rrrgen.derive.functions.dynamics"
 PARAMETERS = "rrrgen.derive.functions.parameters"
 POINTS = "rrrgen.derive.functions.points"
-TERMS = "rrrgen.derive.functions.terms"
-LAWS = "rrrgen.derive.functions.laws"
-OPERATIONAL = "rrrgen.derive.functions.operational"
-OBSERVERS = "rrrgen.derive.functions.observers"
+TERMS = "rrrgen.derive.functions.control_laws"
+LAWS = "rrrgen.derive.functions.control_laws"
+OPERATIONAL = "rrrgen.derive.functions.operational_space"
+OBSERVERS = "rrrgen.derive.functions.contact"
 CONTACT = "rrrgen.derive.functions.contact"
 ELASTIC = "rrrgen.derive.functions.elastic_joints"
-PATHS = "rrrgen.derive.functions.paths"
+PATHS = "rrrgen.derive.functions.motions"
 MOTIONS = "rrrgen.derive.functions.motions"
 FRICTION = "rrrgen.derive.functions.friction"
 
@@ -1003,7 +1003,7 @@ def exists(function: ModelFunction, spec: RobotSpec) -> bool:
     if spec.n <= function.more_joints_than:
         return False
     if function.needs in (Needs.TIP_POSITION, Needs.TIP_POSE):
-        from rrrgen.derive.functions.operational import tip_moves
+        from rrrgen.derive.functions.operational_space import tip_moves
 
         shifts, turns = tip_moves(spec)
         return shifts and (turns or function.needs is Needs.TIP_POSITION)

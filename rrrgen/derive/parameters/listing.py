@@ -10,13 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rrrgen.robot.model.drive_terms import DriveTerm, inertia_terms
+from rrrgen.robot.model.drives import DriveTerm, inertia_terms
 
 if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.derive.derived_model import ParametrizedRobot
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 TENSOR = "Ixy = -integral of x*y dm, Ixz and Iyz alike"
 

@@ -19,11 +19,10 @@ from typing import Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import DerivationError, InputError
-from rrrgen.base.extras import require
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.errors import DerivationError, InputError, require
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.robot.model.inertial_parameters import link_of, standard_parameters
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 SMALLEST = 1e-9  # of the largest eigenvalue of a pseudo-inertia: below it MuJoCo refuses the body
 DEFAULT_STRENGTH = 1.0

@@ -26,17 +26,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from rrrgen.derive.recursions.link_frames import Chain, ChainJoint
-from rrrgen.derive.recursions.mass_matrix_and_gravity import (
-    BlockVelocity,
-    composites,
-    offset,
-    step_down,
-    unit_wrench,
-    velocities,
-)
-from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
-from rrrgen.derive.recursions.vectors import (
+from rrrgen.derive.recursions.linear_algebra import (
     ZERO3,
     Matrix,
     Vector,
@@ -49,6 +39,16 @@ from rrrgen.derive.recursions.vectors import (
     times,
     transpose,
 )
+from rrrgen.derive.recursions.link_frames import Chain, ChainJoint
+from rrrgen.derive.recursions.mass_matrix_and_gravity import (
+    BlockVelocity,
+    composites,
+    offset,
+    step_down,
+    unit_wrench,
+    velocities,
+)
+from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Drive inertia in the equation of motion: it adds ``sum over k of Ia_k w_k w_k'`` to the mass matrix.
 
-``w_k`` (n,) is the direction of inertia k in joint space (:mod:`rrrgen.robot.model.drive_terms`): a unit vector for a
+``w_k`` (n,) is the direction of inertia k in joint space (:mod:`rrrgen.robot.model.drives`): a unit vector for a
 drive that moves one joint, a row of ``motor_from_joint`` for a coupled one. The added matrix is constant, so Coriolis
 and gravity torques do not change. The drive inertias follow the base parameters in beta, and their columns
 ``w_k (w_k . ddq)`` those of the base parameters in the regressors.
@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from rrrgen.derive.recursions.linear_algebra import Matrix
 from rrrgen.derive.recursions.link_frames import rational
-from rrrgen.derive.recursions.vectors import Matrix
 from rrrgen.program import Value
 from rrrgen.program.builder import Number
-from rrrgen.robot.model.drive_terms import inertia_terms
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.model.drives import inertia_terms
+from rrrgen.robot.spec import RobotSpec
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
+from rrrgen.derive.recursions.linear_algebra import Vector, add, cross, dot, scale, times
 from rrrgen.derive.recursions.link_frames import Chain
 from rrrgen.derive.recursions.mass_matrix_and_gravity import BlockVelocity, composites, step_down, velocities
 from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
-from rrrgen.derive.recursions.vectors import Vector, add, cross, dot, scale, times
 
 
 def link_momentum(J: PseudoInertia, velocity: BlockVelocity) -> tuple[Vector, Vector]:

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from rrrgen.derive.recursions.link_frames import Chain, ChainJoint, Placement
-from rrrgen.derive.recursions.vectors import (
+from rrrgen.derive.recursions.linear_algebra import (
     Matrix,
     Vector,
     add,
@@ -18,6 +17,7 @@ from rrrgen.derive.recursions.vectors import (
     subtract,
     times,
 )
+from rrrgen.derive.recursions.link_frames import Chain, ChainJoint, Placement
 from rrrgen.derive.recursions.velocities_and_accelerations import forward
 
 IDENTITY: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]

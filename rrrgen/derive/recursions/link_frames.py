@@ -21,7 +21,7 @@ import sympy as sp
 
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive.recursions.following_joints import Turning, UnitAngles, block_turnings, over_coordinates, over_joints
-from rrrgen.derive.recursions.vectors import Matrix, Vector
+from rrrgen.derive.recursions.linear_algebra import Matrix, Vector
 from rrrgen.program import Builder, Port, Role, Value
 from rrrgen.program.builder import Number, plain
 from rrrgen.program.finite_field import PRIME, Residue, square_root

@@ -11,9 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rrrgen.derive.recursions.link_frames import Chain, ChainJoint, Placement
-from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
-from rrrgen.derive.recursions.vectors import (
+from rrrgen.derive.recursions.linear_algebra import (
     Matrix,
     Vector,
     add,
@@ -23,6 +21,8 @@ from rrrgen.derive.recursions.vectors import (
     times,
     transposed_times,
 )
+from rrrgen.derive.recursions.link_frames import Chain, ChainJoint, Placement
+from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
 
 
 def offset(chain: Chain, i: int) -> Vector:

@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from rrrgen.derive.recursions.linear_algebra import Vector, add, cross, is_number, rotate_z, scale, times
 from rrrgen.derive.recursions.link_frames import Chain, ChainJoint
 from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
-from rrrgen.derive.recursions.vectors import Vector, add, cross, is_number, rotate_z, scale, times
 from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, forward
 
 Wrench = tuple[Vector, Vector]

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from rrrgen.derive.recursions.linear_algebra import Matrix, product, transpose
 from rrrgen.derive.recursions.link_frames import Placement
-from rrrgen.derive.recursions.vectors import Matrix, product, transpose
 
 ENTRIES = ("Jxx", "Jxy", "Jxz", "Jyy", "Jyz", "Jzz", "hx", "hy", "hz", "m")
 """The ten entries, in the order in which links are parametrized in canonical frames."""

@@ -13,11 +13,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from rrrgen.derive.recursions.kinematics import to_link_frame
+from rrrgen.derive.recursions.linear_algebra import dot, is_number
 from rrrgen.derive.recursions.link_frames import Chain
 from rrrgen.derive.recursions.mass_matrix_and_gravity import BlockVelocity, velocities
 from rrrgen.derive.recursions.newton_euler import Wrench, link_wrench, pass_down
 from rrrgen.derive.recursions.pseudo_inertia import ENTRIES, PseudoInertia
-from rrrgen.derive.recursions.vectors import dot, is_number
 from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, forward
 
 Parameter = tuple[int, str]

@@ -19,8 +19,7 @@ from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rrrgen.derive.recursions.link_frames import Chain, ChainJoint
-from rrrgen.derive.recursions.vectors import (
+from rrrgen.derive.recursions.linear_algebra import (
     Matrix,
     Vector,
     add,
@@ -32,6 +31,7 @@ from rrrgen.derive.recursions.vectors import (
     transpose,
     transposed_times,
 )
+from rrrgen.derive.recursions.link_frames import Chain, ChainJoint
 
 
 @dataclass(frozen=True)

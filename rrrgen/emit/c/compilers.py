@@ -16,8 +16,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PureWindowsPath
 
-from rrrgen.base.errors import BuildError
-from rrrgen.base.extras import installed
+from rrrgen.base.errors import BuildError, installed
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-fast-math")
 """Flags of every build. No contraction to fused multiply-adds: results then do not depend on the processor."""

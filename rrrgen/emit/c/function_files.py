@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from rrrgen.base.templates import render
 from rrrgen.base.version import VERSION
 from rrrgen.emit import Real
-from rrrgen.emit.c.dialect import Dialect
-from rrrgen.emit.c.sources import failures_of, naming, preamble, print_functions
+from rrrgen.emit.c.language import Dialect, LibmSinCos, SinCos
+from rrrgen.emit.c.robot_files import failures_of, naming, preamble, print_functions
 from rrrgen.emit.c.stack import STACK_RULE
-from rrrgen.emit.c.trigonometry import LibmSinCos, SinCos
-from rrrgen.emit.comments import columns, wrapped
+from rrrgen.emit.printing import columns, wrapped
 from rrrgen.program import Program
 from rrrgen.robot.identity import Identity
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rrrgen.emit.c.dialect import Dialect
+from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.c.stack import stack_bound
-from rrrgen.emit.comments import columns, plain, wrapped
+from rrrgen.emit.printing import columns, plain, wrapped
 from rrrgen.program import Port, Program, Status, count_operations
 
 _LONGEST_LINE = 118

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from rrrgen.base.templates import render
 from rrrgen.derive.functions.friction import friction_parameters
-from rrrgen.emit.c.dialect import Dialect
 from rrrgen.emit.c.header_comments import function_name
+from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.interface import Check
 from rrrgen.program import REFUSED, Domain, Op, Port, Program, Role, evaluate, specialization
 from rrrgen.robot.identity import Identity
@@ -24,7 +24,7 @@ from rrrgen.robot.model.inertial_parameters import standard_parameters
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 Array = NDArray[np.float64]
 

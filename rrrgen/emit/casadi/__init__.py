@@ -8,10 +8,9 @@ everything else is text and is the same whichever version of CasADi is installed
 from rrrgen.emit.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
 from rrrgen.emit.casadi.external import definitions, external_files, external_sources
 from rrrgen.emit.casadi.files import external_functions, is_reproducible, module_file, serialized, sources
-from rrrgen.emit.casadi.function import function
+from rrrgen.emit.casadi.function import function, smooth_sign
 from rrrgen.emit.casadi.inverse_kinematics import branch_function, branch_labels, branch_signs
 from rrrgen.emit.casadi.module import rebuild_module
-from rrrgen.emit.casadi.smooth import smooth_sign
 
 __all__ = [
     "Matrix",

@@ -22,7 +22,7 @@ from typing import cast
 from rrrgen.program import Builder, Port, Program, Scalar, Value
 from rrrgen.program.builder import replay
 from rrrgen.program.differentiation import Tangent, is_zero, pull_back, record, tangents
-from rrrgen.program.nodes import Node
+from rrrgen.program.program import Node
 
 ROWS_FACTOR = 4
 """Approximate cost of one reverse sweep, in units of one direction of a forward sweep over several directions."""

@@ -13,11 +13,9 @@ from fractions import Fraction
 
 from rrrgen.base.templates import render
 from rrrgen.emit.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
-from rrrgen.emit.comments import plain
 from rrrgen.emit.expressions import RESERVED, Listing, listing
 from rrrgen.emit.interface import CHOICE, PRODUCT, SUM, Text
-from rrrgen.emit.names import Names
-from rrrgen.emit.printing import decimal
+from rrrgen.emit.printing import Names, decimal, plain
 from rrrgen.program import Op, Program
 
 _TRANSFORMS = {"jac": jacobian, "fwd1": forward, "adj1": reverse}

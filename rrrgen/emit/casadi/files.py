@@ -22,9 +22,8 @@ from typing import TYPE_CHECKING, Any
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
 from rrrgen.emit.casadi.external import definitions, external_files, external_sources
-from rrrgen.emit.casadi.function import function
+from rrrgen.emit.casadi.function import function, has_sign, smooth_sign
 from rrrgen.emit.casadi.module import rebuild_module
-from rrrgen.emit.casadi.smooth import has_sign, smooth_sign
 from rrrgen.program import Program, specialization
 from rrrgen.robot.identity import Identity
 

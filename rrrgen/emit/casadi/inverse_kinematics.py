@@ -13,9 +13,9 @@ from rrrgen.ik.run_time_tool import plan_with_tool
 from rrrgen.ik.tolerances import ON_COUPLING
 
 if TYPE_CHECKING:
-    from rrrgen.ik.geometry.coupling import Coupling
+    from rrrgen.ik.geometry.mechanism import Coupling
     from rrrgen.ik.plan import SolverPlan
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 MOST_CHOICES = 8

@@ -11,7 +11,7 @@ from rrrgen.base.templates import render
 from rrrgen.derive.parameters.listing import ParameterListing
 from rrrgen.emit.casadi.derivatives import matrix_size
 from rrrgen.emit.expressions import RESERVED, PythonTarget, element_names, folded, listing, quoted
-from rrrgen.emit.names import Names
+from rrrgen.emit.printing import Names
 from rrrgen.program import Op, Port, Program
 
 _CALLS = {

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from rrrgen.emit import Real
-from rrrgen.emit.c.dialect import Dialect
 from rrrgen.emit.c.function_files import Extension, function_files
-from rrrgen.emit.c.sources import nonfinite_function
-from rrrgen.emit.comments import columns
+from rrrgen.emit.c.language import Dialect, nonfinite_function
+from rrrgen.emit.printing import columns
 from rrrgen.program import Port, Status
 
 DAMPING = 0.02

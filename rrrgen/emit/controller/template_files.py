@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from rrrgen.base.templates import render
 from rrrgen.emit import Real
 from rrrgen.emit.c.ik.tool_input import tool_solver_check, tool_solver_files
-from rrrgen.emit.c.trigonometry import Trig, sincos_strategy
+from rrrgen.emit.c.language import Trig, sincos_strategy
 from rrrgen.emit.controller.differential_ik import differential_ik_files
 from rrrgen.emit.controller.fourier_series import fourier_series_files
 from rrrgen.emit.interface import Check
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 def files_beside(spec: RobotSpec, real: Real, groups: Iterable[str], trig: Trig = "inline") -> dict[str, str]:

@@ -12,17 +12,16 @@ from rrrgen.base.templates import template_text
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit.html import equations, tables
 from rrrgen.emit.html import robot_facts as facts
-from rrrgen.emit.html.geometry import zero_pose
 from rrrgen.emit.html.mathml import MathmlMarkup
 from rrrgen.emit.html.scene import as_json, scene
-from rrrgen.emit.html.sketch import frame_sketch
+from rrrgen.emit.html.sketch import frame_sketch, zero_pose
 from rrrgen.emit.latex import Form, Walk, trig_abbreviates
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.emit.html.motions import Illustration, Motion
+    from rrrgen.emit.html.scene import Illustration, Motion
 
 
 def html_report(

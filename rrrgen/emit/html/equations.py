@@ -13,7 +13,7 @@ from rrrgen.emit.latex import Form, Walk, lay_out
 
 if TYPE_CHECKING:
     from rrrgen.emit.latex.inverse_kinematics import ClosedForm
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 def closed_forms(forms: Mapping[str, Form], walk: Walk) -> list[dict[str, object]]:

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.robot.friction.laws import LAWS
-from rrrgen.robot.model.drive_text import drives_data
-from rrrgen.robot.robot_spec import Limits
+from rrrgen.robot.model.drives import drives_data
+from rrrgen.robot.spec import Limits
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
+    from rrrgen.robot.spec import FixedTransform, FrictionSpec, JointSpec, LinkSpec, RobotSpec
 
 Rows = list[tuple[str, ...]]
 

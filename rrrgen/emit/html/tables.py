@@ -12,12 +12,12 @@ import sympy as sp
 from markupsafe import Markup, escape
 
 from rrrgen.emit.html import robot_facts as facts
-from rrrgen.emit.html.geometry import variables
 from rrrgen.emit.html.mathml import folding, inline
+from rrrgen.emit.html.sketch import variables
 from rrrgen.emit.latex import Walk
 from rrrgen.program import OperationCount, count_operations
-from rrrgen.robot.model.drive_text import coupling_equations, motor_facts
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.model.drives import coupling_equations, motor_facts
+from rrrgen.robot.spec import RobotSpec
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel

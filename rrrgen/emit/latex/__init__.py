@@ -1,16 +1,19 @@
 """Printing of closed forms as LaTeX and as plain text."""
 
-from rrrgen.emit.latex.layout import Display, Equation, Form, lay_out, trig_abbreviates
-from rrrgen.emit.latex.notation import GREEK, Notation, Quantity, notation, quantity
-from rrrgen.emit.latex.output import (
+from rrrgen.emit.latex.equations import (
+    Display,
+    Equation,
+    Form,
     break_sum,
     latex,
     latex_base_parameters,
     latex_expression,
+    lay_out,
     plain,
     plain_expression,
+    trig_abbreviates,
 )
-from rrrgen.emit.latex.walk import Markup, Walk
+from rrrgen.emit.latex.formulas import GREEK, Markup, Notation, Quantity, Walk, notation, quantity
 
 __all__ = [
     "GREEK",

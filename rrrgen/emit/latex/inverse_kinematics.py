@@ -8,22 +8,21 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.derive.closed_forms.decimals import decimal_text
+from rrrgen.derive.closed_forms import decimal_text
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.ik.derive import record_exactly
 from rrrgen.ik.geometry.chain import Joint
-from rrrgen.ik.geometry.coupling import solved_chain
+from rrrgen.ik.geometry.mechanism import solved_chain
 from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector, dot
 from rrrgen.ik.geometry.symbolic_chain import number_chain, symbolic_chain
-from rrrgen.ik.plan import Singularity, SolverPlan
+from rrrgen.ik.plan import Singularity, SolverPlan, record_exactly
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
 from rrrgen.ik.result_layout import most_rows
 from rrrgen.ik.singularities import singular_sets
 from rrrgen.robot.model.mechanism import chain_to_tip
 
 if TYPE_CHECKING:
-    from rrrgen.ik.geometry.coupling import Coupling
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.ik.geometry.mechanism import Coupling
+    from rrrgen.robot.spec import RobotSpec
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 from rrrgen.base.templates import render
 from rrrgen.emit import Real
-from rrrgen.emit.c.dialect import RESERVED, Dialect
-from rrrgen.emit.comments import plain, wrapped
+from rrrgen.emit.c.language import RESERVED, Dialect
 from rrrgen.emit.description import programs_of, title
 from rrrgen.emit.interface import Backend
+from rrrgen.emit.printing import plain, wrapped
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.program import Port, Program
 from rrrgen.robot.identity import Identity

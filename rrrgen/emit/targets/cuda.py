@@ -12,18 +12,16 @@ from rrrgen.base.templates import render
 from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
-from rrrgen.emit.c.dialect import Dialect
 from rrrgen.emit.c.header_comments import explanation, function_name
-from rrrgen.emit.c.printer import print_body
-from rrrgen.emit.c.sources import failures_of
-from rrrgen.emit.comments import columns, mathematics, wrapped
+from rrrgen.emit.c.language import Dialect, print_body
+from rrrgen.emit.c.robot_files import failures_of
 from rrrgen.emit.description import facts, programs_of, title
-from rrrgen.emit.names import with_free_ports
-from rrrgen.emit.targets.code import derived_model
+from rrrgen.emit.printing import columns, mathematics, with_free_ports, wrapped
+from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.program import Op, Port, Program, Role
 from rrrgen.robot.identity import Identity
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 _TAKEN = frozenset(("count", "state", "status", "stride"))
 """Names in a kernel that arguments and results must not have."""

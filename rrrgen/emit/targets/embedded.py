@@ -7,10 +7,10 @@ import json
 from rrrgen.base.templates import render
 from rrrgen.emit import Real
 from rrrgen.emit.description import title
-from rrrgen.emit.targets.code import Code, emitted_code
+from rrrgen.emit.targets.c_package import Code, emitted_code
 from rrrgen.emit.targets.cpp import CppBackend
 from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 _RENDERED = {
     "library.properties": "library.properties",

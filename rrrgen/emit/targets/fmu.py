@@ -10,14 +10,13 @@ from typing import Any
 from rrrgen.base.errors import DerivationError
 from rrrgen.base.templates import render
 from rrrgen.derive.functions.friction import friction_parameters
-from rrrgen.emit.comments import plain
 from rrrgen.emit.description import title
-from rrrgen.emit.targets.archives import zip_archive
-from rrrgen.emit.targets.code import Code, emitted_code
+from rrrgen.emit.printing import plain
+from rrrgen.emit.targets.c_package import Code, emitted_code
 from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions
-from rrrgen.emit.targets.platforms import platforms, shared_library
+from rrrgen.emit.targets.shared_libraries import platforms, shared_library, zip_archive
 from rrrgen.program import Program, Role
-from rrrgen.robot.robot_spec import RobotSpec, joint_units
+from rrrgen.robot.spec import RobotSpec, joint_units
 
 WIDTH = 0.01
 """Default speed, rad/s or m/s, below which the sign function in friction laws is smoothed; a parameter of the FMU."""

@@ -13,15 +13,14 @@ from dataclasses import dataclass
 from rrrgen.base.templates import render
 from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.parameters.listing import listing as parameter_listing
-from rrrgen.emit.comments import mathematics, plain, wrapped
 from rrrgen.emit.description import facts, programs_of, title
 from rrrgen.emit.expressions import PythonTarget, element_names, folded, listing, quoted
-from rrrgen.emit.names import Names, with_free_ports
-from rrrgen.emit.targets.code import derived_model
+from rrrgen.emit.printing import Names, mathematics, plain, with_free_ports, wrapped
+from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.program import Op, Port, Program, count_operations
 from rrrgen.robot.identity import Identity
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 _CALLS = {
     Op.SIN: "jnp.sin",

@@ -7,12 +7,18 @@ from typing import Any
 
 from rrrgen.base.templates import render
 from rrrgen.emit.description import title
-from rrrgen.emit.targets.calls import described_functions, loops, nominal_values
-from rrrgen.emit.targets.code import Code, any_gravity_code, emitted_code
+from rrrgen.emit.targets.c_package import (
+    Code,
+    any_gravity_code,
+    described_functions,
+    emitted_code,
+    loops,
+    nominal_values,
+)
 from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions
 from rrrgen.ik.result_layout import most_rows
 from rrrgen.program import Port
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 _WORDS = """arguments break case catch classdef continue do else elseif end end_try_catch end_unwind_protect endclassdef
 endfor endfunction endif endparfor endswitch endwhile enumeration events for function global if methods otherwise parfor

@@ -17,7 +17,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.emit.notes import unused_entries
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.emit.targets.rigid_bodies import NumericBody, NumericChain, number, numbers, numeric_chain
-from rrrgen.robot.robot_spec import FrictionSpec, MotorSpec, RobotSpec
+from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
 
 
 def _write(spec: RobotSpec, _: ExportOptions) -> Exported:

@@ -16,9 +16,8 @@ import sympy as sp
 from rrrgen.emit.notes import unused_entries
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.robot.file.writer import number_text
-from rrrgen.robot.model.dh_rows import NO_TWIST, Twist, dh_rows
-from rrrgen.robot.model.robot_model import normal_form, rotation_x
-from rrrgen.robot.robot_spec import FrictionSpec, JointSpec, LinkSpec, RobotSpec
+from rrrgen.robot.model.canonical_frames import NO_TWIST, Twist, dh_rows, normal_form, rotation_x
+from rrrgen.robot.spec import FrictionSpec, JointSpec, LinkSpec, RobotSpec
 
 MOMENTS = ("MX", "MY", "MZ")
 INERTIA = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")

@@ -9,9 +9,9 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
-from rrrgen.robot.model.dh_rows import dh_rows
+from rrrgen.robot.model.canonical_frames import dh_rows
 from rrrgen.robot.model.inertial_parameters import standard_parameters
-from rrrgen.robot.robot_spec import FixedTransform, JointSpec, RobotSpec
+from rrrgen.robot.spec import FixedTransform, JointSpec, RobotSpec
 
 _ROUND_OFF = 1e-15  # of entries of rotation matrices of right angles
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from rrrgen.base.templates import render
 from rrrgen.emit.description import title
-from rrrgen.emit.targets.code import Code, emitted_code
+from rrrgen.emit.targets.c_package import Code, emitted_code
 from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions
 from rrrgen.program import Role
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 _PLUGINS = {
     "dynamics": ("InverseDynamics", "inverse_dynamics_solver", "inverse_dynamics_solver::InverseDynamicsSolver"),

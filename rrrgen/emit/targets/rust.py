@@ -15,11 +15,9 @@ from typing import TYPE_CHECKING
 from rrrgen.base.templates import render
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
-from rrrgen.emit.comments import mathematics, plain, wrapped
 from rrrgen.emit.description import facts, large_angles, programs_of, title
 from rrrgen.emit.interface import CHOICE, PRODUCT, SUM, Backend, Text
-from rrrgen.emit.names import with_free_ports
-from rrrgen.emit.printing import decimal, nested_element, print_body
+from rrrgen.emit.printing import decimal, mathematics, nested_element, plain, print_body, with_free_ports, wrapped
 from rrrgen.program import Failure, Op, Port, Program, Status, count_operations
 from rrrgen.robot.identity import Identity
 

@@ -13,7 +13,7 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.emit.notes import unused_entries
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.emit.targets.rigid_bodies import NumericBody, number, numbers, numeric_chain
-from rrrgen.robot.robot_spec import JointSpec, RobotSpec
+from rrrgen.robot.spec import JointSpec, RobotSpec
 
 NO_LIMIT = "1e9"  # for limits that URDF demands and the robot file does not state; read back as none
 

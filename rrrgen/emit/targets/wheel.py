@@ -10,13 +10,18 @@ from typing import Any
 from rrrgen.base.files import as_bytes
 from rrrgen.base.templates import render
 from rrrgen.emit.description import title
-from rrrgen.emit.targets.archives import zip_archive
-from rrrgen.emit.targets.calls import described_functions, loops, nominal_values
-from rrrgen.emit.targets.code import Code, any_gravity_code, emitted_code
+from rrrgen.emit.targets.c_package import (
+    Code,
+    any_gravity_code,
+    described_functions,
+    emitted_code,
+    loops,
+    nominal_values,
+)
 from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions
-from rrrgen.emit.targets.platforms import platforms, shared_library
+from rrrgen.emit.targets.shared_libraries import platforms, shared_library, zip_archive
 from rrrgen.ik.result_layout import most_rows, reasons_of
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 _HASH_DIGITS = 12  # of the model's hash, in the version of the package
 

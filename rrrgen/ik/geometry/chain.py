@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from rrrgen.robot.model.dh_rows import NO_TWIST, Twist, dh_rows
+from rrrgen.robot.model.canonical_frames import NO_TWIST, Twist, dh_rows
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 Number = Any
 """A float for computation, or an exact SymPy expression for formulas that people read."""
@@ -84,7 +84,7 @@ class Chain:
     first joint and ``tip`` (K_n) after the last one. ``slides``, if any, are displacements (m) of the frames of the
     joints along their axes, which bring frames that lie far away to the arm: :attr:`transforms` and :attr:`reach` are
     those of the displaced frames. ``between``, if any, are the true transforms between the joints where the ``links``
-    hold them only nearly (:mod:`rrrgen.ik.geometry.fixed_rows`).
+    hold them only nearly (:mod:`rrrgen.ik.geometry.mechanism`).
     """
 
     name: str
@@ -223,7 +223,7 @@ def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> Chain:
 
     The geometric parameters take their nominal values or, with ``nominal=False``, remain symbols. A link ends with the
     Tx(a) Rx(alpha) of its own row of the DH table or, in the modified convention, with that of the next row. Joints
-    with ``sign: -1`` are turned round (:mod:`rrrgen.robot.model.dh_rows`).
+    with ``sign: -1`` are turned round (:mod:`rrrgen.robot.model.canonical_frames`).
     """
 
     def value(expression: sp.Expr) -> sp.Expr:
@@ -261,3 +261,81 @@ def in_floats(chain: Chain) -> Chain:
     links = tuple(Link(*(number(getattr(link, f)) for f in ("d", "a", "ca", "sa", "ct", "st"))) for link in chain.links)
     joints = tuple(replace(joint, offset=number(joint.offset)) for joint in chain.joints)
     return Chain(chain.name, matrix(chain.base), joints, links, matrix(chain.tip))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The arm angle of a configuration: the redundancy parameter of arms with spherical shoulder and wrist.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def arm_angle(chain: Chain, q: Any) -> float:
+    """Arm angle psi (rad) of a seven-joint configuration ``q``: rotation of the elbow about the line shoulder-wrist.
+
+    psi is zero where the elbow lies on the side of a reference direction, the stereographic one that
+    :mod:`rrrgen.ik.solutions.spherical_triples` defines. The result is 0 where psi is undefined: where the arm is
+    straight, or where the line from shoulder to wrist has the single direction for which there is no reference
+    direction.
+    """
+    import numpy as np
+
+    T = np.eye(4)
+    frames = []
+    for i, joint in enumerate(chain.joints):
+        x = joint.sign * float(q[joint.index]) + float(joint.offset)
+        frames.append(T.copy())
+        turn = np.eye(4)
+        turn[:2, :2] = [[np.cos(x), -np.sin(x)], [np.sin(x), np.cos(x)]]
+        after = np.eye(4)
+        after[:3] = np.array(chain.links[i].matrix() if i < chain.n - 1 else chain.tip, dtype=float)
+        T = T @ turn @ after
+    shoulder = np.array([0.0, 0.0, float(chain.links[0].d)])
+    elbow, wrist = frames[3][:3, 3], frames[5][:3, 3]
+    away = wrist - shoulder
+    size = float(np.linalg.norm(away))
+    if size == 0.0:
+        return 0.0
+    e = away / size
+    n = np.cross(np.cross(e + np.array([0.0, 0.0, 1.0]), [1.0, 0.0, 0.0]), e)
+    if float(np.linalg.norm(n)) == 0.0:
+        return 0.0
+    y = n / np.linalg.norm(n)
+    across = elbow - shoulder
+    return float(np.arctan2(across @ np.cross(e, y), across @ y))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Virtual joints: joints that are added to an arm with too few, so that the equations for six (or three) joints apply.
+#
+# Only solutions in which every virtual joint has the value zero are solutions of the arm itself.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def extended(chain: Chain, count: int, *, at_base: bool, shift: float, turn: int) -> Chain:
+    """Extend ``chain`` by ``count`` virtual revolute joints after its last joint (or before its first, ``at_base``).
+
+    Each axis meets its neighbour at a right angle and two of them meet in one point, so that together with a revolute
+    neighbour they form an orthogonal wrist, which is regular at zero. ``shift`` (m) places that point on the
+    neighbour's axis, ``turn`` (quarter turns) chooses the direction about it.
+    """
+    quarter = {"ct": float(turn == 0), "st": float(turn == 1)}
+    upright = [Link(ca=0.0, sa=1.0, ct=0.0, st=1.0) for _ in range(count - 1)]
+    n = max(joint.index for joint in chain.joints) + 1
+    joints = tuple(Joint(n + i, True, name=f"virtual {i + 1}") for i in range(count))
+    if at_base:
+        links = [Link(ca=0.0, sa=1.0, **quarter), *upright]
+        base = chain.base
+        for link in reversed(links):
+            base = multiply(base, inverse(link.matrix()))
+        return replace(chain, joints=joints + chain.joints, links=(*links, *chain.links), base=base)
+    links = [Link(d=shift, ca=0.0, sa=1.0, **quarter), *upright]
+    tip = chain.tip
+    for link in links:
+        tip = multiply(inverse(link.matrix()), tip)
+    return replace(chain, joints=chain.joints + joints, links=(*chain.links, *links), tip=tip)
+
+
+def inverse(M: Matrix) -> Matrix:
+    """The inverse of a rigid 3x4 transform."""
+    R = [[M[j][i] for j in range(3)] for i in range(3)]
+    t = [-sum(R[i][j] * M[j][3] for j in range(3)) for i in range(3)]
+    return tuple((*R[i], t[i]) for i in range(3))

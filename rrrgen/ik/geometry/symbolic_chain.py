@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from rrrgen.ik.geometry.chain import Chain, exact_chain
-from rrrgen.ik.geometry.snap import exact_like
+from rrrgen.ik.geometry.nearly_special import exact_like
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.robot.robot_spec import parameter_symbol
+from rrrgen.robot.spec import parameter_symbol
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 def symbolic_chain(spec: RobotSpec, plan: SolverPlan) -> tuple[Chain, tuple[tuple[sp.Symbol, sp.Expr], ...]]:

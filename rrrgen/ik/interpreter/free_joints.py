@@ -10,12 +10,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import pi
 
-from rrrgen.ik.derive import ARM_ANGLE
-from rrrgen.ik.interpreter.branches import Query, Row, candidates
-from rrrgen.ik.interpreter.kernels import FREE, MULTIPLE, SEARCH, TOLERANCE, Settings
-from rrrgen.ik.interpreter.limits import Limits
+from rrrgen.ik.interpreter.branches import FREE, MULTIPLE, SEARCH, TOLERANCE, Query, Row, Settings, candidates
 from rrrgen.ik.interpreter.refinement import USUAL, Task
-from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.interpreter.targets_and_limits import Limits
+from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
 
 GONE, FIXED = 32, 64
 """Internal flags: GONE if another candidate replaces this one, FIXED if it was refined with its free joint held."""

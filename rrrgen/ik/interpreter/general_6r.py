@@ -1,6 +1,6 @@
 """Candidate solutions of a general chain of six joints, found as eigenvalues.
 
-The equations are those of :mod:`rrrgen.ik.solutions.elimination`, in the same labellings as in the emitted C. There the
+The equations are those of :mod:`rrrgen.ik.solutions.general_6r`, in the same labellings as in the emitted C. There the
 kept angle is a root of a determinant. Here the tangent of half of it is an eigenvalue, whose eigenvector gives the two
 eliminated joints, so that the two backends find the roots by methods that share no code.
 """
@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.ik.interpreter.branches import Row
-from rrrgen.ik.interpreter.kernels import FREE, TOLERANCE
+from rrrgen.ik.interpreter.branches import FREE, TOLERANCE, Row
 from rrrgen.ik.interpreter.refinement import PATIENT, USUAL, Task
 from rrrgen.ik.recording.float_builder import wrapped
-from rrrgen.ik.solutions.elimination import (
+from rrrgen.ik.solutions.general_6r import (
     constant_links,
     doubled,
     features,
@@ -26,10 +25,12 @@ from rrrgen.ik.solutions.elimination import (
     inverse,
     numbered,
     numbering,
+    passes,
     pencil,
+    shifts,
     spread,
+    tables_of,
 )
-from rrrgen.ik.solutions.general6r import passes, shifts, tables_of
 from rrrgen.ik.tolerances import elimination
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class General6R:
     def candidates(self, reference: Sequence[float]) -> list[Row]:
         """Find the solutions, refined; sets ``certain``, which tells that these are all.
 
-        The eliminations are tried in the order of :func:`~rrrgen.ik.solutions.general6r.passes`, until the number of
+        The eliminations are tried in the order of :func:`~rrrgen.ik.solutions.general_6r.passes`, until the number of
         solutions is the one that the roots of an elimination at the target ask for, or those of one at a pose nearby
         if no solution is so near a singular configuration that the number there may differ. A solution that is one of
         a continuum has the flag FREE, and the free joint has its value in ``reference`` if a path leads there.

@@ -15,28 +15,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.base.errors import InternalError
-from rrrgen.ik.derive import ARM_ANGLE
-from rrrgen.ik.interpreter.branches import Row
-from rrrgen.ik.interpreter.ending import (
+from rrrgen.ik.interpreter.branches import FREE, INEXACT, SEARCH, TOLERANCE, Row
+from rrrgen.ik.interpreter.refinement import USUAL, Task
+from rrrgen.ik.interpreter.solve import (
     INCOMPLETE,
     OK,
     OUTSIDE_LIMITS,
     PUBLIC,
     Answer,
+    Call,
+    Evaluation,
     Wish,
     descended,
     finished,
     sort_by_distance,
     without_solution,
 )
-from rrrgen.ik.interpreter.kernels import FREE, INEXACT, SEARCH, TOLERANCE
-from rrrgen.ik.interpreter.limits import NONE
-from rrrgen.ik.interpreter.refinement import USUAL, Task
-from rrrgen.ik.interpreter.solve import Call, Evaluation
+from rrrgen.ik.interpreter.targets_and_limits import NONE
+from rrrgen.ik.plan import ARM_ANGLE
 from rrrgen.ik.result_layout import most_rows, reasons_of
 
 if TYPE_CHECKING:
-    from rrrgen.ik.geometry.coupling import Coupling
+    from rrrgen.ik.geometry.mechanism import Coupling
     from rrrgen.ik.plan import SolverPlan
 
 
@@ -154,7 +154,7 @@ class CoupledEvaluation:
     ) -> tuple[list[Row], Row, float]:
         """Minimize the task error from what is nearest on the chain without the coupling, and a few more starts.
 
-        See :func:`~rrrgen.ik.interpreter.ending.descended`.
+        See :func:`~rrrgen.ik.interpreter.solve.descended`.
         """
         reference, locked = [0.0] * self._coupling.n if q_ref is None else list(q_ref), self._plan.locked
         found, nearest, _ = call.descended()

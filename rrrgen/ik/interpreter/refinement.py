@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.ik.derive import ARM_ANGLE
 from rrrgen.ik.geometry.chain import multiply, translation
-from rrrgen.ik.interpreter.kernels import SEARCH, TOLERANCE
+from rrrgen.ik.interpreter.branches import SEARCH, TOLERANCE
+from rrrgen.ik.plan import ARM_ANGLE
 from rrrgen.ik.recording.float_builder import wrapped
 from rrrgen.ik.tolerances import elimination
 

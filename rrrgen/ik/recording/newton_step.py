@@ -14,7 +14,7 @@ from itertools import combinations
 from math import factorial
 
 from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
-from rrrgen.ik.solutions.general6r import cosine_and_sine
+from rrrgen.ik.solutions.general_6r import cosine_and_sine
 from rrrgen.program import Builder, Port, Program, Value
 
 TERMS = 11

@@ -32,7 +32,7 @@ from rrrgen.ik.solutions.joint_functions import Form, Moving
 from rrrgen.ik.solutions.parallel import Frame, finish_plane
 from rrrgen.ik.solutions.planar import triple_of
 from rrrgen.ik.solutions.position import solve_linear
-from rrrgen.ik.solutions.spherical import solve_wrist
+from rrrgen.ik.solutions.spherical_triples import solve_wrist
 from rrrgen.ik.tolerances import EXACT
 
 IDENTITY = screw(1, 0)

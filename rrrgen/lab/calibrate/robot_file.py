@@ -17,7 +17,13 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.base.yamltext.document import Place
 from rrrgen.lab.calibrate.geometry import Geometry, geometry_of, geometry_of_table, path_to_tip
-from rrrgen.robot.importers.trees.denavit_hartenberg import DenavitHartenberg, denavit_hartenberg
+from rrrgen.robot.importers.trees.bodies import Inertia, TreeJoint
+from rrrgen.robot.importers.trees.denavit_hartenberg import (
+    DenavitHartenberg,
+    denavit_hartenberg,
+    fixed_transform,
+    link_in_frame,
+)
 from rrrgen.robot.importers.trees.exact_numbers import (
     HIGH,
     exact_angle,
@@ -33,10 +39,8 @@ from rrrgen.robot.importers.trees.exact_numbers import (
     Array as Exact,
 )
 from rrrgen.robot.importers.trees.serial_chain import ChainJoint, SerialChain
-from rrrgen.robot.importers.trees.tree import Inertia, TreeJoint
-from rrrgen.robot.importers.trees.tree_import import fixed_transform, link_in_frame
-from rrrgen.robot.model.dh_rows import dh_rows
-from rrrgen.robot.robot_spec import FixedTransform, JointSpec, Limits, LinkSpec, MechanismSpec, RobotSpec
+from rrrgen.robot.model.canonical_frames import dh_rows
+from rrrgen.robot.spec import FixedTransform, JointSpec, Limits, LinkSpec, MechanismSpec, RobotSpec
 
 DIGITS = 12  # decimals of calibrated values (m, rad)
 

@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.closed_loop.controller import LoopController
-from rrrgen.lab.closed_loop.equations import Directed, bristle_ports, friction_inputs
-from rrrgen.lab.closed_loop.loop import CompiledLoop
+from rrrgen.lab.closed_loop.loop import CompiledLoop, Directed, bristle_ports, friction_inputs
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, loop_recordings
 from rrrgen.lab.closed_loop.output_error import OutputError
-from rrrgen.lab.closed_loop.scores import LoopScore, Replay, as_json, loop_score, replayed
-from rrrgen.lab.data.log_stream import Part
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.closed_loop.validation import LoopScore, Replay, as_json, loop_score, replayed
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.data.uniform_stream import Part
 from rrrgen.lab.friction.candidate_laws import Candidate
 from rrrgen.lab.friction.estimation import FrictionEstimate, LawEstimate, reported
 from rrrgen.lab.friction.joint_recording import CUTOFF

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.closed_loop.controller import LoopController
-from rrrgen.lab.data.log_stream import Part, joined
 from rrrgen.lab.data.mapping import Signal
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
+from rrrgen.lab.data.uniform_stream import Part, joined
 from rrrgen.lab.identify.observations import Recording, reconstruct
 
 RATE_TOLERANCE = 0.01  # relative difference from a whole ratio of the two sampling periods

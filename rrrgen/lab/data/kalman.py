@@ -11,14 +11,18 @@ Control, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
+from rrrgen.lab.data.reconstruction import DECAY_TOLERANCE, Reconstruction, sampling_period
 
 TRANSITION = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
 INPUT = np.array([1.0 / 6.0, 0.5, 1.0])
@@ -161,3 +165,205 @@ def smoother_recursions(matrices: KalmanMatrices) -> tuple[Array, Array]:
     P = matrices.predicted / np.outer(scale, scale)
     right = matrices.updated @ matrices.E.T / scale
     return forward, np.asarray(np.linalg.solve(P.T, right.T).T / scale)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Kalman filter and fixed-interval smoother over a whole recording, (14.26)-(14.31), and their tuning by innovations.
+#
+# Equation numbers are those of D. Kostic, B. de Jager, M. Steinbuch, Modeling and Identification for Robot Motion
+# Control, Robotics and Automation Handbook, CRC Press 2005, chapter 14.
+# ------------------------------------------------------------------------------------------------------------------
+
+LOWEST_RATIO, HIGHEST_RATIO = -10.0, 1.0  # log10 of lambda: range searched for the largest innovation likelihood
+
+
+@dataclass(frozen=True)
+class KalmanSmoother:
+    """Reconstruction of joint motion by the steady-state Kalman filter (14.30)-(14.31), by default also smoothed.
+
+    The smoother is the fixed-interval one. ``var_eta`` is the variance of the position noise (rad^2), ``var_xi`` that
+    of the jerk of the deviation ((rad/s^3)^2); one value for all joints, or one per joint. ``smooth=False`` gives the
+    causal filter, as it runs in real time. The recording is extended at both ends by point reflection at its end
+    samples.
+    """
+
+    var_eta: float | tuple[float, ...]
+    var_xi: float | tuple[float, ...]
+    smooth: bool = True
+
+    def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
+        """Reconstruct the motion from positions ``q`` (N, n) in rad (m) at the uniform instants ``t`` (N,) in s.
+
+        With a ``reference`` motion, the filter works on the deviation ``e = q - q_r``, (14.27).
+        """
+        t, q = np.asarray(t, float), np.asarray(q, float)
+        period = sampling_period(t)
+        e = q if reference is None else q - reference.q
+        states = np.empty((len(q), q.shape[1], 3))
+        for joint, matrices in enumerate(self.matrices(period, q.shape[1])):
+            states[:, joint] = _states(matrices, e[:, joint], self.smooth)
+        parts = [states[..., i] for i in range(3)]
+        if reference is not None:
+            parts = [
+                part + known for part, known in zip(parts, (reference.q, reference.dq, reference.ddq), strict=True)
+            ]
+        method = "Kalman smoother" if self.smooth else "Kalman filter"
+        facts = {"var_eta": self.var_eta, "var_xi": self.var_xi}
+        return Reconstruction(t, parts[0], parts[1], parts[2], method, facts)
+
+    def matrices(self, period: float, joints: int) -> list[KalmanMatrices]:
+        """The filter matrices of each of ``joints`` joints, for a sampling ``period`` in s."""
+        pairs = zip(_per_joint(self.var_eta, joints), _per_joint(self.var_xi, joints), strict=True)
+        return [kalman_matrices(period, eta, xi) for eta, xi in pairs]
+
+    def memory(self, period: float) -> int:
+        """Number of samples in which the slowest pole of any joint decays to round-off, for a ``period`` in s."""
+        joints = max(np.size(self.var_eta), np.size(self.var_xi))
+        slowest = max(float(np.max(np.abs(m.poles))) for m in self.matrices(period, int(joints)))
+        return 2 + math.ceil(math.log(DECAY_TOLERANCE) / math.log(slowest))
+
+
+def quantisation_variance(resolution: float) -> float:
+    """Noise variance of an encoder from its resolution (rad or m): ``var eta = resolution^2 / 12``, in rad^2 (m^2).
+
+    This is the variance of a rounding error that is uniform over one step.
+    """
+    return resolution * resolution / 12.0
+
+
+def innovations(matrices: KalmanMatrices, e: Array) -> Array:
+    """Innovations ``e(k) - e_hat(k)`` (N - 1,) of one joint: measured minus predicted, from the second sample on.
+
+    ``e`` (N,) is the measured position or deviation, rad (m). If the noise model is right, the innovations are white
+    with variance ``matrices.innovation * var eta``.
+    """
+    pad = _padding(matrices, len(e))
+    _, found = _forward(matrices, _extended(e, pad))
+    return found[pad + 1 : pad + len(e)]
+
+
+def tune_by_innovations(t: Array, q: Array, reference: Reconstruction | None = None) -> KalmanSmoother:
+    """Tune the smoother by maximum likelihood of its innovations, joint by joint.
+
+    For a given ratio of the variances the likelihood is largest at ``var eta = mean(innovation^2) / (c P c' + 1)``; the
+    ratio then minimises ``log mean(innovation^2)``, the one-step prediction error. ``t`` (N,) in s, ``q`` (N, n) in
+    rad (m); with a ``reference`` motion, the deviation from it is modelled. Raises :class:`InputError` for a joint
+    that does not move.
+    """
+    e = np.asarray(q, float) if reference is None else np.asarray(q, float) - reference.q
+    return tune_stretches([e], sampling_period(t))
+
+
+def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
+    """Tune the smoother by maximum likelihood of its innovations over several uninterrupted stretches of a recording.
+
+    ``stretches`` holds positions (N_i, n) in rad (m), sampled at a common ``period`` (s). Each is filtered on its own;
+    the innovations of all are pooled. Raises :class:`InputError` for a joint that does not move in any of them.
+    """
+    from scipy.optimize import minimize_scalar
+
+    etas, xis = [], []
+    for joint in range(stretches[0].shape[1]):
+        columns = [np.asarray(stretch[:, joint], float) for stretch in stretches]
+        if all(float(np.ptp(column)) == 0.0 for column in columns):
+            raise InputError("a joint does not move at all: its noise cannot be told from its motion")
+
+        def square(matrices: KalmanMatrices, columns: list[Array] = columns) -> float:
+            return float(np.mean(np.concatenate([innovations(matrices, column) for column in columns]) ** 2))
+
+        def cost(log_ratio: float, square: Callable[[KalmanMatrices], float] = square) -> float:
+            return math.log(square(_unit_noise(period, log_ratio)))
+
+        grid = np.linspace(LOWEST_RATIO, HIGHEST_RATIO, 23)
+        best = int(np.argmin([cost(value) for value in grid]))
+        bracket = (grid[max(0, best - 1)], grid[min(len(grid) - 1, best + 1)])
+        found = minimize_scalar(cost, bounds=bracket, method="bounded", options={"xatol": 1e-3})
+        matrices = _unit_noise(period, float(found.x))
+        eta = square(matrices) / matrices.innovation
+        etas.append(eta)
+        xis.append(eta * 10.0 ** (2.0 * float(found.x)) / period**6)
+    return KalmanSmoother(tuple(etas), tuple(xis))
+
+
+def _unit_noise(period: float, log_ratio: float) -> KalmanMatrices:
+    """The Kalman filter of one joint with ``var eta = 1`` and ``var xi = 10^(2 log_ratio) / period^6``."""
+    return kalman_matrices(period, 1.0, 10.0 ** (2.0 * log_ratio) / period**6)
+
+
+def _per_joint(value: float | Sequence[float], joints: int) -> list[float]:
+    values = [float(value)] * joints if isinstance(value, (int, float)) else [float(v) for v in value]
+    if len(values) != joints:
+        raise InputError(f"{len(values)} variances were given for {joints} joints")
+    return values
+
+
+def _padding(matrices: KalmanMatrices, samples: int) -> int:
+    slowest = float(np.max(np.abs(matrices.poles)))
+    return min(samples - 1, 2 + math.ceil(math.log(DECAY_TOLERANCE) / math.log(slowest)))
+
+
+def _extended(e: Array, pad: int) -> Array:
+    """``e`` extended at both ends by ``pad`` samples, by point reflection at its end samples."""
+    if pad == 0:
+        return e
+    return np.concatenate([2 * e[0] - e[pad:0:-1], e, 2 * e[-1] - e[-2 : -pad - 2 : -1]])
+
+
+def _states(matrices: KalmanMatrices, e: Array, smooth: bool) -> Array:
+    """Filtered, or with ``smooth`` smoothed, states (N, 3) of one joint."""
+    pad = _padding(matrices, len(e))
+    extended = _extended(e, pad)
+    states, innovation = _forward(matrices, extended)
+    if smooth:
+        # x_s(k) - x_bar(k) = C (x_s(k+1) - E x_bar(k)) = C (x_s(k+1) - x_bar(k+1)) + C k innovation(k+1)
+        _, C = smoother_recursions(matrices)
+        drive = np.zeros_like(states)
+        drive[:-1] = innovation[1:, None] * (C @ matrices.k)
+        states = states + _recursion(C, drive[::-1], np.zeros(3))[::-1]
+    return states[pad : pad + len(e)]
+
+
+def _forward(matrices: KalmanMatrices, y: Array) -> tuple[Array, Array]:
+    """Run the Kalman filter over ``y`` (N,); returns the states (N, 3) and the innovations (N,).
+
+    The filter starts on the straight line through the first two samples. The recursion runs on the difference s between
+    the states and ``[y(k), (y(k) - y(k-1))/Ts, 0]``, which obeys ``s(k) = F s(k-1) + (k - [1, 1/Ts, 0]) a(k)`` with a
+    the second difference of y. Differences of measured values are exact, so that round-off is relative to the noise and
+    not to the position.
+    """
+    F, _ = smoother_recursions(matrices)
+    slope = np.diff(y, prepend=2 * y[:1] - y[1:2]) / matrices.period
+    second = np.zeros(len(y))
+    second[2:] = np.diff(y, 2)
+    b = np.array([1.0, 1.0 / matrices.period, 0.0])
+    s = _recursion(F, second[:, None] * (matrices.k - b), np.zeros(3))
+    innovation = second.copy()
+    innovation[1:] -= s[:-1] @ matrices.E[0]
+    return s + np.column_stack([y, slope, np.zeros(len(y))]), innovation
+
+
+def _recursion(A: Array, drive: Array, first: Array) -> Array:
+    """Solve ``x(k) = A x(k-1) + drive(k)``, ``x(0) = first``, in modal coordinates (the three eigenvalues differ)."""
+    from scipy.signal import lfilter
+
+    scale = np.max(np.abs(drive), axis=0)
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eig(A / scale[:, None] * scale)
+    modal = np.linalg.solve(vectors, (drive / scale).T.astype(complex))
+    modal[:, 0] = np.linalg.solve(vectors, first / scale)
+    filtered = np.stack([lfilter([1.0], [1.0, -value], row) for value, row in zip(values, modal, strict=True)])
+    return np.asarray(np.real(vectors @ filtered).T * scale)
+
+
+def read_tuning(path: Path, joints: int) -> list[tuple[float, float]]:
+    """Variances of position noise and jerk of every joint, as `rrrgen reconstruct` stores them in ``path``."""
+    try:
+        tuning = json.loads(path.read_text(encoding="utf-8"))
+        pairs = [(float(eta), float(xi)) for eta, xi in zip(tuning["var_eta"], tuning["var_xi"], strict=True)]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is no tuning of a Kalman filter by `rrrgen reconstruct`: {error!r}") from None
+    if not all(math.isfinite(value) and value > 0.0 for pair in pairs for value in pair):
+        raise InputError(f"{path} is no tuning of a Kalman filter: variances are positive numbers")
+    if len(pairs) != joints:
+        raise InputError(f"{path} tunes {len(pairs)} joints, the robot has {joints}")
+    return pairs

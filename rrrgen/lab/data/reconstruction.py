@@ -1,7 +1,7 @@
 """Reconstruction of joint positions, speeds and accelerations from positions sampled at a constant period.
 
 This module holds the interface :class:`Reconstructor`, the zero-phase Butterworth filter and plain central
-differences; the steady-state Kalman filter and smoother are in :mod:`rrrgen.lab.data.smoother`.
+differences; the steady-state Kalman filter and smoother are in :mod:`rrrgen.lab.data.kalman`.
 """
 
 from __future__ import annotations

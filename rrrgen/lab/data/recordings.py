@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext.signal_units import ANGLE, FORCE, LENGTH, TORQUE
-from rrrgen.lab.data.log_stream import CHUNK, LogStream, Part, joined
 from rrrgen.lab.data.mapping import LogMapping, plain_mapping
 from rrrgen.lab.data.reconstruction import sampling_period
-from rrrgen.lab.data.repairs import Finding, Repairs
+from rrrgen.lab.data.repair import Finding, Repairs
+from rrrgen.lab.data.uniform_stream import CHUNK, LogStream, Part, joined
 
 MAPPING_SUFFIXES = (".yaml", ".yml")
 SAME_DIRECTION = 1e-6  # largest 1 - cosine between the rows of mapping and robot file, which may hold rounded ratios
@@ -109,7 +109,7 @@ def open_log(
 
 
 def _mapping_of(path: str | os.PathLike[str], mapping: LogMapping | str | os.PathLike[str] | None) -> LogMapping:
-    from rrrgen.lab.data.mapping_reader import load_mapping
+    from rrrgen.lab.data.mapping import load_mapping
 
     place = Path(path)
     if place.suffix.lower() in MAPPING_SUFFIXES and mapping is None:
@@ -123,8 +123,8 @@ def _mapping_of(path: str | os.PathLike[str], mapping: LogMapping | str | os.Pat
 
 def _own_mapping(path: Path) -> LogMapping:
     from rrrgen.lab.data.mapping import FileSource
+    from rrrgen.lab.data.tables.formats import open_table
     from rrrgen.lab.data.tables.interface import table_fault
-    from rrrgen.lab.data.tables.table_formats import open_table
 
     columns = open_table(FileSource("log", path)).columns
     joints = tuple(name[2:] for name in columns if name.startswith("q_"))

@@ -22,8 +22,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault
-from rrrgen.lab.data.kalman import kalman_matrices
-from rrrgen.lab.data.smoother import quantisation_variance
+from rrrgen.lab.data.kalman import kalman_matrices, quantisation_variance
 from rrrgen.lab.plant.controllers import PD, BackwardDifference, ComputedTorque, Controller, DeviationFilter, Observer
 from rrrgen.lab.plant.experiment import Recording
 from rrrgen.lab.plant.loop_margin import LoopMargin, SampledArm, torque_noise

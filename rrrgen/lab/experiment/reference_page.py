@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rrrgen.base.yamltext.keys import Entries, Entry
-from rrrgen.lab.closed_loop import controller_file
-from rrrgen.lab.data import mapping_reader, processing, source_reader
-from rrrgen.lab.experiment.experiment_keys import KEYS as EXPERIMENT
+from rrrgen.base.yamltext.fields import Entries, Entry
+from rrrgen.lab.closed_loop import controller
+from rrrgen.lab.data import mapping, preprocessing
+from rrrgen.lab.experiment.experiment_file import KEYS as EXPERIMENT
 from rrrgen.lab.response import response_file
 
 _INTRODUCTION = """\
@@ -67,13 +67,13 @@ def reference_page() -> str:
 
 def _mapping() -> Iterator[str]:
     yield _MAPPING
-    keys = mapping_reader.KEYS
+    keys = mapping.KEYS
     yield _table("", keys["mapping"])
-    yield _table("One of several `files`", source_reader.FILE_KEYS)
-    yield _table("`time`: a rate, a period, or recorded instants", source_reader.TIME_KEYS)
+    yield _table("One of several `files`", mapping.FILE_KEYS)
+    yield _table("`time`: a rate, a period, or recorded instants", mapping.TIME_KEYS)
     yield _table("A row of `joints`", keys["joint"])
     yield _table("A channel: value = sign * (column - zero) * factor", keys["channel"])
-    yield _table("`processing`; what is missing is chosen from the bandwidth of the motion", processing.KEYS)
+    yield _table("`processing`; what is missing is chosen from the bandwidth of the motion", preprocessing.KEYS)
 
 
 def _experiment() -> Iterator[str]:
@@ -85,11 +85,11 @@ def _experiment() -> Iterator[str]:
 
 def _controller() -> Iterator[str]:
     yield _CONTROLLER
-    yield _table("", controller_file.KEYS)
-    yield _table("A row of `joints`; keys that are missing are those of all joints", controller_file.JOINT_KEYS)
+    yield _table("", controller.KEYS)
+    yield _table("A row of `joints`; keys that are missing are those of all joints", controller.JOINT_KEYS)
     rows = [
         _row(f"{_name(key, entry)} of `{operation}`" if key != operation else _name(key, entry), entry)
-        for operation, keys in controller_file.OPERATIONS.items()
+        for operation, keys in controller.OPERATIONS.items()
         for key, entry in keys.items()
     ]
     yield _lines("An operation of `signals`", rows)
@@ -98,7 +98,7 @@ def _controller() -> Iterator[str]:
 def _response() -> Iterator[str]:
     yield _RESPONSE
     yield _table("", response_file.KEYS)
-    yield _table("`time`: a rate, a period, or recorded instants", source_reader.TIME_KEYS)
+    yield _table("`time`: a rate, a period, or recorded instants", mapping.TIME_KEYS)
     yield _table("`excitation`, `input`, `output`", response_file.CHANNEL_KEYS)
     yield _table("`controller`, whose output is subtracted from the excitation", response_file.CONTROLLER_KEYS)
 

@@ -12,12 +12,16 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.design.problem import ExcitationProblem
 from rrrgen.lab.design.robot import limits_of, robot_problem
-from rrrgen.lab.experiment.experiment_file import Experiment
-from rrrgen.lab.experiment.experiment_keys import FROM_ROBOT
+from rrrgen.lab.experiment.experiment_file import FROM_ROBOT, Experiment
 from rrrgen.lab.experiment.loop_design import POSTURES, ControlledArm, LoopDesign, design_loop
-from rrrgen.lab.experiment.writing import JointPath, newton_inverse_kinematics, solver_inverse_kinematics, writing_task
-from rrrgen.robot.friction.stated import motor_friction, robot_friction
-from rrrgen.robot.model.drive_terms import stated_at_joints
+from rrrgen.lab.experiment.writing_task import (
+    JointPath,
+    newton_inverse_kinematics,
+    solver_inverse_kinematics,
+    writing_task,
+)
+from rrrgen.robot.friction.models import motor_friction, robot_friction
+from rrrgen.robot.model.drives import stated_at_joints
 
 if TYPE_CHECKING:
     from rrrgen.lab.plant.experiment import Instruments

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.robot.friction.law import FrictionLaw
-from rrrgen.robot.friction.laws import LAWS, neural_law
+from rrrgen.robot.friction.laws import LAWS, FrictionLaw, neural_law
 from rrrgen.robot.friction.models import FixedDirection
 
 NEURAL_UNITS = 3

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.lab.friction.output_error import Fit, window_losses
-from rrrgen.lab.friction.windows import Windows
+from rrrgen.lab.friction.multiple_shooting import Fit, Windows, window_losses
 
 FOLDS = 4
 SIGNIFICANT = 2.0  # standard errors by which a law must be better on held-out windows

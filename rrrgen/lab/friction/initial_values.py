@@ -11,7 +11,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.lab.friction.candidate_laws import DELAY, GRAVITY, Candidate
 from rrrgen.lab.friction.joint_recording import JointData
-from rrrgen.lab.friction.simulation import Torque
+from rrrgen.lab.friction.multiple_shooting import Torque
 
 DELAYS = np.arange(-1.5, 6.1, 0.5)  # sampling periods that are tried
 SPEEDS = np.geomspace(0.03, 1.0, 25)  # Stribeck speeds that are tried, relative to the rms speed

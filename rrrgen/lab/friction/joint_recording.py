@@ -15,8 +15,7 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.data.mapping import LogMapping
 from rrrgen.lab.data.reconstruction import Butterworth
 from rrrgen.lab.data.recordings import Log, check_robot
-from rrrgen.lab.friction.simulation import Torque
-from rrrgen.lab.friction.windows import Windows
+from rrrgen.lab.friction.multiple_shooting import Torque, Windows
 from rrrgen.lab.response.response_file import ResponseRecording
 from rrrgen.verify.references.numeric_robot import chain_of
 

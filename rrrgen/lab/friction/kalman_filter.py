@@ -16,7 +16,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.lab.friction.candidate_laws import Candidate
 from rrrgen.lab.friction.joint_recording import JointData
-from rrrgen.lab.friction.simulation import Torque
+from rrrgen.lab.friction.multiple_shooting import Torque
 
 WIDTH = 3e-3  # width w of tanh(v/w) in place of sgn(v), relative to the rms speed
 SLIDING_NOISE = 0.05  # standard deviation of unmodelled torque relative to the friction torque, in sliding

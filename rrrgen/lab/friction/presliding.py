@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.lab.friction.joint_recording import encoder_step
-from rrrgen.lab.response.estimate import instrumental_response
-from rrrgen.lab.response.excitation_period import samples_of
+from rrrgen.lab.response.estimation import instrumental_response, samples_of
 from rrrgen.lab.response.local_polynomial import periodic_lines
 from rrrgen.lab.response.response_file import ResponseRecording
 

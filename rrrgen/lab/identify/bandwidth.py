@@ -18,8 +18,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.decimation import CUTOFF_RATIO, Decimator
-from rrrgen.lab.data.processing import DEFAULT_ORDER, KALMAN, Processing
+from rrrgen.lab.data.preprocessing import CUTOFF_RATIO, DEFAULT_ORDER, KALMAN, Decimator, Processing
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Recording
 
@@ -116,7 +115,7 @@ def tune(processing: Processing, recordings: Sequence[Recording], split: Split |
     Recordings sampled at different rates share one decimation factor, that of the slowest. Raises :class:`InputError`
     if the fitted stretches are too short or no joint moves.
     """
-    from rrrgen.lab.data.smoother import tune_stretches
+    from rrrgen.lab.data.kalman import tune_stretches
 
     period = max(recording.period for recording in recordings)
     kalman = processing.method in KALMAN and not (processing.var_eta and processing.var_xi)

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.base.option_names import option_name
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
+from rrrgen.lab.estimate.identifiability import structure_of
 from rrrgen.lab.estimate.statistics import residual_whiteness
-from rrrgen.lab.estimate.structure import structure_of
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows
 from rrrgen.lab.identify.bandwidth import Tuning, tune
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.full_regressor import FullRegressor
 from rrrgen.lab.identify.observations import Recording, RowMaker
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.rows import body_columns, factored, slow_samples
 
 PASSES = 50

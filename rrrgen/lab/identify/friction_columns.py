@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.lab.identify.estimated_terms import Column, CoupledDrive, DriveTerms
-from rrrgen.robot.friction.law import FrictionLaw
-from rrrgen.robot.friction.laws import LAWS
+from rrrgen.lab.identify.parameters import Column, CoupledDrive, DriveTerms
+from rrrgen.robot.friction.laws import LAWS, FrictionLaw
 from rrrgen.robot.friction.models import NUMPY
-from rrrgen.robot.model.drive_terms import KINDS, unit
-from rrrgen.robot.robot_spec import FrictionSpec, LawSpec
+from rrrgen.robot.model.drives import KINDS, unit
+from rrrgen.robot.spec import FrictionSpec, LawSpec
 from rrrgen.runtime.regressor_columns import STANDSTILL
 
 BOUNDED = ("viscous", "coulomb", "viscous_p", "viscous_n", "coulomb_p", "coulomb_n", "sigma1", "span")

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.derive.parameters.physical_links import default_prior
-from rrrgen.lab.data.processing import Processing
-from rrrgen.lab.data.repairs import Repairs
-from rrrgen.lab.estimate.essential import Essential, essential_parameters
-from rrrgen.lab.estimate.identifiability import Direction, collinear, unexcited, weak_directions
+from rrrgen.derive.parameters.physical_links import DEFAULT_STRENGTH, Prior, default_prior
+from rrrgen.lab.data.preprocessing import Processing
+from rrrgen.lab.data.repair import Repairs
+from rrrgen.lab.estimate.identifiability import (
+    Direction,
+    Essential,
+    Structure,
+    collinear,
+    essential_parameters,
+    unexcited,
+    weak_directions,
+)
 from rrrgen.lab.estimate.regression import (
     HUBER,
     Estimate,
@@ -27,16 +35,17 @@ from rrrgen.lab.estimate.regression import (
     weighted_least_squares,
 )
 from rrrgen.lab.estimate.statistics import Whiteness, correlation_lags, residual_whiteness
-from rrrgen.lab.estimate.structure import Structure
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_blocks
-from rrrgen.lab.identify.bands import TorqueBand
 from rrrgen.lab.identify.bandwidth import Tuning, reach, tune
-from rrrgen.lab.identify.choice import FrictionFit, fit_friction
-from rrrgen.lab.identify.consistency import ConsistentEstimate, consistent_estimate
-from rrrgen.lab.identify.definiteness import indefinite_share, mass_matrix, pose_limits
-from rrrgen.lab.identify.delivered import Delivered
+from rrrgen.lab.identify.consistency import (
+    POSES,
+    ConsistentEstimate,
+    consistent_estimate,
+    indefinite_share,
+    mass_matrix,
+    pose_limits,
+)
 from rrrgen.lab.identify.diagnosis.causes import Cause
-from rrrgen.lab.identify.estimated_terms import Column, DriveTerms
 from rrrgen.lab.identify.factoring import (
     Factors,
     FittedRows,
@@ -47,16 +56,120 @@ from rrrgen.lab.identify.factoring import (
     rows_of_recordings,
     score,
 )
-from rrrgen.lab.identify.fingerprint import Fingerprint, fingerprint
+from rrrgen.lab.identify.friction_choice import FrictionFit, LawChoice, fit_friction
 from rrrgen.lab.identify.friction_columns import with_linear_friction, without_laws
-from rrrgen.lab.identify.full_regressor import FullRegressor, RigidModel
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.observations import Observations, Recording, RowMaker
-from rrrgen.lab.identify.options import METHODS, Options
-from rrrgen.lab.identify.parameter_names import explained_names, identified_units
-from rrrgen.lab.identify.parametrisation import Parametrisation, parametrise
-from rrrgen.lab.identify.scores import Score, score_models
+from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
+from rrrgen.lab.identify.parameters import Column, DriveTerms, explained_names, identified_units
+from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, RigidModel, parametrise
+from rrrgen.lab.identify.scores import Fingerprint, Score, TorqueBand, fingerprint, score_models
 from rrrgen.robot.model.inertial_parameters import standard_names
+
+# ------------------------------------------------------------------------------------------------------------------
+# The estimate that is written to the robot file, with its uncertainty.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Delivered:
+    """The estimate written to ``robot.yaml``: identifiable combinations ``x`` (r,) and their ``covariance`` (r, r).
+
+    ``origin`` is the name of the estimate, the physically consistent one if it was computed. ``at_bound`` (r,) marks
+    drive parameters that lie on their lower bound 0.
+    """
+
+    origin: str
+    x: Array
+    covariance: Array
+    at_bound: NDArray[np.bool_]
+
+    @property
+    def std(self) -> Array:
+        """Standard deviations (r,) of ``x``."""
+        return np.asarray(np.sqrt(np.maximum(0.0, np.diag(self.covariance))))
+
+    @classmethod
+    def of(
+        cls,
+        estimate: Estimate,
+        consistent: ConsistentEstimate | None,
+        reduced: JointFactors,
+        chosen: Parametrisation,
+        names: Sequence[str],
+        options: Options,
+        base: int,
+    ) -> Delivered:
+        """Choose the estimate to write: ``consistent``, or ``estimate`` if that is None; compute its covariance.
+
+        ``reduced`` are the triangular factors of the fitted rows for x. ``names`` are the parameters of all regressor
+        columns, of which the first ``base`` are base parameters.
+        """
+        if consistent is None or consistent.near is None:
+            return cls(options.method, estimate.x, estimate.covariance, np.zeros(len(estimate.x), bool))
+        weights = None if options.method == "robust" else estimate.weights
+        R = reduced.stacked(weights)[:-1, :-1]
+        information = R.T @ R
+        scores = information @ estimate.covariance @ information
+        moving = [k for k, name in enumerate(names) if name not in options.fixed or k < base]
+        directions = np.zeros((len(names), consistent.near.directions.shape[1]))
+        directions[moving] = consistent.near.directions
+        along = chosen.contract(directions)
+        covariance = consistent.near.covariance(along, scores, estimate.variance if weights is not None else 1.0)
+        x = chosen.contract(consistent.theta)
+        fixed = np.all(along == 0.0, axis=1) | ((x == 0.0) & (np.diag(covariance) <= 0.0))
+        return cls("physically consistent", x, covariance, fixed)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Options of an identification.
+# ------------------------------------------------------------------------------------------------------------------
+
+Method = Literal["ordinary", "weighted", "robust"]
+METHODS: tuple[Method, ...] = ("ordinary", "weighted", "robust")
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of an identification: what to estimate, from which part of the data, and how.
+
+    - ``method``: ordinary, weighted or robust least squares.
+    - ``terms``: drive terms to estimate; those of the robot file if None.
+    - ``friction``: friction laws to fit instead of those that the robot file states.
+    - ``fixed``: known values of columns, ``{"fv1": 3.2}``; ``fixed_standard``: of standard parameters, ``{"my2": 0}``.
+    - ``known``: a torque that is subtracted from the measured one, as a function of the motion.
+    - ``split``: which part of the data is fitted; ``guard`` (s): guard band on both sides of its borders, the reach of
+      the filters if None.
+    - ``consistent``: also compute the physically consistent estimate, with ``prior`` (from the robot if None) of weight
+      ``prior_strength``.
+    - ``essential``: also reduce the model to its essential parameters.
+    - ``correlated``: allow for correlated residuals in the standard deviations.
+    - ``limits`` (2, n), ``poses``: range and number of the random poses at which M(q) is tested.
+    - ``seed``: of all random numbers; ``jobs``, ``cluster``: processes, or a Dask scheduler, that share the work.
+    """
+
+    method: Method = "weighted"
+    terms: DriveTerms | None = None
+    friction: LawChoice = field(default_factory=LawChoice)
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    fixed_standard: Mapping[str, float] = field(default_factory=dict)
+    known: KnownTorque | None = None
+    split: Split = field(default_factory=Split)
+    guard: float | None = None
+    consistent: bool = True
+    prior: Prior | None = None
+    prior_strength: float = DEFAULT_STRENGTH
+    essential: bool = False
+    correlated: bool = True
+    limits: Array | None = None
+    poses: int = POSES
+    seed: int = 0
+    jobs: int = 1
+    cluster: str | None = None
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Identification of a compiled robot from recordings
+# ------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

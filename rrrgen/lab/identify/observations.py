@@ -15,11 +15,10 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.decimation import Decimator
-from rrrgen.lab.data.log_stream import Part, joined
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Decimator, Processing
 from rrrgen.lab.data.reconstruction import Reconstruction, Reconstructor
-from rrrgen.lab.data.repairs import Repairs
+from rrrgen.lab.data.repair import Repairs
+from rrrgen.lab.data.uniform_stream import Part, joined
 from rrrgen.lab.estimate.tsqr import Rows
 from rrrgen.lab.identify.friction_columns import Sliding
 

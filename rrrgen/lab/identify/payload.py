@@ -17,18 +17,18 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.derive.parameters.physical_links import Prior
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
+from rrrgen.lab.estimate.identifiability import structure_of
 from rrrgen.lab.estimate.regression import Estimate, correlated_covariance, weighted_least_squares
 from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
-from rrrgen.lab.estimate.structure import structure_of
 from rrrgen.lab.identify.bandwidth import Tuning, tune
 from rrrgen.lab.identify.consistency import ConsistentEstimate, consistent_estimate
-from rrrgen.lab.identify.estimated_terms import Column, DriveTerms
 from rrrgen.lab.identify.observations import Recording, RowMaker
+from rrrgen.lab.identify.parameters import Column, DriveTerms
 from rrrgen.lab.identify.rows import body_columns, deviations, factored, inertial, slow_samples
 from rrrgen.lab.identify.validation import robot_model
 from rrrgen.robot.model.inertial_parameters import STANDARD, link_of, standard_parameters
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 from rrrgen.runtime.regressor_columns import drive_columns
 
 NAMES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.base.errors import DerivationError
+from rrrgen.base.tables import text_table
 from rrrgen.base.version import VERSION
 from rrrgen.lab.estimate.statistics import confidence_factor
 from rrrgen.lab.identify.consistency import ConsistentEstimate
-from rrrgen.lab.identify.held_out import held_out_notes
-from rrrgen.robot.friction.law import LEAST
-from rrrgen.robot.model.drive_terms import SYMBOLS
+from rrrgen.lab.identify.scores import held_out_notes
+from rrrgen.robot.friction.laws import LEAST
+from rrrgen.robot.model.drives import SYMBOLS
 from rrrgen.robot.model.inertial_parameters import STANDARD, link_of, standard_names
-from rrrgen.robot.robot_spec import DriveSpec, FrictionSpec, LawSpec
+from rrrgen.robot.spec import DriveSpec, FrictionSpec, LawSpec
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,12 +25,63 @@ if TYPE_CHECKING:
     from rrrgen.base.arrays import Array
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.estimate.tsqr import Rows
-    from rrrgen.lab.identify.convergence import Convergence
+    from rrrgen.lab.identify.cross_validation import Convergence
     from rrrgen.lab.identify.friction_columns import FrictionSurface
-    from rrrgen.lab.identify.full_regressor import RigidModel
     from rrrgen.lab.identify.identification import Identification
     from rrrgen.lab.identify.observations import Recording
-    from rrrgen.robot.robot_spec import FitSpec, RobotSpec
+    from rrrgen.lab.identify.regressor import RigidModel
+    from rrrgen.robot.spec import FitSpec, RobotSpec
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The identified parameters as lines of text: values, standard deviations, units and the meaning of the names.
+# ------------------------------------------------------------------------------------------------------------------
+
+LINE = 118
+"""Longest line of a file or pipe: a parameter that is a combination of many others has a long name."""
+
+
+def parameter_lines(found: Identification, width: int | None = None) -> Iterator[str]:
+    """Lines of the parameter table, of its legend, and of the essential parameters if they were computed.
+
+    The table is folded to lines of ``width`` characters, :data:`LINE` by default.
+    """
+    delivered, estimate = found.delivered, found.estimate
+    beside = delivered.x is not estimate.x
+    rows = [("parameter", "unit", "value", "std", *(("unconstrained", "std") if beside else ()))]
+    for i, name in enumerate(estimate.names):
+        std = "at bound" if delivered.at_bound[i] else f"{delivered.std[i]:.2e}"
+        free = (f"{estimate.x[i]:.6g}", f"{estimate.std[i]:.2e}") if beside else ()
+        rows.append((name, found.units[i], f"{delivered.x[i]:.6g}", std, *free))
+    yield from text_table(rows, width or LINE, indent="", right=range(2, 6))
+    yield (
+        f"value: {delivered.origin} estimate"
+        + (", the one in robot.yaml; unconstrained: " + estimate.method if beside else "")
+    )
+    if beside:
+        yield (
+            "std of value: delta method at the constrained optimum, residuals correlated, the prior counted as an "
+            "observation; drives at their bound of 0 do not move"
+        )
+    yield from (f"names: {meaning}" for meaning in found.meanings)
+    yield from _essential(found)
+
+
+def _essential(found: Identification) -> Iterator[str]:
+    essential = found.essential
+    if essential is None:
+        return
+    estimate = essential.estimate
+    yield f"essential parameters: {len(estimate.names)} of {len(found.names)} ({essential.stopped_by})"
+    for i, name in enumerate(estimate.names):
+        yield f"  {name} = {estimate.x[i]:.6g} +- {estimate.std[i]:.2g} {found.units[essential.kept[i]]}"
+    yield f"essential parameters alone: relative error {100 * estimate.relative_error:.3g} % of the rows fitted"
+    yield f"left out, in this order: {', '.join(essential.dropped) or 'none'}"
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Writes the results of an identification
+# ------------------------------------------------------------------------------------------------------------------
 
 FRICTION_SYMBOLS = {field: symbol for field, symbol in SYMBOLS.items() if field != "inertia"}
 CONFIDENCE = 0.95
@@ -217,7 +269,7 @@ def _identified(
 
 def fitted_data(found: Identification, recordings: str = "") -> FitSpec:
     """The ``provenance`` entry of the robot file: fingerprint of the fitted samples; ``recordings`` are file names."""
-    from rrrgen.robot.robot_spec import FitSpec
+    from rrrgen.robot.spec import FitSpec
 
     data = "all" if found.split.kind == "none" else str(found.split)
     return FitSpec(found.fitted.hashes, found.fitted.windows, f"rrrgen {VERSION}", recordings, data)
@@ -267,7 +319,7 @@ def spec_with_provenance(found: Identification, spec: RobotSpec, recordings: str
 
 def _convergence(found: Identification, spec: RobotSpec, points: int) -> Convergence:
     """The estimate as a function of the number of samples, at about ``points`` numbers."""
-    from rrrgen.lab.identify.convergence import convergence
+    from rrrgen.lab.identify.cross_validation import convergence
 
     every = max(1, found.fit["rows"] // spec.n // points)
     return convergence(found.blocks, found.names, found.estimate.weights, found.transform, every)
@@ -287,8 +339,13 @@ def identification_figures(
     are given. ``points`` is the approximate number of points of the convergence curves ``settling``, which are computed
     if None.
     """
-    from rrrgen.lab.identify.estimation_plots import plot_convergence, plot_whiteness
-    from rrrgen.lab.identify.torque_plots import force_units, plot_torque_curves, torque_curves
+    from rrrgen.lab.identify.figures import (
+        force_units,
+        plot_convergence,
+        plot_torque_curves,
+        plot_whiteness,
+        torque_curves,
+    )
 
     joints = [joint.name for joint in spec.joints]
     theta = found.theta if found.consistent is None else found.consistent.theta
@@ -312,9 +369,9 @@ def identification_figures(
 
 def _friction_figure(found: Identification, model: RigidModel, recording: Recording, theta: Array) -> Figure | None:
     """The estimated friction against the speed of every joint; None if the model has none."""
-    from rrrgen.lab.identify.diagnosis.sample import sample_of
+    from rrrgen.lab.identify.diagnosis.trial_fits import sample_of
+    from rrrgen.lab.identify.figures import plot_friction
     from rrrgen.lab.identify.friction_columns import law_columns
-    from rrrgen.lab.identify.torque_plots import plot_friction
     from rrrgen.runtime.regressor_columns import drive_columns
 
     sample = sample_of(recording, found.processing)

@@ -11,12 +11,12 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.derive.parameters.physical_links import link_lengths
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows
 from rrrgen.lab.identify.factoring import FittedRows, factor_recordings, fits_in_memory, rows_of_recordings
-from rrrgen.lab.identify.full_regressor import RigidModel
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Observations, Recording, RowMaker, reconstruct
+from rrrgen.lab.identify.regressor import RigidModel
 from rrrgen.robot.model.inertial_parameters import STANDARD
 
 SLOW = 0.05

@@ -6,7 +6,7 @@ scored on all rows, and on the unfiltered torques, sample by sample.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -15,11 +15,228 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.tables import text_table
+from rrrgen.lab.data.uniform_stream import Part, joined
 from rrrgen.lab.estimate.tsqr import Rows
 from rrrgen.lab.identify.bandwidth import Tuning
 from rrrgen.lab.identify.friction_columns import Sliding
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
+
+# ------------------------------------------------------------------------------------------------------------------
+# Uncertainty of predicted torques: a band from the covariance of the parameters and the scatter of the residuals.
+#
+# The variance of a measured torque about the prediction ``W theta`` is ``w C w' + sigma_j^2``: that of the
+# parameters, with the covariance C, and that of the residuals of the joint on the fitted rows.
+# ------------------------------------------------------------------------------------------------------------------
+
+BAND = 1.96
+"""Half width of a 95 % band in standard deviations."""
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Share of measured torques inside their 95 % band: ``share`` over all rows, ``joints`` (n,) joint by joint.
+
+    ``parameters`` is the part of the band's width that the parameters cause: the RMS ratio of their standard deviation
+    to the total. A joint without rows has NaN.
+    """
+
+    share: float
+    parameters: float
+    joints: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueBand:
+    """Uncertainty of the torques that a model predicts.
+
+    ``theta`` (p,) are the parameters of all columns, ``root root'`` (p, p) is their covariance, ``sigma`` (n,) the
+    standard deviation of the residuals of each joint, N m (N).
+    """
+
+    theta: Array
+    root: Array
+    sigma: Array
+
+    @classmethod
+    def of(cls, theta: Array, to_columns: Array, covariance: Array, sigma: Array) -> TorqueBand:
+        """Build the band from the ``covariance`` (r, r) of the identifiable parameters.
+
+        ``to_columns`` (p, r) maps these to ``theta`` (p,); ``sigma`` (n,) is that of the residuals.
+        """
+        values, V = np.linalg.eigh(0.5 * (covariance + covariance.T))
+        return cls(theta, to_columns @ (V * np.sqrt(np.maximum(values, 0.0))), sigma)
+
+    def parameters(self, W: Array) -> Array:
+        """Standard deviation (N, n) of the predicted torque, N m (N), from the parameters alone; W is (N, n, p)."""
+        return np.asarray(np.linalg.norm(W @ self.root, axis=-1))
+
+    def total(self, W: Array) -> Array:
+        """Standard deviation (N, n) of the measured torque about the prediction, N m (N)."""
+        return np.asarray(np.hypot(self.parameters(W), self.sigma))
+
+    def coverage(self, blocks: Iterable[Rows]) -> Coverage | None:
+        """Coverage of the rows in use by the 95 % band; None without rows."""
+        n = len(self.sigma)
+        inside, count = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        own = all_ = 0.0
+        for rows in blocks:
+            total = self.total(rows.W)
+            inside += np.sum(rows.use & (np.abs(rows.tau - rows.W @ self.theta) <= BAND * total), axis=0)
+            count += np.sum(rows.use, axis=0)
+            own += float(np.sum(np.where(rows.use, self.parameters(rows.W), 0.0) ** 2))
+            all_ += float(np.sum(np.where(rows.use, total, 0.0) ** 2))
+        if not count.any() or all_ == 0.0:
+            return None
+        pairs = zip(inside.tolist(), count.tolist(), strict=True)
+        joints = tuple(a / b if b else float("nan") for a, b in pairs)
+        return Coverage(int(np.sum(inside)) / int(np.sum(count)), float(np.sqrt(own / all_)), joints)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Fingerprints of recorded samples, which show whether a model is scored on samples that it was fitted to.
+#
+# A *window* consists of k samples of a recording, 20 ms apart (consecutive if the sampling is slower), with the
+# positions and torques of all joints in SI. Positions are rounded to 2^-12 of the power of two above the largest
+# position in the window, torques likewise, and the results are hashed. Instants and file format do not enter: the
+# same samples give the same hashes from CSV, NumPy, MATLAB, Parquet or a bag, in radians or degrees, whole or in
+# part, with other filters, splits and versions of the program. Rounding the samples to six significant digits
+# preserves most hashes, to five enough to recognise the data in part, to four none. Changed samples (another zero,
+# sign, gear ratio or torque constant, resampling, a filter) give other hashes, and so does the noise of a repeated
+# measurement of the same motion.
+#
+# A fingerprint keeps the smallest hashes, which amounts to a random selection of windows. All hashes of another
+# recording within the same range occur in it if the samples are the same, and none if they are not; the share of
+# common samples is therefore estimated from a few hundred hashes (a sketch, as in Broder's minwise hashing).
+# ------------------------------------------------------------------------------------------------------------------
+
+SPACING = 0.02  # s between the samples of a window
+VALUES = 12  # smallest number of values in a window
+BITS = 48  # length of a hash
+SMALLEST, LARGEST = 512, 4096  # smallest and largest number of hashes in a fingerprint
+WINDOWS_PER_HASH = 64  # windows per stored hash of a long recording
+CELL_BITS = 12  # values are rounded to 2^-12 of the power of two above the largest
+SHIFT = 0.381966  # offset of the rounding, so that quantised values do not fall on a rounding boundary
+COINCIDENCE = 0.01
+"""Share of common windows that counts as coincidence, such as rest in the same pose."""
+NEARLY_ALL = 0.95
+
+Hashes = NDArray[np.uint64]
+Label = Literal["held-out data", "partly its own data", "its own data", "data of unknown origin"]
+UNKNOWN: Label = "data of unknown origin"
+"""Label if it is not recorded what the model was fitted to, or the recording has too few windows to decide."""
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """The smallest ``hashes``, in rising order, of the ``windows`` of a recording; all of them if there are few."""
+
+    hashes: tuple[int, ...]
+    windows: int
+
+    @property
+    def range(self) -> int:
+        """The largest number up to which :attr:`hashes` holds every hash of the recording."""
+        return self.hashes[-1] if len(self.hashes) >= SMALLEST else (1 << BITS) - 1
+
+
+@dataclass(frozen=True)
+class Common:
+    """Estimated ``share`` of the windows of a recording that occur in known ones, from ``looked`` compared hashes."""
+
+    share: float
+    looked: int
+
+    @property
+    def label(self) -> Label:
+        """The origin of the data in words: held out, partly or wholly the model's own, or unknown."""
+        if self.looked == 0:
+            return UNKNOWN
+        if self.share < COINCIDENCE:
+            return "held-out data"
+        return "its own data" if self.share >= NEARLY_ALL else "partly its own data"
+
+
+def fingerprint(recordings: Sequence[Recording], split: Split | None = None) -> Fingerprint:
+    """Fingerprint of the fitted part of ``recordings``, including the guard bands, into which the filters reach."""
+    whole = Split() if split is None else replace(split, guard=0.0)
+    kept: Hashes = np.zeros(0, np.uint64)
+    windows = 0
+    for recording in recordings:
+        for hashes in window_hashes(recording, whole):
+            windows += len(hashes)
+            kept = np.unique(np.concatenate([kept, hashes]))[:LARGEST]
+    size = max(SMALLEST, windows // WINDOWS_PER_HASH)
+    return Fingerprint(tuple(int(value) for value in kept[:size]), windows)
+
+
+def common_share(known: Sequence[Fingerprint], recordings: Sequence[Recording], split: Split | None = None) -> Common:
+    """Estimate the share of the windows of ``recordings`` that occur in the ``known`` fingerprints.
+
+    With a ``split``, only windows of its held-out part are compared.
+    """
+    top = max((each.range for each in known), default=(1 << BITS) - 1)
+    seen: Hashes = np.zeros(0, np.uint64)
+    for recording in recordings:
+        for hashes in window_hashes(recording, split or Split(), held_out=split is not None and split.kind != "none"):
+            seen = np.unique(np.concatenate([seen, hashes[hashes <= np.uint64(top)]]))
+    share, looked = 0.0, len(seen)
+    for each in known:
+        inside = seen[seen <= np.uint64(each.range)]
+        looked = min(looked, len(inside))
+        if len(inside):
+            share += float(np.mean(np.isin(inside, np.array(each.hashes, np.uint64))))
+    return Common(min(1.0, share), looked)
+
+
+def window_hashes(recording: Recording, split: Split, held_out: bool = False) -> Iterator[Hashes]:
+    """Iterate over the hashes of all windows in the fitted or the held-out part of a recording, in blocks."""
+    chosen = split.scored if held_out else split.fitted
+    start, duration = recording.span
+    step = recording.period * max(1, int(SPACING / recording.period + 0.25))
+    pending: Part | None = None
+    for part in recording.samples():
+        rows = part if pending is None else joined([pending, part])
+        if rows.tau is None:
+            return
+        count = max(2, -(-VALUES // (2 * rows.q.shape[1])))
+        reach = (count - 1) * step
+        # the first samples of windows whose last sample cannot be in a later block
+        length = int(np.searchsorted(rows.t, rows.t[-1] - reach - 0.5 * recording.period))
+        wanted = rows.t[:length, None] + step * np.arange(count)
+        at = np.minimum(np.searchsorted(rows.t, wanted - 0.5 * recording.period), len(rows) - 1)
+        there = np.all(np.abs(rows.t[at] - wanted) <= 0.5 * recording.period, axis=1)
+        usable = chosen(rows.t, start, duration) & np.all(np.isfinite(rows.tau), axis=1)
+        at = at[there & usable[at].all(axis=1)]
+        if len(at):  # a block may hold no window of the fitted part
+            yield _hashed(rows.q[at].reshape(len(at), -1), rows.tau[at].reshape(len(at), -1))
+        pending = rows.sliced(length, len(rows))
+
+
+def _hashed(q: Array, tau: Array) -> Hashes:
+    """Hashes of windows with positions ``q`` and torques ``tau``, (N, values) each; all-zero windows are left out."""
+    largest = np.max(np.abs(q), axis=1), np.max(np.abs(tau), axis=1)
+    some = (largest[0] > 0) & (largest[1] > 0)
+    state = np.full(int(np.sum(some)), q.shape[1], np.uint64)
+    for values, size in zip((q, tau), largest, strict=True):
+        exponent = np.frexp(size[some])[1]
+        cells = np.floor(np.ldexp(values[some], (CELL_BITS - exponent)[:, None]) + SHIFT).astype(np.int64)
+        for column in (exponent.astype(np.int64), *cells.T):
+            state = _mixed(state, column.astype(np.uint64))
+    return np.asarray(state >> np.uint64(64 - BITS))
+
+
+def _mixed(state: Hashes, value: Hashes) -> Hashes:
+    """Mix ``value`` into the hash ``state`` with the finaliser of the SplitMix64 generator."""
+    x = (state ^ value) + np.uint64(0x9E3779B97F4A7C15)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.asarray(x ^ (x >> np.uint64(31)))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Torque errors of a model, each with the data, the filter and the share of rows it refers to
+# ------------------------------------------------------------------------------------------------------------------
 
 TorqueModels = Callable[..., Array]
 """Motion (q, dq, ddq), (N, n) each, to the joint torques (N, n, k) of k models."""
@@ -169,3 +386,46 @@ def joint_table(scores: Sequence[Score], joints: Sequence[str], width: int | Non
         errors = (f"{100 * error:.3g} %" for error in score.joint_relative or ())
         rows.append((f"{data}, {estimate}", *errors))
     return text_table(rows, width, indent="", right=range(1, len(joints) + 1))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Warnings where torques that were not fitted are predicted badly: unexplained joints, deviations that are too small.
+#
+# A small total error hides a light joint: its torque hardly counts in the norm over all joints.
+# ------------------------------------------------------------------------------------------------------------------
+
+UNEXPLAINED = 0.3  # relative error of a joint's torque above which it counts as not explained
+WORSE = 2.0  # and how many times that of the fitted rows it is; otherwise the diagnosis of the fit tells of it
+COVERED = 0.85  # share of rows in a 95 % band below which the band is too narrow; residuals are correlated
+
+
+def held_out_notes(scores: Sequence[Score], covered: Coverage | None, joints: Sequence[str]) -> tuple[str, ...]:
+    """Sentences on the ``joints`` whose torque on held-out rows is not explained, or lies outside its band.
+
+    ``scores`` are those of all estimates, of which the last is the written model; ``covered`` is the coverage of the
+    held-out rows by its 95 % band. Empty if nothing was held out.
+    """
+    first: dict[str, Score] = {}
+    for score in scores:
+        if scores and score.estimate == scores[-1].estimate and score.joint_relative is not None:
+            first.setdefault(score.data, score)
+    fitted, held_out = (getattr(first.get(data), "joint_relative", None) for data in ("in sample", "held out"))
+    if not fitted or not held_out or covered is None:
+        return ()
+    notes, narrow = [], []
+    for joint, inside, before, after in zip(joints, covered.joints, fitted, held_out, strict=True):
+        if after > max(UNEXPLAINED, WORSE * before):
+            notes.append(
+                f"the torque of {joint} is not explained where it was not fitted: {100 * after:.2g} % of it is left "
+                f"({100 * before:.2g} % in sample), and the 95 % band covers {100 * inside:.0f} % of its rows; do not "
+                "rely on its parameters and their deviations: its friction or load changed, or the fitted rows "
+                "hardly move it"
+            )
+        elif inside < COVERED:
+            narrow.append(f"{joint} ({100 * inside:.0f} %)")
+    if narrow:
+        notes.append(
+            f"the 95 % band covers too few held-out rows of {', '.join(narrow)}: the standard deviations of their "
+            "parameters are too small, since the model errs in another way there than on the fitted rows"
+        )
+    return tuple(notes)

@@ -16,18 +16,16 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.base.tables import text_table
-from rrrgen.lab.data.decimation import Decimator
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Decimator, Processing
 from rrrgen.lab.estimate.statistics import relative_error, rms
 from rrrgen.lab.estimate.tsqr import Rows
 from rrrgen.lab.identify.bandwidth import Tuning, reach, tune
 from rrrgen.lab.identify.factoring import ScoredRows
-from rrrgen.lab.identify.fingerprint import UNKNOWN, Label
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns, stated_laws
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Observations, Recording, RowMaker
-from rrrgen.lab.identify.scores import Score, score_models
-from rrrgen.robot.model.drive_terms import friction_terms
+from rrrgen.lab.identify.scores import UNKNOWN, Label, Score, score_models
+from rrrgen.robot.model.drives import friction_terms
 from rrrgen.runtime.regressor_columns import drive_columns
 
 TorqueModel = Callable[..., Array]
@@ -368,7 +366,7 @@ def plot_torques(result: Validation, units: Sequence[str] | None = None) -> Any:
 
     ``units`` (n,) are those of the torques, N m by default.
     """
-    from rrrgen.lab.identify.torque_plots import TorqueCurves, plot_torque_curves
+    from rrrgen.lab.identify.figures import TorqueCurves, plot_torque_curves
 
     told = list(units or ["N m"] * len(result.joints))
     titles = [

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.base.errors import InputError, UnstableLoopError
-from rrrgen.lab.plant.compiled_plant import compiled_integrator
-from rrrgen.lab.plant.compiled_rigid import WORTH_BUILDING, compiled_rigid_integrator
+from rrrgen.lab.plant.compiled import WORTH_BUILDING, compiled_integrator, compiled_rigid_integrator
 from rrrgen.lab.plant.controllers import Controller, Observer, Reference
 from rrrgen.lab.plant.integration import Integrator, make_integrator
 from rrrgen.lab.plant.plant import Plant

@@ -1,6 +1,6 @@
 """Friction in the simulation: the interface of a friction model, and the friction of coupled motors.
 
-:class:`rrrgen.robot.friction.models.FrictionModel` and :class:`rrrgen.robot.friction.stated.MixedFriction` implement
+:class:`rrrgen.robot.friction.models.FrictionModel` and :class:`rrrgen.robot.friction.models.MixedFriction` implement
 the interface.
 """
 

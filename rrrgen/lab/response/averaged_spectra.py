@@ -11,9 +11,9 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
-from rrrgen.lab.response.controller import Complex
 from rrrgen.lab.response.local_polynomial import excited_lines, whole_periods
 from rrrgen.lab.response.response_file import ResponseRecording
+from rrrgen.lab.response.response_model import Complex
 
 SEGMENTS = 10  # number of window lengths in a recording whose excitation is noise; the windows overlap by half
 LEAST_SEGMENT = 32  # shortest window, samples

@@ -6,26 +6,218 @@ The order is chosen by the error on rows that are not used for the fit.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.base.errors import DerivationError, InputError, require
 from rrrgen.base.option_names import option_name
-from rrrgen.lab.response.armax import armax
-from rrrgen.lab.response.controller import Controller
-from rrrgen.lab.response.equations import Equation, arx
-from rrrgen.lab.response.resonance_check import check_resonances
+from rrrgen.lab.response.resonances import check_resonances
 from rrrgen.lab.response.response_file import ResponseRecording
-from rrrgen.lab.response.response_model import ResponseModel
-from rrrgen.lab.response.subspace import SubspaceIdentification, check_rows
+from rrrgen.lab.response.response_model import Controller, ResponseModel
+
+# ------------------------------------------------------------------------------------------------------------------
+# The difference equation of a linear model, and its least-squares fit (14.41).
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Equation:
+    """Difference equation ``y_k = sum a_i y_{k-i} + sum b_j u_{k-delay-j}``, i from 1, j from 0.
+
+    ``a`` and ``b`` hold the coefficients, ``delay`` is in samples.
+    """
+
+    a: Array
+    b: Array
+    delay: int
+
+    @property
+    def past(self) -> int:
+        """Number of rows before the first one whose output the equation can compute."""
+        return max(len(self.a), self.delay + len(self.b) - 1)
+
+
+def arx(u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Equation:
+    """Fit a difference equation to the rows [start, stop) by least squares ``theta = F# Q``, (14.41).
+
+    It has ``order`` coefficients a and as many coefficients b; without ``delay`` it has one b more. Row k of F is
+    ``[y_{k-1} .. y_{k-n}, u_{k-delay} .. ]``; the last one is that of k = stop - 1, so that the columns of (14.42) end
+    at t_{zeta-n} (the book's t_{zeta-n+1} is a misprint).
+    """
+    size = order + 1 if delay == 0 else order
+    past = max(order, delay + size - 1)
+    k = np.arange(start + past, stop)
+    F = np.column_stack([*(y[k - i] for i in range(1, order + 1)), *(u[k - delay - j] for j in range(size))])
+    scale = np.linalg.norm(F, axis=0)
+    theta, _, _, _ = np.linalg.lstsq(F / scale, y[k], rcond=1e-13)
+    theta = theta / scale
+    return Equation(theta[:order], theta[order:], delay)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# ARMAX models ``A y = B u + C e``: difference equations with coloured noise, e being white.
+# ------------------------------------------------------------------------------------------------------------------
+
+REFINEMENTS = 20
+LARGEST = 1e100  # bound on the outputs of an unstable model, so that their squares stay finite
+LONG_ORDER = 2  # order of the ARX model whose residuals are the first estimate of e, as a multiple of the model's order
+
+
+def armax(start_from: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
+    """Fit an ARMAX model ``A y = B u + C e`` that minimizes the one-step prediction errors e on samples [start, stop).
+
+    ``u`` and ``y`` (N,) are input and output, ``start_from`` gives orders and first estimate; C has the order of A.
+    Begins with least squares on estimated e (Hannan-Rissanen) and refines by Levenberg-Marquardt steps: the derivatives
+    of e are past outputs, inputs and errors filtered by 1/C. Zeros of C outside the unit circle are reflected. The
+    returned equation holds A and B.
+    """
+    order, size, delay = len(start_from.a), len(start_from.b), start_from.delay
+    part_y, part_u = y[start:stop], u[start:stop]
+    theta = _begin(start_from, part_u, part_y)
+    e = _errors(theta, order, size, delay, part_u, part_y)
+    cost, damping = _cost(e), 1e-3
+    for _ in range(REFINEMENTS):
+        J = _error_derivatives(theta, order, size, delay, part_u, part_y, e)
+        if not float(np.abs(J).max()) < LARGEST:
+            break
+        information = J.T @ J
+        step = np.linalg.lstsq(information + damping * np.diag(np.diag(information)), -J.T @ e, rcond=None)[0]
+        trial = theta + step
+        trial[order + size :] = _inside(trial[order + size :])
+        e_new = _errors(trial, order, size, delay, part_u, part_y)
+        if _cost(e_new) < cost:
+            done = cost - _cost(e_new) < 1e-7 * cost
+            theta, e, cost, damping = trial, e_new, _cost(e_new), damping / 5.0
+            if done:
+                break
+        else:
+            damping *= 10.0
+    return Equation(theta[:order], theta[order : order + size], delay)
+
+
+def _cost(e: Array) -> float:
+    found = float(e @ e)
+    return found if np.isfinite(found) else np.inf
+
+
+def _columns(order: int, size: int, delay: int, u: Array, y: Array) -> Array:
+    """The matrix (N, order + size) of past outputs and inputs, with zeros for times before the first row."""
+    shifts = [(y, i) for i in range(1, order + 1)] + [(u, delay + j) for j in range(size)]
+    columns = np.zeros((len(y), len(shifts)))
+    for column, (signal, shift) in zip(columns.T, shifts, strict=True):
+        column[shift:] = signal[: len(y) - shift]
+    return columns
+
+
+def _begin(start_from: Equation, u: Array, y: Array) -> Array:
+    order, size, delay = len(start_from.a), len(start_from.b), start_from.delay
+    many = LONG_ORDER * order + 1
+    F = _columns(many, many, delay, u, y)
+    if len(y) <= 3 * F.shape[1]:
+        return np.concatenate([start_from.a, start_from.b, np.zeros(order)])
+    e = y - F @ np.linalg.lstsq(F, y, rcond=1e-12)[0]
+    G = np.column_stack([_columns(order, size, delay, u, y), _columns(order, 0, 0, e, e)])
+    theta = np.linalg.lstsq(G[many:], y[many:], rcond=1e-12)[0]
+    theta[order + size :] = _inside(theta[order + size :])
+    return np.asarray(theta)
+
+
+def _inside(c: Array) -> Array:
+    """Reflect the zeros of ``1 + sum c_l z^-l`` that lie outside the unit circle into it; returns the new ``c``."""
+    roots = np.roots(np.concatenate([[1.0], c]))
+    sizes = np.abs(roots)
+    outside = sizes > 0.999
+    if not np.any(outside):
+        return c
+    inner = np.minimum(1.0 / np.maximum(sizes, 1.0), 0.999)
+    reflected = np.where(outside, roots / np.maximum(sizes, 1e-12) * inner, roots)
+    found = np.real(np.poly(reflected))[1:]
+    return np.concatenate([found, np.zeros(len(c) - len(found))])
+
+
+def _errors(theta: Array, order: int, size: int, delay: int, u: Array, y: Array) -> Array:
+    from scipy.signal import lfilter
+
+    rest = y - _columns(order, size, delay, u, y) @ theta[: order + size]
+    rest[: max(order, delay + size - 1)] = 0.0  # rows that need values from before the first row
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(lfilter([1.0], np.concatenate([[1.0], theta[order + size :]]), rest))
+
+
+def _error_derivatives(theta: Array, order: int, size: int, delay: int, u: Array, y: Array, e: Array) -> Array:
+    """Derivatives of the one-step errors (N,) by theta = [a, b, c], one column each."""
+    from scipy.signal import lfilter
+
+    columns = np.column_stack([_columns(order, size, delay, u, y), _columns(order, 0, 0, e, e)])
+    columns[: max(order, delay + size - 1)] = 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(-lfilter([1.0], np.concatenate([[1.0], theta[order + size :]]), columns, axis=0))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Subspace identification by the package nfoursid (extra ``response``): no search, no local minima.
+# ------------------------------------------------------------------------------------------------------------------
+
+MOST_BLOCK_ROWS = 30
+ROWS_PER_BLOCK_ROW = 12  # samples
+MOST_ROWS = 3000  # the library's memory grows with their square
+
+
+def check_rows(rows: int) -> None:
+    """Raise :class:`DerivationError` if there are more rows than the memory of the library's method allows."""
+    if rows > MOST_ROWS:
+        raise DerivationError(
+            f"{rows} rows are too many for subspace identification, whose library needs memory that grows with their "
+            f"square: choose up to {MOST_ROWS} with {option_name('fit_rows')}"
+        )
+
+
+class SubspaceIdentification:
+    """N4SID/PO-MOESP models of the rows [start, stop) of an input ``u`` and an output ``y`` (N,), order by order.
+
+    Raises :class:`MissingExtraError` without nfoursid, :class:`DerivationError` for too few rows.
+    """
+
+    def __init__(self, u: Array, y: Array, start: int, stop: int) -> None:
+        require(f"{option_name('method')} subspace", "nfoursid", "pandas")
+        from nfoursid.nfoursid import NFourSID
+        from pandas import DataFrame
+
+        self.rows = min(MOST_BLOCK_ROWS, (stop - start) // ROWS_PER_BLOCK_ROW)
+        if self.rows < 2:
+            raise DerivationError(f"{stop - start} rows are too few for subspace identification")
+        # both scaled to size 1, because tolerances of the library's pseudo-inverses are relative
+        self.scale_u, self.scale_y = (max(float(np.std(x[start:stop])), 1e-300) for x in (u, y))
+        frame = DataFrame({"u": u[start:stop] / self.scale_u, "y": y[start:stop] / self.scale_y})
+        self._found: Any = NFourSID(frame, ["y"], ["u"], num_block_rows=self.rows)
+        self._found.subspace_identification()
+
+    @property
+    def highest_order(self) -> int:
+        """The highest order that the number of block rows allows."""
+        return self.rows - 1
+
+    def model(self, order: int) -> Equation:
+        """The model of the given ``order`` as a difference equation without delay."""
+        system, _ = self._found.system_identification(rank=order)
+        A, B, C, D = (np.asarray(getattr(system, name)) for name in "abcd")
+        denominator = np.poly(A).real
+        numerator = np.poly(A - B @ C).real + (float(D[0, 0]) - 1.0) * denominator
+        b = numerator * self.scale_y / self.scale_u
+        return Equation(-denominator[1:], b, 0)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Difference equations fitted to recordings
+# ------------------------------------------------------------------------------------------------------------------
 
 HIGHEST_ORDER = 20
 VALIDATION = 0.25  # share of the rows, the last ones, on which the order is chosen
 NEARLY_BEST = 1.2  # the lowest order whose validation error is below this multiple of the smallest one is chosen
 LEAST_FIT = 0.1  # share of the validation rows that the best model must explain
-REFINEMENTS = 20
 PREFILTERS = 10
 SHORT_RUN = 50  # length of a short free run, samples
 LARGEST = 1e100  # bound on the outputs of an unstable model, so that their squares stay finite
@@ -199,7 +391,7 @@ def output_error(equation: Equation, u: Array, y: Array, start: int, stop: int) 
         model = _run(theta, order, delay, size, part)
         cost = float(np.sum((measured - model) ** 2))
         for _ in range(REFINEMENTS):
-            J = _derivatives(theta, order, delay, size, part, model)
+            J = _free_run_derivatives(theta, order, delay, size, part, model)
             if not float(np.abs(J).max()) < LARGEST:
                 break
             information = J.T @ J
@@ -226,7 +418,7 @@ def _run(theta: Array, order: int, delay: int, size: int, u: Array) -> Array:
     return np.asarray(lfilter(numerator, np.concatenate([[1.0], -theta[:order]]), u, zi=state)[0])
 
 
-def _derivatives(theta: Array, order: int, delay: int, size: int, u: Array, model: Array) -> Array:
+def _free_run_derivatives(theta: Array, order: int, delay: int, size: int, u: Array, model: Array) -> Array:
     """Derivatives of the free run (one column per entry of theta): past outputs, inputs and unit pulses through 1/A."""
     from scipy.signal import lfilter
 
@@ -247,7 +439,7 @@ def _initial_state(equation: Equation, u: Array, y: Array) -> Array:
     theta = np.concatenate([equation.a, equation.b, np.zeros(states)])
     with np.errstate(over="ignore", invalid="ignore"):
         rest = y - _run(theta, order, delay, size, u)
-        J = _derivatives(theta, order, delay, size, u, u)[:, order + size :]
+        J = _free_run_derivatives(theta, order, delay, size, u, u)[:, order + size :]
         if not (float(np.abs(J).max(initial=0.0)) < LARGEST and float(np.abs(rest).max(initial=0.0)) < LARGEST):
             return np.zeros(states)
         return np.asarray(np.linalg.lstsq(J, rest, rcond=None)[0])

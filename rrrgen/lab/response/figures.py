@@ -9,10 +9,9 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.lab.data.figure_style import new_figure, style_axes
-from rrrgen.lab.response.controller import Complex
 from rrrgen.lab.response.frequency_response import WIDEST_BAND, FrequencyResponse
-from rrrgen.lab.response.postures import modes_over_postures
-from rrrgen.lab.response.response_model import ResponseModel
+from rrrgen.lab.response.resonances import modes_over_postures
+from rrrgen.lab.response.response_model import Complex, ResponseModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

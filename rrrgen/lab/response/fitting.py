@@ -10,10 +10,10 @@ import numpy as np
 
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.response.difference_models import fit_difference_model
-from rrrgen.lab.response.estimate import estimate_one, estimate_responses
+from rrrgen.lab.response.estimation import estimate_one, estimate_responses
 from rrrgen.lab.response.frequency_response import FrequencyResponse
 from rrrgen.lab.response.modal_fit import fit_modes
-from rrrgen.lab.response.postures import modes_over_postures
+from rrrgen.lab.response.resonances import modes_over_postures
 from rrrgen.lab.response.response_file import ResponseFile, ResponseRecording, read_recordings
 from rrrgen.lab.response.response_model import Resonance, ResponseModel
 

@@ -15,10 +15,9 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
-from rrrgen.lab.response.controller import Complex
 from rrrgen.lab.response.frequency_response import FrequencyResponse
-from rrrgen.lab.response.response_model import HIGHEST_DAMPING, ResponseModel, resonance
-from rrrgen.lab.response.uncertainty import unknown_variances
+from rrrgen.lab.response.local_polynomial import unknown_variances
+from rrrgen.lab.response.response_model import HIGHEST_DAMPING, Complex, ResponseModel, resonance
 
 MOST_MODES = 6
 DELAYS = (0, 1, 2, 3)

@@ -16,13 +16,12 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as units
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar, Sequence, decode, parse_document
-from rrrgen.base.yamltext.keys import Entry, words
-from rrrgen.lab.data.mapping import FileSource, TimeSource
-from rrrgen.lab.data.source_reader import TIME_KEYS, SourceReader
+from rrrgen.base.yamltext.document import FaultList, Node, Scalar, SequenceNode, decode, parse_document
+from rrrgen.base.yamltext.fields import Entry, words
+from rrrgen.lab.data.mapping import TIME_KEYS, FileSource, SourceReader, TimeSource
+from rrrgen.lab.data.tables.formats import open_table
 from rrrgen.lab.data.tables.interface import table_fault
-from rrrgen.lab.data.tables.table_formats import open_table
-from rrrgen.lab.response.controller import Controller
+from rrrgen.lab.response.response_model import Controller
 
 SCHEMA = "rrrgen-response/1"
 UNITS = (
@@ -167,7 +166,7 @@ class _ResponseReader(SourceReader):
             path = self.folder / node.text
             self.files[path.stem] = FileSource(path.stem, path)
             return
-        if not isinstance(node, Sequence):
+        if not isinstance(node, SequenceNode):
             self.read_files(node)
             return
         for number, item in enumerate(node.items, start=1):
@@ -215,7 +214,7 @@ class _ResponseReader(SourceReader):
         return Controller(tuple(powers.get("numerator", ())), tuple(denominator))
 
     def coefficients(self, node: Node, what: str) -> list[float]:
-        if isinstance(node, Sequence) and node.items:
+        if isinstance(node, SequenceNode) and node.items:
             return self.numbers(node, what, len(node.items))
         self.faults.error(node, f"{what} needs a list of numbers in powers of z^-1", "e.g. [1001, -1000]")
         return []

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.calibrate.measurements import Measurements
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.studies.sources import FindingsCallback, ProgressCallback, RobotSource
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 POSTURES = 1000
 """Number of random postures at which the error of the tip is predicted."""
@@ -129,8 +129,8 @@ def calibrate(
     chosen = with_changes(CalibrateOptions, options, changes)
     from rrrgen.lab.calibrate.diagnosis import estimate_checked
     from rrrgen.lab.calibrate.geometry import geometry_of
-    from rrrgen.lab.calibrate.measurement_file import read_table, table_of_arrays
-    from rrrgen.lab.calibrate.pose_choice import random_positions
+    from rrrgen.lab.calibrate.measurements import read_table, table_of_arrays
+    from rrrgen.lab.calibrate.minimal_set import random_positions
     from rrrgen.lab.studies.sources import hash_of_arrays, ignore, robot_input
 
     arm = robot_input(robot, findings or ignore)

@@ -8,12 +8,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.lab.studies.options import StudyOptions, option, with_changes
 from rrrgen.lab.studies.results import Run, StudyResult
 
 if TYPE_CHECKING:
-    from rrrgen.lab.contact.recordings import ContactFindings
+    from rrrgen.lab.contact import ContactFindings
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.studies.sources import (
         FindingsCallback,
@@ -90,7 +90,7 @@ class ContactResult(StudyResult):
 
     def write(self, folder: RunFolder) -> None:
         """Write ``contact.json`` and the C header ``<name>_contact.h`` into an open run folder."""
-        from rrrgen.lab.contact.header import contact_header
+        from rrrgen.lab.contact import contact_header
 
         folder.write_json("contact.json", self.to_json())
         folder.write_text(f"{self.name}_contact.h", contact_header(self.name, self.found))
@@ -152,8 +152,8 @@ def _find(
     _: RunFolder | None,
 ) -> ContactResult:
     """Run the observer along the recordings, and fit the distributions."""
-    from rrrgen.lab.contact.recordings import findings_of_recordings
-    from rrrgen.lab.data.smoother import read_tuning
+    from rrrgen.lab.contact import findings_of_recordings
+    from rrrgen.lab.data.kalman import read_tuning
 
     progress(0, 0, "finding thresholds")
     recordings = logs.load(findings)

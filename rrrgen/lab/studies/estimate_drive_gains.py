@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.lab.studies.options import OptionError, StudyOptions, group, with_changes
 from rrrgen.lab.studies.preprocessing import PreprocessingOptions
 from rrrgen.lab.studies.results import FittedResult, Run
 
 if TYPE_CHECKING:
     from rrrgen.base.arrays import Array
-    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.data.preprocessing import Processing
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.identify.drive_gains import DriveGains
     from rrrgen.lab.studies.sources import (

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.lab.studies.options import StudyOptions, option, with_changes
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         RobotInput,
         RobotSource,
     )
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class FrictionResult(StudyResult):
     @property
     def spec(self) -> RobotSpec:
         """The robot whose joint has the chosen law, ready for :func:`rrrgen.compile`."""
-        from rrrgen.lab.friction.robot_file import with_friction
+        from rrrgen.lab.friction.report import with_friction
 
         return with_friction(self.robot, self.joint.name, self.found.chosen, self.rest)
 
@@ -115,7 +115,7 @@ class FrictionResult(StudyResult):
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figures: friction over speed, and torques and speeds of the experiment."""
-        from rrrgen.lab.friction.plots import plot_experiment, plot_friction
+        from rrrgen.lab.friction.report import plot_experiment, plot_friction
 
         return {
             "friction": lambda: plot_friction(self.found, self.joint.units),
@@ -171,7 +171,7 @@ def estimate_friction(
     """
     chosen = with_changes(FrictionOptions, options, changes)
     require("rrrgen friction", "scipy", "matplotlib")
-    from rrrgen.lab.closed_loop.controller_file import load_controller
+    from rrrgen.lab.closed_loop.controller import load_controller
     from rrrgen.lab.friction.joint_recording import recorded_joint
     from rrrgen.lab.studies.sources import as_list, ignore, recording_inputs, robot_input
 

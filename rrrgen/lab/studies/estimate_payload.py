@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.lab.studies.options import StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.preprocessing import PreprocessingOptions
 from rrrgen.lab.studies.results import FittedResult, Run
 
 if TYPE_CHECKING:
-    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.data.preprocessing import Processing
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.identify.payload import Payload
     from rrrgen.lab.studies.sources import (
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         RobotInput,
         RobotSource,
     )
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 @dataclass(frozen=True)

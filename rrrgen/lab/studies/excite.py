@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.lab.studies.experiment_options import ExperimentOptions
 from rrrgen.lab.studies.identify import parallel_packages
 from rrrgen.lab.studies.options import option, with_changes

@@ -10,8 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
-from rrrgen.base.errors import InputError
-from rrrgen.base.extras import require
+from rrrgen.base.errors import InputError, require
 from rrrgen.base.option_names import with_names
 from rrrgen.lab.studies.frequency_response import FrequencyResponseResult
 from rrrgen.lab.studies.options import OptionError, StudyOptions, option, with_changes
@@ -149,7 +148,7 @@ def _elastic_line(row: dict[str, Any]) -> str:
 
 def _steps(models: Sequence[ResponseModel]) -> list[Program]:
     """Record one step of every model as a program named ``step``, or ``step_<posture>`` where there are several."""
-    from rrrgen.emit.controller.linear_step import linear_step_program
+    from rrrgen.emit.controller.filters import linear_step_program
 
     programs, names = [], set[str]()
     for model in models:
@@ -200,8 +199,8 @@ def fit_response(
     chosen = with_changes(FitResponseOptions, options, changes)
     settings = chosen.settings()
     require("rrrgen response-model", "scipy", "matplotlib")
-    from rrrgen.lab.experiment.elastic_comparison import beside, expected_modes
     from rrrgen.lab.experiment.experiment_file import load_experiment
+    from rrrgen.lab.experiment.response import beside, expected_modes
     from rrrgen.lab.response.fitting import fit_recordings, fit_responses
     from rrrgen.lab.studies.response_sources import response_input
     from rrrgen.lab.studies.sources import ignore, robot_input

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.lab.studies.options import StudyOptions, option, with_changes
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
 
@@ -128,7 +128,7 @@ def frequency_response(
     """
     chosen = with_changes(FrequencyResponseOptions, options, changes)
     require("rrrgen frf", "scipy", "matplotlib")
-    from rrrgen.lab.response.estimate import estimate_responses
+    from rrrgen.lab.response.estimation import estimate_responses
     from rrrgen.lab.studies.response_sources import response_input
     from rrrgen.lab.studies.sources import ignore
 

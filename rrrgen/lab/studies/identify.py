@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.preprocessing import PreprocessingOptions
 from rrrgen.lab.studies.results import EstimateResult, FigureMaker, Run
@@ -20,15 +20,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rrrgen.base.arrays import Array
-    from rrrgen.lab.closed_loop.estimation import ClosedLoopEstimate
-    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.closed_loop.refinement import ClosedLoopEstimate
+    from rrrgen.lab.data.preprocessing import Processing
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.identify.bias import BiasCheck
     from rrrgen.lab.identify.cross_validation import CrossValidation
     from rrrgen.lab.identify.diagnosis.causes import Cause
-    from rrrgen.lab.identify.identification import Identification
+    from rrrgen.lab.identify.identification import Identification, Options
     from rrrgen.lab.identify.observations import Recording
-    from rrrgen.lab.identify.options import Options
     from rrrgen.lab.studies.loop_inputs import LoopInputs
     from rrrgen.lab.studies.sources import (
         FindingsCallback,
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
         RobotInput,
         RobotSource,
     )
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
     from rrrgen.runtime.model import Model
 
 
@@ -182,7 +181,7 @@ class IdentificationResult(EstimateResult):
     @property
     def notes(self) -> tuple[str, ...]:  # type: ignore[override]
         """Sentences on what the structure, the motion or the data leave undetermined or doubtful."""
-        from rrrgen.lab.identify.held_out import held_out_notes
+        from rrrgen.lab.identify.scores import held_out_notes
 
         found, covered = self.identification, None
         for _, blocks in found.parts:
@@ -214,7 +213,7 @@ class IdentificationResult(EstimateResult):
 
     def lines(self, width: int | None = None) -> list[str]:
         """The report: parameters, friction laws, filters, scores, what is doubtful."""
-        from rrrgen.lab.identify.parameter_report import parameter_lines
+        from rrrgen.lab.identify.results import parameter_lines
         from rrrgen.lab.identify.scores import joint_table, score_table
 
         found = self.identification
@@ -264,8 +263,8 @@ class IdentificationResult(EstimateResult):
         return makers | ({} if self.closed_loop is None else {"closed_loop": self._loop_figure})
 
     def _loop_figure(self) -> Figure | None:
-        from rrrgen.lab.closed_loop.plots import plot_loop
-        from rrrgen.lab.identify.torque_plots import force_units
+        from rrrgen.lab.closed_loop.refinement import plot_loop
+        from rrrgen.lab.identify.figures import force_units
 
         loop = self.closed_loop
         return None if loop is None else plot_loop(loop, self._joints, force_units(self.robot))
@@ -345,10 +344,10 @@ def identify(
 
 def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec) -> Options:
     """The options of the estimation itself; raises InputError for laws, splits and known values that make no sense."""
-    from rrrgen.lab.identify.choice import LawChoice
-    from rrrgen.lab.identify.estimated_terms import DriveTerms
+    from rrrgen.lab.identify.friction_choice import LawChoice
     from rrrgen.lab.identify.held_out_data import Split
-    from rrrgen.lab.identify.options import Options
+    from rrrgen.lab.identify.identification import Options
+    from rrrgen.lab.identify.parameters import DriveTerms
 
     columns, standard = known_values(chosen.fix)
     estimation = Options(
@@ -383,7 +382,7 @@ def _estimate(
     folder: RunFolder | None,
 ) -> IdentificationResult:
     """Estimate, fit the loop, check and diagnose; ``folder`` keeps the state of unfinished work."""
-    from rrrgen.lab.closed_loop.estimation import closed_loop_estimate
+    from rrrgen.lab.closed_loop.refinement import closed_loop_estimate
     from rrrgen.lab.identify.bias import check_bias
     from rrrgen.lab.identify.cross_validation import cross_validate
     from rrrgen.lab.identify.diagnosis.causes import merged

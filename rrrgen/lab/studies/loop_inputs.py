@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rrrgen.lab.closed_loop.controller import LoopController
-from rrrgen.lab.closed_loop.controller_file import load_controller
+from rrrgen.lab.closed_loop.controller import LoopController, load_controller
 from rrrgen.lab.closed_loop.loop_recording import NEEDED, require_inputs, require_joints
 from rrrgen.lab.data.mapping import LogMapping
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.identify.observations import Recording
 from rrrgen.lab.studies.options import OptionError
 from rrrgen.lab.studies.sources import RecordingInputs, recording_inputs
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 
 @dataclass(frozen=True)

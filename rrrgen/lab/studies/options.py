@@ -19,7 +19,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 from rrrgen.base.errors import InputError
 from rrrgen.base.option_names import with_names
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.yamltext.suggestions import did_you_mean
 
 OptionsType = TypeVar("OptionsType", bound="StudyOptions")
 

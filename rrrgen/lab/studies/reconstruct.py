@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.lab.studies.options import with_changes
 from rrrgen.lab.studies.preprocessing import MotionOptions
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
 
 if TYPE_CHECKING:
     from rrrgen.base.arrays import Array
-    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.data.preprocessing import Processing
     from rrrgen.lab.data.recordings import Log
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.identify.bandwidth import Tuning
@@ -68,8 +68,8 @@ class ReconstructionResult(StudyResult):
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figure ``bode`` of a Kalman filter; none for other methods."""
-        from rrrgen.lab.data.smoother import KalmanSmoother
-        from rrrgen.lab.identify.estimation_plots import plot_bode
+        from rrrgen.lab.data.kalman import KalmanSmoother
+        from rrrgen.lab.identify.figures import plot_bode
 
         method = None if self.processing.method == "logged" else self.processing.reconstructor()
         if not isinstance(method, KalmanSmoother):

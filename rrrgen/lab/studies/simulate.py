@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from rrrgen.base.errors import Fault
-from rrrgen.base.extras import require
+from rrrgen.base.errors import Fault, require
 from rrrgen.base.option_names import option_name, with_names
 from rrrgen.lab.studies.experiment_options import ExperimentOptions
 from rrrgen.lab.studies.options import OptionError, option, with_changes
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.plant.tracking import Tracking
     from rrrgen.lab.studies.excite import ExcitationResult
     from rrrgen.lab.studies.sources import FindingsCallback, ProgressCallback, RecordingSource, RobotInput, RobotSource
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 Motion = Callable[[Any], Any]
 
@@ -170,7 +169,7 @@ class SimulationResult(StudyResult):
 
     def write(self, folder: RunFolder) -> None:
         """Write the recording as ``log.csv`` with its mapping file, and its controller, into an open run folder."""
-        from rrrgen.lab.plant.recording import write_recording
+        from rrrgen.lab.plant.recording_files import write_recording
 
         write_recording(
             folder.path / "results",
@@ -256,7 +255,7 @@ def _followed(arm: RobotInput, experiment: Experiment, motion: Any, reference: R
     """The motion of a trajectory, of a recording, or of the writing task."""
     from rrrgen.lab.design.fourier_series import read_trajectory
     from rrrgen.lab.design.friction_motion import read_friction_motion
-    from rrrgen.lab.experiment.recorded_motion import RecordedMotion
+    from rrrgen.lab.experiment.feedback_linearisation import RecordedMotion
     from rrrgen.lab.experiment.setup import writing_path
     from rrrgen.lab.studies.excite import ExcitationResult
     from rrrgen.lab.studies.preprocessing import MotionOptions

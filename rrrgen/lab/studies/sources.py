@@ -15,17 +15,17 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.option_names import option_name
-from rrrgen.base.yamltext.suggest import did_you_mean
-from rrrgen.lab.data.log_stream import LogStream
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.lab.data.mapping import SIGNALS, Channel, FileSource, JointChannels, LogMapping, TimeSource
-from rrrgen.lab.data.processing import METHODS_OF_SETTING, Processing
+from rrrgen.lab.data.preprocessing import METHODS_OF_SETTING, Processing
 from rrrgen.lab.data.recordings import Log, check_joints, check_robot, load_stream, open_log
-from rrrgen.lab.data.repairs import Repairs
+from rrrgen.lab.data.repair import Repairs
+from rrrgen.lab.data.uniform_stream import LogStream
 from rrrgen.lab.identify.diagnosis.causes import Cause
 from rrrgen.lab.identify.observations import Recording
 from rrrgen.lab.studies.options import OptionError
 from rrrgen.lab.studies.preprocessing import MotionOptions
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec
 from rrrgen.runtime.load import compile as compile_model
 from rrrgen.runtime.model import Model
 

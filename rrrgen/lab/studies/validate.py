@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.extras import require
+from rrrgen.base.errors import require
 from rrrgen.base.option_names import with_names
 from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.preprocessing import PreprocessingOptions
@@ -17,12 +17,12 @@ from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
 
 if TYPE_CHECKING:
     from rrrgen.lab.closed_loop.validation import ClosedLoopValidation
-    from rrrgen.lab.data.processing import Processing
+    from rrrgen.lab.data.preprocessing import Processing
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.identify.diagnosis.causes import Cause
-    from rrrgen.lab.identify.fingerprint import Common
     from rrrgen.lab.identify.held_out_data import Split
     from rrrgen.lab.identify.observations import Recording
+    from rrrgen.lab.identify.scores import Common
     from rrrgen.lab.identify.validation import Validation
     from rrrgen.lab.studies.loop_inputs import LoopInputs
     from rrrgen.lab.studies.sources import (
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         RobotInput,
         RobotSource,
     )
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 NO_RECORDING = Path("none")
 """Value of ``fitted_on`` for a model that was not fitted to any recording."""
@@ -110,14 +110,13 @@ class ValidationResult(StudyResult):
 
     @property
     def _units(self) -> Any:
-        from rrrgen.lab.identify.torque_plots import force_units
+        from rrrgen.lab.identify.figures import force_units
 
         return force_units(self.robot)
 
     def lines(self, width: int | None = None, verdict: Callable[[str, bool], str] = uncoloured) -> list[str]:
         """The report: scores and the verdict, written by ``verdict(text, passed)``."""
-        from rrrgen.lab.identify.fingerprint import UNKNOWN
-        from rrrgen.lab.identify.scores import score_table
+        from rrrgen.lab.identify.scores import UNKNOWN, score_table
         from rrrgen.lab.identify.validation import joint_scores
 
         result, common = self.validation, self.common
@@ -254,9 +253,9 @@ def _score(
     """Diagnose the recordings, find out whether they were fitted, and score the torques of robot and loop."""
     from rrrgen.lab.closed_loop.validation import validate_loop
     from rrrgen.lab.identify.bandwidth import tune
-    from rrrgen.lab.identify.definiteness import indefinite_share, pose_limits
+    from rrrgen.lab.identify.consistency import indefinite_share, pose_limits
     from rrrgen.lab.identify.diagnosis.report import diagnose_recordings
-    from rrrgen.lab.identify.fingerprint import Common, Fingerprint, common_share, fingerprint
+    from rrrgen.lab.identify.scores import Common, Fingerprint, common_share, fingerprint
     from rrrgen.lab.identify.validation import Thresholds, robot_model, validate_recordings
 
     progress(0, 0, "comparing torques")

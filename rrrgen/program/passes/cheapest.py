@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 from rrrgen.program import Program, count_operations
 from rrrgen.program.passes.common_factors import Collect
 from rrrgen.program.passes.doubling import DoubleByAddition
-from rrrgen.program.passes.expansion import CutSet
 from rrrgen.program.passes.interface import Pass, PassReport
-from rrrgen.program.passes.rewriting import MAX_PAIRS, MAX_TERMS, ExpandAndFactor, SeenExpansions
+from rrrgen.program.passes.rewriting import MAX_PAIRS, MAX_TERMS, CutSet, ExpandAndFactor, SeenExpansions
 
 
 class Log:

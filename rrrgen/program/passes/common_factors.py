@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from rrrgen.program import Builder, Op, Program, Value
-from rrrgen.program.counts import count_operations
-from rrrgen.program.ir import uses
+from rrrgen.program.program import count_operations, uses
 
 SUMS = (Op.ADD, Op.SUB, Op.NEG)
 SUMS_AND_PRODUCTS = (*SUMS, Op.MUL)

@@ -14,7 +14,7 @@ from rrrgen.base.parallel import without_collection
 from rrrgen.robot.robots import bundled_names, bundled_path
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import (
+    from rrrgen.robot.spec import (
         BasisSpec,
         DriveSpec,
         DrivesSpec,
@@ -124,14 +124,14 @@ def read(robot: Robot) -> RobotSpec:
         InputError: the file is faulty; the error lists every fault.
     """
     from rrrgen.robot.file import load_spec
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
     return robot if isinstance(robot, RobotSpec) else load_spec(robot)
 
 
 def __getattr__(name: str) -> Any:
     if name in _TYPES:
-        from rrrgen.robot import robot_spec
+        from rrrgen.robot import spec
 
-        return getattr(robot_spec, name)
+        return getattr(spec, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rrrgen.base.yamltext.keys import Format, Key
+from rrrgen.base.yamltext.fields import Format, Key
 from rrrgen.robot.friction.laws import LAWS
 
 MAX_JOINTS = 64

@@ -6,14 +6,12 @@ from typing import cast
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import Node, Scalar
-from rrrgen.base.yamltext.keys import Key
-from rrrgen.base.yamltext.sections import describe, read_choice, read_list, read_section
+from rrrgen.base.yamltext.document import Node, Scalar, describe
+from rrrgen.base.yamltext.fields import Key, read_choice, read_list, read_section
+from rrrgen.robot.file.drives import read_friction
 from rrrgen.robot.file.fields import DRIVE, JOINT, LIMITS, MAX_JOINTS, ROBOT_FILE
-from rrrgen.robot.file.frictions import read_friction
 from rrrgen.robot.file.quantities import Scope, read_number, read_value
-from rrrgen.robot.names import name_fault
-from rrrgen.robot.robot_spec import DriveSpec, JointSpec, JointType, Limits
+from rrrgen.robot.spec import DriveSpec, JointSpec, JointType, Limits, name_fault
 
 _TYPE = next(key for key in JOINT if key.name == "type")
 _SIGN = next(key for key in JOINT if key.name == "sign")

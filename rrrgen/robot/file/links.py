@@ -9,12 +9,12 @@ from typing import Literal, cast
 
 import sympy as sp
 
-from rrrgen.base.yamltext.advice import with_unit
-from rrrgen.base.yamltext.document import Node, Scalar, Sequence
-from rrrgen.base.yamltext.sections import read_choice, read_list, read_section
+from rrrgen.base.yamltext.document import Node, Scalar, SequenceNode
+from rrrgen.base.yamltext.fields import read_choice, read_list, read_section
+from rrrgen.base.yamltext.suggestions import with_unit
 from rrrgen.robot.file.fields import INERTIA, MAX_JOINTS, ROBOT_FILE
 from rrrgen.robot.file.quantities import Scope, read_rational, read_vector
-from rrrgen.robot.robot_spec import LinkSpec
+from rrrgen.robot.spec import LinkSpec
 
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 _SHORTEST_COM = 0.005  # m; centres of mass of a mm file that are all nearer were written in metres
@@ -95,7 +95,7 @@ def _check_scale(items: list[Node], numbers: Row[int], scope: Scope, start: int)
         return
     for number, item in zip(numbers, items, strict=True):
         com = next((value for key, value in getattr(item, "entries", ()) if getattr(key, "text", "") == "com"), None)
-        for entry in com.items if isinstance(com, Sequence) else ():
+        for entry in com.items if isinstance(com, SequenceNode) else ():
             if isinstance(entry, Scalar) and re.fullmatch(r"-?[\d.]*[1-9][\d.]*", entry.text):
                 message = f"com of link {number} is {entry.text} mm, and none of this file is longer than 5 mm"
                 hint = f"com is in the units of the file; write {with_unit(entry.text, 'm')}"

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import Mapping, Node, Scalar, Sequence
-from rrrgen.base.yamltext.sections import describe, read_entries
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.yamltext.document import MappingNode, Node, Scalar, SequenceNode, describe
+from rrrgen.base.yamltext.fields import read_entries
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.robot.file.fields import BASE
 from rrrgen.robot.file.quantities import Scope, read_value
-from rrrgen.robot.robot_spec import JointSpec, Limits, MechanismSpec
+from rrrgen.robot.spec import JointSpec, Limits, MechanismSpec
 
 Factors = dict[str, sp.Expr]
 
@@ -32,7 +32,7 @@ def read_mechanism(
     before; the sign of a row goes into the matrix of the mechanism.
     """
     rows = tuple(joint for joint in joints if joint is not None)
-    items = node.items if isinstance(node, Sequence) else []
+    items = node.items if isinstance(node, SequenceNode) else []
     keys = [_keys_of(item) for item in items]
     stated = tip is not None or any("follows" in each or "parent" in each for each in keys)
     if not stated or len(rows) != len(items):
@@ -56,9 +56,9 @@ def read_mechanism(
 
 def fixed_rows(node: Node, joints: Row[JointSpec | None]) -> list[bool]:
     """Whether each of ``joints``, the rows of the list ``node`` as read before, is fixed: it follows none."""
-    keys = [_keys_of(item) for item in node.items] if joints and isinstance(node, Sequence) else []
+    keys = [_keys_of(item) for item in node.items] if joints and isinstance(node, SequenceNode) else []
     followed = [each["follows"][1] if "follows" in each else None for each in keys]
-    return [isinstance(value, Mapping) and not value.entries for value in followed]
+    return [isinstance(value, MappingNode) and not value.entries for value in followed]
 
 
 def mechanism_of_rows(

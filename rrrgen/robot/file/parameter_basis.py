@@ -8,14 +8,13 @@ from typing import Literal, cast
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import Mapping, Node, Place, Scalar, Sequence
+from rrrgen.base.yamltext.document import MappingNode, Node, Place, Scalar, SequenceNode, describe
 from rrrgen.base.yamltext.expressions import ExpressionError, Name, parse_expression
-from rrrgen.base.yamltext.sections import describe, read_choice, read_entries, read_section
+from rrrgen.base.yamltext.fields import read_choice, read_entries, read_section
 from rrrgen.base.yamltext.units import NUMBER
 from rrrgen.robot.file.fields import BASIS, ROBOT_FILE
 from rrrgen.robot.file.quantities import Scope, report_expression
-from rrrgen.robot.names import name_fault
-from rrrgen.robot.robot_spec import BasisSpec, LinkSpec, parameter_symbol
+from rrrgen.robot.spec import BasisSpec, LinkSpec, name_fault, parameter_symbol
 
 Products = Literal["tensor", "positive"]
 _OFF_DIAGONAL = re.compile(r"I(xy|xz|yz)\d+")
@@ -32,7 +31,7 @@ def read_basis(node: Node, joints: int, links: Row[LinkSpec] | None, scope: Scop
     """Read a list of ``"expr"``, ``"name = expr"`` or ``{name: expr}``, or ``{products: ..., parameters: [...]}``."""
     products: Products | None = None
     items = node
-    if isinstance(node, Mapping):
+    if isinstance(node, MappingNode):
         values = read_section(node, "basis", "basis", scope.faults, ROBOT_FILE)
         if values is None or "parameters" not in values or "products" not in values:
             return None
@@ -40,9 +39,9 @@ def read_basis(node: Node, joints: int, links: Row[LinkSpec] | None, scope: Scop
         items = values["parameters"]
         if products is None:
             return None
-    if not isinstance(items, Sequence) or not items.items:
+    if not isinstance(items, SequenceNode) or not items.items:
         hint = 'write ["p1 = Izz1 + a1**2*m2", ...] or {products: positive, parameters: [...]}'
-        empty = "an empty list" if isinstance(items, Sequence) else describe(items)
+        empty = "an empty list" if isinstance(items, SequenceNode) else describe(items)
         scope.faults.error(items, f"basis is {empty}", hint)
         return None
     entries = [_read_entry(item, number, joints, scope) for number, item in enumerate(items.items, start=1)]
@@ -61,7 +60,7 @@ def read_basis(node: Node, joints: int, links: Row[LinkSpec] | None, scope: Scop
 
 def _read_entry(node: Node, number: int, joints: int, scope: Scope) -> tuple[str, sp.Expr, Place] | None:
     name, text, offset = f"p{number}", node, 0
-    if isinstance(node, Mapping):
+    if isinstance(node, MappingNode):
         pairs = read_entries(node, f"base parameter {number}", scope.faults)
         if pairs is None or len(pairs) != 1:
             scope.faults.error(node, f"base parameter {number} is not one entry", "write {p1: expression}")
@@ -71,7 +70,7 @@ def _read_entry(node: Node, number: int, joints: int, scope: Scope) -> tuple[str
         scope.faults.error(text, f"base parameter {number} is {describe(text)}, not an expression")
         return None
     expression = text.text
-    if not isinstance(node, Mapping) and "=" in expression:
+    if not isinstance(node, MappingNode) and "=" in expression:
         head, _, expression = expression.partition("=")
         name, offset = head.strip(), len(head) + 1
     if fault := name_fault(name, "base parameter"):

@@ -14,12 +14,12 @@ from itertools import pairwise
 
 import sympy as sp
 
-from rrrgen.base.yamltext.advice import added_number, comma_advice, number_cut_by_comma, with_unit
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar
+from rrrgen.base.yamltext.document import FaultList, Node, Scalar, describe
 from rrrgen.base.yamltext.expressions import ExpressionError, Name, Value, parse_expression
-from rrrgen.base.yamltext.sections import describe, read_list
+from rrrgen.base.yamltext.fields import read_list
+from rrrgen.base.yamltext.suggestions import added_number, comma_advice, number_cut_by_comma, with_unit
 from rrrgen.base.yamltext.units import QUANTITIES, Dimension, FileUnits, Quantity, Unit, quantity_name
-from rrrgen.robot.robot_spec import parameter_symbol
+from rrrgen.robot.spec import parameter_symbol
 
 LARGEST_BARE_LENGTH = 20.0  # m; beyond it a bare number in an m file is taken for mm
 LARGEST_BARE_ANGLE = {"an angle": 6.3, "a joint angle": 25.2}  # rad, one and four turns; beyond it degrees were meant

@@ -3,29 +3,181 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import cast
 
 import sympy as sp
 
 from rrrgen.base.errors import Fault, InputError
-from rrrgen.base.yamltext.document import MAX_BYTES, FaultList, Node, Scalar, decode, parse_document
-from rrrgen.base.yamltext.sections import describe, read_choice, read_choices, read_entries, read_section, read_text
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.yamltext.document import MAX_BYTES, FaultList, Node, Scalar, decode, describe, parse_document, shorten
+from rrrgen.base.yamltext.fields import read_choice, read_choices, read_entries, read_list, read_section, read_text
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.base.yamltext.units import FileUnits
 from rrrgen.robot.file.drives import read_drives
-from rrrgen.robot.file.fields import ROBOT, ROBOT_FILE, UNITS
+from rrrgen.robot.file.fields import FIT, HASH_DIGITS, MAX_FITS, ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robot.file.joints import read_joints
 from rrrgen.robot.file.links import read_links
 from rrrgen.robot.file.mechanism import fixed_rows, read_mechanism
 from rrrgen.robot.file.parameter_basis import read_basis
-from rrrgen.robot.file.provenance import read_provenance
-from rrrgen.robot.file.quantities import Scope, read_parameters, read_vector
-from rrrgen.robot.file.transforms import read_tools, read_transform
-from rrrgen.robot.names import name_fault
-from rrrgen.robot.robot_spec import Convention, FixedTransform, JointSpec, LinkSpec, RobotSpec
+from rrrgen.robot.file.quantities import Scope, read_parameters, read_value, read_vector
 from rrrgen.robot.robots import bundled_names, bundled_path
+from rrrgen.robot.spec import Convention, FitSpec, FixedTransform, JointSpec, LinkSpec, RobotSpec, name_fault
+
+# ------------------------------------------------------------------------------------------------------------------
+# The section ``provenance`` of a robot file: which recorded samples its parameters were fitted to.
+#
+# It is written by ``rrrgen identify`` and used by ``rrrgen validate`` only.
+# ------------------------------------------------------------------------------------------------------------------
+
+_KEYS = {key.name: key for key in FIT}
+
+
+def read_provenance(node: Node, faults: FaultList) -> tuple[FitSpec, ...]:
+    """Read the section ``provenance``: one entry per fit; faults are added to ``faults``."""
+    items = read_list(node, "provenance", None, faults) or []
+    if len(items) > MAX_FITS:
+        faults.error(node, f"provenance has {len(items)} fits", f"at most {MAX_FITS}")
+        return ()
+    found = [_read_fit(item, f"fit {number} of provenance", faults) for number, item in enumerate(items, start=1)]
+    return tuple(fit for fit in found if fit is not None)
+
+
+def _read_fit(node: Node, what: str, faults: FaultList) -> FitSpec | None:
+    values = read_section(node, "fit", what, faults, ROBOT_FILE)
+    if values is None or "fingerprint" not in values or "windows" not in values or "method" not in values:
+        return None  # whose fault has been recorded
+    method = read_choice(values["method"], _KEYS["method"], faults)
+    windows = _whole_number(values["windows"], f"windows of {what}", faults)
+    hashes = _read_hashes(values["fingerprint"], f"the fingerprint of {what}", faults)
+    texts = {
+        name: read_text(values[name], name, faults) for name in ("program", "recordings", "data") if name in values
+    }
+    if method is None or windows is None or hashes is None:
+        return None
+    if windows < len(hashes):
+        faults.error(values["windows"], f"windows of {what} is {windows}, fewer than its {len(hashes)} hashes")
+        return None
+    return FitSpec(hashes, windows, **texts)
+
+
+def _whole_number(node: Node, what: str, faults: FaultList) -> int | None:
+    if isinstance(node, Scalar) and re.fullmatch(r"\d{1,15}", node.text):
+        return int(node.text)
+    faults.error(node, f"{what} is {describe(node)}, not a whole number")
+    return None
+
+
+def _read_hashes(node: Node, what: str, faults: FaultList) -> tuple[int, ...] | None:
+    """Read a list of lines, each with one or more hexadecimal hashes; all hashes must be in rising order."""
+    lines = read_list(node, what, None, faults)
+    if lines is None:
+        return None
+    found: list[int] = []
+    for line in lines:
+        text = line.text if isinstance(line, Scalar) else ""
+        if not text or len(text) % HASH_DIGITS or not re.fullmatch(r"[0-9a-f]+", text):
+            shown = f"'{shorten(text, 20)}'" if text else describe(line)
+            faults.error(
+                line, f"{what} has the line {shown}", f"hashes of {HASH_DIGITS} hexadecimal digits, side by side"
+            )
+            return None
+        found += [int(text[i : i + HASH_DIGITS], 16) for i in range(0, len(text), HASH_DIGITS)]
+    if any(a >= b for a, b in pairwise(found)):
+        faults.error(node, f"the hashes of {what} are not in rising order", "the section is written by rrrgen identify")
+        return None
+    return tuple(found)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Reads the fixed transforms ``base`` and ``tool``.
+# ------------------------------------------------------------------------------------------------------------------
+
+ROTATION_TOLERANCE = 1e-9  # decimals of a rotation matrix must be orthonormal to this
+
+
+def read_transform(node: Node, what: str, scope: Scope) -> FixedTransform | None:
+    """Read ``{translation: [x, y, z]}`` with one of ``rpy: [r, p, y]`` and ``rotation: [[...], [...], [...]]``.
+
+    ``rpy`` are rotations about the fixed axes x, y, z in this order: ``R = Rz(y) Ry(p) Rx(r)``. A fault and None if the
+    rotation is not orthonormal or a reflection.
+    """
+    if isinstance(node, Scalar) and node.is_null:
+        return FixedTransform()
+    values = read_section(node, "transform", what, scope.faults, ROBOT_FILE)
+    if values is None:
+        return None
+    translation: list[sp.Expr] | None = list(FixedTransform().translation)
+    rotation: list[sp.Expr] | None = list(FixedTransform().rotation)
+    if "translation" in values:
+        translation = read_vector(values["translation"], f"translation of {what}", "length", scope, True)
+    if "rpy" in values and "rotation" in values:
+        scope.faults.error(values["rotation"], f"{what} has both rpy and rotation", "give one of them")
+    elif "rpy" in values:
+        angles = read_vector(values["rpy"], f"rpy of {what}", "angle", scope, True)
+        rotation = None if angles is None else list(_rpy(*angles))
+    elif "rotation" in values:
+        rotation = _read_rotation(values["rotation"], f"rotation of {what}", scope)
+    if translation is None or rotation is None:
+        return None
+    x, y, z = translation
+    return FixedTransform(tuple(rotation), (x, y, z))
+
+
+def read_tools(node: Node, scope: Scope) -> dict[str, FixedTransform]:
+    """Read ``{name: transform, ...}``, the tools of a robot; one with a fault is left out."""
+    tools = {}
+    for name, (key, value) in (read_entries(node, "tools", scope.faults) or {}).items():
+        if fault := name_fault(name, "tool"):
+            scope.faults.error(key, *fault)
+        elif (transform := read_transform(value, f"tool {name}", scope)) is not None:
+            tools[name] = transform
+    return tools
+
+
+def _rpy(roll: sp.Expr, pitch: sp.Expr, yaw: sp.Expr) -> sp.Matrix:
+    (cr, sr), (cp, s_p), (cy, sy) = ((sp.cos(angle), sp.sin(angle)) for angle in (roll, pitch, yaw))
+    x = sp.Matrix([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    y = sp.Matrix([[cp, 0, s_p], [0, 1, 0], [-s_p, 0, cp]])
+    z = sp.Matrix([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return z * y * x
+
+
+def _read_rotation(node: Node, what: str, scope: Scope) -> list[sp.Expr] | None:
+    rows = read_list(node, what, 3, scope.faults)
+    if rows is None:
+        return None
+    entries: list[sp.Expr | None] = []
+    for i, row in enumerate(rows):
+        items = read_list(row, f"row {i + 1} of {what}", 3, scope.faults)
+        if items is None:
+            return None
+        entries += [
+            read_value(item, f"entry {j} of row {i + 1} of {what}", "number", scope) for j, item in enumerate(items, 1)
+        ]
+    present = [entry for entry in entries if entry is not None]
+    if len(present) != 9:
+        return None
+    R = [[float(scope.substitute(present[3 * i + j])) for j in range(3)] for i in range(3)]
+    error = max(abs(sum(R[i][k] * R[j][k] for k in range(3)) - (i == j)) for i in range(3) for j in range(3))
+    if error > ROTATION_TOLERANCE:
+        hint = "write exact values such as sqrt(2)/2, or use rpy"
+        scope.faults.error(node, f"{what} is not orthonormal: R R^T misses the unit matrix by {error:.1e}", hint)
+        return None
+    determinant = sum(
+        R[0][i] * (R[1][(i + 1) % 3] * R[2][(i + 2) % 3] - R[1][(i + 2) % 3] * R[2][(i + 1) % 3]) for i in range(3)
+    )
+    if determinant < 0:
+        scope.faults.error(node, f"{what} is a reflection", "its determinant is -1 and must be +1")
+        return None
+    return present
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Reads a whole robot file into a RobotSpec
+# ------------------------------------------------------------------------------------------------------------------
 
 LARGEST_GRAVITY = 50  # m/s^2; twice that of Jupiter
 _ROBOT = {key.name: key for key in ROBOT}

@@ -7,11 +7,11 @@ from dataclasses import fields
 
 import sympy as sp
 
-from rrrgen.base.yamltext.keys import Key
+from rrrgen.base.yamltext.fields import Key
 from rrrgen.base.yamltext.units import ANGLE, LENGTH, NUMBER, QUANTITIES, UNITS, FileUnits, Quantity, Unit
 from rrrgen.robot.file.fields import BASE, DRIVE, FIT, FRICTION, HASH_DIGITS, LIMITS, LINEAR_FRICTION, MOTOR
 from rrrgen.robot.friction.laws import LAWS
-from rrrgen.robot.robot_spec import (
+from rrrgen.robot.spec import (
     BasisSpec,
     DriveSpec,
     DrivesSpec,

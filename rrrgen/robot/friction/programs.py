@@ -14,7 +14,7 @@ from rrrgen.base.errors import InputError
 from rrrgen.program import Builder, Domain, Port, Program, Role, Value
 from rrrgen.program.builder import Number
 from rrrgen.program.guard import guarded
-from rrrgen.robot.friction.law import FrictionLaw
+from rrrgen.robot.friction.laws import FrictionLaw
 
 Surfaces = Mapping[str, Sequence[Number]]
 """The joints and motor shafts at which friction acts, by name, each with its direction ``w`` (joints,) in joint space:

@@ -18,10 +18,9 @@ from rrrgen.robot import importers as importers_room
 from rrrgen.robot.file.reader import read_spec
 from rrrgen.robot.file.writer import dumps
 from rrrgen.robot.importers.interface import ChainChoice, ImportedChain, Importer, Source
-from rrrgen.robot.names import MAX_NAME, name_fault
-from rrrgen.robot.robot_spec import RobotSpec
+from rrrgen.robot.spec import MAX_NAME, RobotSpec, name_fault
 
-FORMATS = ("mjcf", "symoro", "ur_calibration", "urdf")
+FORMATS = ("mjcf", "open_symoro", "ur_calibration", "urdf")
 """Modules of this folder that hold an ``IMPORTER``."""
 
 

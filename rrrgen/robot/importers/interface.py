@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import sympy as sp
 
 from rrrgen.base.yamltext.document import FaultList
-from rrrgen.robot.robot_spec import Convention, RobotSpec
+from rrrgen.robot.spec import Convention, RobotSpec
 
 DEFAULT_ANGLE_TOLERANCE = 1e-5
 """Largest difference (rad) between an angle and a multiple of 15 degrees that it is taken for: 1.5708 and 3.1416 stand

@@ -10,22 +10,336 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from rrrgen.base.yamltext.document import FaultList
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.robot.importers.interface import Found, Importer, Source
-from rrrgen.robot.importers.mjcf_actuators import Actuators, friction_of
-from rrrgen.robot.importers.mjcf_bodies import body_inertia
-from rrrgen.robot.importers.mjcf_settings import Settings, pose
-from rrrgen.robot.importers.trees.exact_numbers import Array, identity, number, transform, vector
+from rrrgen.robot.importers.trees.bodies import (
+    SIZES,
+    Body,
+    Inertia,
+    Mimic,
+    Shaft,
+    Tree,
+    TreeJoint,
+    inertia,
+    vector_rows,
+    volume,
+)
+from rrrgen.robot.importers.trees.denavit_hartenberg import robot_of_tree
+from rrrgen.robot.importers.trees.exact_numbers import (
+    EQUAL,
+    HIGH,
+    Array,
+    cross,
+    identity,
+    norm,
+    number,
+    rotation,
+    transform,
+    vector,
+    without_noise,
+)
 from rrrgen.robot.importers.trees.serial_chain import MAX_NAMED, motion
-from rrrgen.robot.importers.trees.tree import Body, Mimic, Tree, TreeJoint
-from rrrgen.robot.importers.trees.tree_import import robot_of_tree
-from rrrgen.robot.importers.trees.xml_tree import Element, parse_xml
-from rrrgen.robot.importers.trees.xml_values import Values, refuse_repeated, refuse_unknown
-from rrrgen.robot.robot_spec import DriveSpec, Limits
+from rrrgen.robot.importers.trees.xml import Element, Values, parse_xml, refuse_repeated, refuse_unknown
+from rrrgen.robot.spec import DriveSpec, FrictionSpec, Limits
+
+# ------------------------------------------------------------------------------------------------------------------
+# Settings of an MJCF that apply to many elements: units, Euler sequence, gravity, classes of defaults; poses.
+# ------------------------------------------------------------------------------------------------------------------
+
+ROTATIONS = ("quat", "euler", "axisangle", "xyaxes", "zaxis")
+DEGREE = HIGH.pi / 180
+
+
+class Settings:
+    """Settings of a MuJoCo model (MJCF), read from its elements ``compiler``, ``option`` and ``default``."""
+
+    def __init__(self, root: Element, values: Values) -> None:
+        compilers = root.all("compiler")
+        stated = {key: value for compiler in compilers for key, value in compiler.attributes.items()}
+        self.angle: Any = number(1) if stated.get("angle") == "radian" else DEGREE
+        self.sequence = stated.get("eulerseq", "xyz")
+        self.auto_limits = stated.get("autolimits", "true") == "true"
+        self.from_geoms = stated.get("inertiafromgeom", "auto")
+        self.gravity = vector((0, 0, "-9.81"))
+        for compiler in compilers:
+            self._check(compiler, values)
+        for option in root.all("option"):
+            if "gravity" in option.attributes:
+                self.gravity = vector(values.three(option, "gravity"))
+        self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
+        for default in root.all("default"):
+            self._read_class(default, None)
+        for element in (each for part in root.children if part.tag != "default" for each in part.walk()):
+            for key in ("class", "childclass"):
+                name = element.attributes.get(key, "main")
+                if name not in self.defaults:
+                    hint = did_you_mean(name, self.defaults) or "classes stand in <default class=...>"
+                    values.faults.error(element.place_of(key), f"there is no default class '{name}'", hint)
+
+    def _check(self, compiler: Element, values: Values) -> None:
+        if sorted(self.sequence.lower()) != ["x", "y", "z"] and not set(self.sequence) <= set("xyzXYZ"):
+            values.faults.error(compiler.place_of("eulerseq"), f"eulerseq is '{self.sequence}'", "such as xyz or ZYX")
+        for name in ("coordinate", "settotalmass", "balanceinertia", "boundmass", "boundinertia"):
+            value = compiler.attributes.get(name, "")
+            if value not in ("", "local", "false", "0", "-1"):
+                hint = "MuJoCo would change the bodies; write a file in which it is not set"
+                values.faults.error(compiler.place_of(name), f"{name} is '{value}'", hint)
+
+    def _read_class(self, element: Element, parent: str | None) -> None:
+        """Record the default attributes of a class, by tag of the element, including those of the class around it."""
+        name = element.attributes.get("class", "main")
+        known = {tag: dict(entries) for tag, entries in self.defaults.get(parent or "main", {}).items()}
+        for child in element.children:
+            if child.tag != "default":
+                known.setdefault(child.tag, {}).update(child.attributes)
+        self.defaults[name] = known
+        for child in element.all("default"):
+            self._read_class(child, name)
+
+    def with_defaults(self, element: Element, inherited: str) -> Element:
+        """Complete ``element`` by the defaults of its class, or of the class ``inherited`` from bodies around it."""
+        chosen = self.defaults.get(element.attributes.get("class", inherited), {}).get(element.tag, {})
+        return Element(
+            element.tag, {**chosen, **element.attributes}, element.place, element.children, places=element.places
+        )
+
+
+def pose(element: Element, settings: Settings, values: Values) -> Array:
+    """The pose (4, 4) that an element states in the one around it."""
+    return transform(_rotation(element, settings, values), [without_noise(x) for x in values.three(element, "pos")])
+
+
+def _rotation(element: Element, settings: Settings, values: Values) -> Array:
+    given = [name for name in ROTATIONS if name in element.attributes]
+    if len(given) > 1:
+        values.faults.error(element.place_of(given[1]), f"{given[0]} and {given[1]} are both given", "one rotation")
+    if not given:
+        return identity(3)
+    name = given[0]
+    numbers = values.numbers(element, name, {"quat": 4, "axisangle": 4, "xyaxes": 6}.get(name, 3))
+    if numbers is None:
+        return identity(3)
+    if name == "euler":
+        return _euler([values.angle(angle * settings.angle) for angle in numbers], settings.sequence)
+    if name == "quat":
+        return _of_quaternion(element, numbers, values)
+    if name == "axisangle":
+        return rotation(values.direction(element, name, numbers[:3]), values.angle(numbers[3] * settings.angle))
+    if name == "zaxis":
+        return to_axis(values.direction(element, name, numbers))
+    x = values.direction(element, name, numbers[:3])
+    y = vector(numbers[3:])
+    y = values.direction(element, name, list(y - sum(x * y) * x))
+    return np.asarray(np.array([x, y, cross(x, y)], dtype=object).T)
+
+
+def _euler(angles: list[Any], sequence: str) -> Array:
+    """The rotation (3, 3) of three Euler ``angles`` (rad) about the axes named in ``sequence``.
+
+    Lower-case letters are axes of the moving frame, upper-case ones fixed axes.
+    """
+    R = identity(3)
+    for letter, angle in zip(sequence, angles, strict=False):
+        turn = rotation([int(letter.lower() == axis) for axis in "xyz"], angle)
+        R = R @ turn if letter.islower() else turn @ R
+    return R
+
+
+def _of_quaternion(element: Element, numbers: list[Any], values: Values) -> Array:
+    """The rotation (3, 3) of a quaternion (w, x, y, z), which is normalized first.
+
+    Angle and axis are exact where they are close to a multiple of 15 degrees and to a principal axis.
+    """
+    v = vector(numbers[1:])
+    length = norm(v)
+    if length <= EQUAL:
+        return identity(3)
+    angle = values.angle(2 * HIGH.atan2(length, numbers[0]))
+    return rotation(values.direction(element, "quat", list(v)), angle)
+
+
+def to_axis(z: Array) -> Array:
+    """The smallest rotation (3, 3) that turns the z axis to the unit vector ``z``."""
+    axis = cross(vector((0, 0, 1)), z)
+    sine = norm(axis)
+    if sine <= EQUAL:
+        return identity(3) if z[2] > 0 else rotation((1, 0, 0), HIGH.pi)
+    return rotation(axis / sine, HIGH.atan2(sine, z[2]))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Actuators and fixed tendons of an MJCF: torque limits of joints, and motors that move several joints.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def friction_of(element: Element, values: Values) -> FrictionSpec | None:
+    """Viscous and Coulomb friction of a joint or a tendon; None where it states none, or zero."""
+    damping = values.numbers(element, "damping", None, "0") or [0]
+    if any(x != 0 for x in damping[1:]):
+        values.faults.warning(element.place, "damping of higher order is left out", "friction is viscous and Coulomb")
+    if damping[0] < 0:
+        values.faults.error(
+            element.place_of("damping"), f"damping of <{element.tag}> is {float(damping[0]):g}", "0 or more"
+        )
+    viscous, coulomb = float(damping[0]), values.not_negative(element, "frictionloss")
+    return FrictionSpec(viscous=viscous or None, coulomb=coulomb or None) if viscous or coulomb else None
+
+
+class Actuators:
+    """Torque limits by the joint or the tendon that an actuator drives, and the fixed tendons as ``shafts``."""
+
+    def __init__(self, root: Element, settings: Settings, values: Values, joints: Collection[str]) -> None:
+        self.settings, self.values = settings, values
+        self.limits: dict[str, float] = {}
+        for part in root.all("actuator"):
+            for element in part.children:
+                self._read_actuator(settings.with_defaults(element, "main"))
+        tendons = [element for part in root.all("tendon") for element in part.children]
+        self.shafts = tuple(found for element in tendons if (found := self._shaft(element, joints)) is not None)
+
+    def with_limit(self, joint: TreeJoint) -> TreeJoint:
+        """Give ``joint`` the torque limit of its actuator, unless it has a limit of its own."""
+        limit = self.limits.get(f"joint {joint.name}")
+        if limit is None or joint.limits.torque is not None:
+            return joint
+        return replace(joint, limits=replace(joint.limits, torque=limit))
+
+    def _read_actuator(self, element: Element) -> None:
+        """Record the torque limit: the largest torque that the actuator reaches in both directions.
+
+        It is ``gear`` times the smaller end of ``forcerange``, or of ``ctrlrange`` for a motor, whichever is less.
+        """
+        kind = next((key for key in ("joint", "tendon") if key in element.attributes), None)
+        gears = self.values.numbers(element, "gear", None, "1")
+        if kind is None or not gears:
+            hint = "torque limits are those of joints and coupled drives"
+            self.values.faults.warning(element.place, f"the actuator <{element.tag}> is left out", hint)
+            return
+        found = []
+        for name in ("forcerange", *(("ctrlrange",) if element.tag == "motor" else ())):
+            span = self.values.numbers(element, name, 2) if name in element.attributes else None
+            if span and span[0] < 0 < span[1]:
+                found.append(float(min(-span[0], span[1]) * abs(gears[0])))
+        if found and min(found) > 0:
+            self.limits[f"{kind} {element.attributes[kind]}"] = min(found)
+
+    def _shaft(self, element: Element, joints: Collection[str]) -> Shaft | None:
+        name = element.attributes.get("name", "")
+        if element.tag != "fixed":
+            self.values.faults.warning(element.place, f"the tendon '{name}' is left out", "only fixed tendons are read")
+            return None
+        weights = {}
+        for each in element.all("joint"):
+            joint = each.attributes.get("joint", "")
+            if joint not in joints:
+                self.values.faults.error(each.place_of("joint"), f"there is no joint '{joint}'")
+            weights[joint] = self.values.one(each, "coef")
+        if any(x != 0 for x in self.values.numbers(element, "stiffness", None, "0") or ()):
+            self.values.faults.warning(element.place, f"the spring of tendon '{name}' is left out", "there are none")
+        inertia = self.values.not_negative(element, "armature") or None
+        limit = self.limits.get(f"tendon {name}")
+        return Shaft(name, weights, inertia, friction_of(element, self.values), limit, element.place)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Inertia of a body of an MJCF: the one stated in its element ``inertial``, or that of its shapes (geoms).
+# ------------------------------------------------------------------------------------------------------------------
+
+WATER = "1000"  # kg/m^3, the density of a geom that states neither density nor mass
+MASSLESS = ("plane", "hfield")
+
+
+def body_inertia(element: Element, inherited: str, settings: Settings, values: Values) -> Inertia | None:
+    """The inertia of a body in its frame; None where it has none, or only meshes."""
+    stated = element.child("inertial")
+    if stated is not None and settings.from_geoms != "true":
+        return _stated(stated, settings, values)
+    if settings.from_geoms == "false":
+        return None
+    total: Inertia | None = None
+    for geom, frame, place_class in _geoms(element, inherited, identity(), settings, values):
+        found = _geom(settings.with_defaults(geom, place_class), frame, settings, values)
+        if found is not None:
+            total = found if total is None else total + found
+    return total
+
+
+def _geoms(
+    element: Element, inherited: str, frame: Array, settings: Settings, values: Values
+) -> list[tuple[Element, Array, str]]:
+    """All geoms of a body, nested frames included: (geom, pose (4, 4) of its frame in the body, default class)."""
+    found = [(child, frame, inherited) for child in element.all("geom")]
+    for child in element.all("frame"):
+        inner = frame @ pose(child, settings, values)
+        found += _geoms(child, child.attributes.get("childclass", inherited), inner, settings, values)
+    return found
+
+
+def _stated(element: Element, settings: Settings, values: Values) -> Inertia:
+    mass = values.one(element, "mass")
+    if mass < 0:
+        values.faults.error(element.place_of("mass"), "the mass is negative")
+    if "fullinertia" in element.attributes:
+        xx, yy, zz, xy, xz, yz = values.numbers(element, "fullinertia", 6) or [number(0)] * 6
+        tensor = vector_rows([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    else:
+        xx, yy, zz = values.three(element, "diaginertia", "0 0 0")
+        tensor = vector_rows([[xx, 0, 0], [0, yy, 0], [0, 0, zz]])
+    return Inertia(mass, vector((0, 0, 0)), tensor).moved(pose(element, settings, values))
+
+
+def _geom(element: Element, frame: Array, settings: Settings, values: Values) -> Inertia | None:
+    shape = element.attributes.get("type", "mesh" if "mesh" in element.attributes else "sphere")
+    if shape in MASSLESS or ("mass" in element.attributes and values.one(element, "mass") == 0):
+        return None
+    if shape not in SIZES or "mesh" in element.attributes:
+        hint = "state <inertial> for its body: MuJoCo saves a file with it (mj_saveLastXML, saveinertial)"
+        values.faults.warning(element.place, "the inertia of a mesh is left out: its file is not read", hint)
+        return None
+    if element.attributes.get("shellinertia", "false") == "true":
+        values.faults.error(element.place_of("shellinertia"), "the inertia of a shell is not read", "state <inertial>")
+        return None
+    place, size = _place_and_size(element, shape, settings, values)
+    if size is None:
+        return None
+    mass: Any = (
+        values.one(element, "mass")
+        if "mass" in element.attributes
+        else values.one(element, "density", WATER) * volume(shape, size)
+    )
+    return inertia(shape, size, mass).moved(frame @ place)
+
+
+def _place_and_size(element: Element, shape: str, settings: Settings, values: Values) -> tuple[Array, list[Any] | None]:
+    """Pose and half sizes of a shape, which may be stated by its ends, ``fromto``."""
+    given = values.numbers(element, "size", None) or []
+    if "fromto" not in element.attributes:
+        if len(given) < SIZES[shape]:
+            message = f"size of a {shape} has {len(given)} numbers"
+            values.faults.error(element.place_of("size"), message, f"{SIZES[shape]}, in m")
+            return identity(), None
+        return pose(element, settings, values), given[: SIZES[shape]]
+    ends = values.numbers(element, "fromto", 6)
+    if ends is None or not given:
+        return identity(), None
+    start, end = vector(ends[:3]), vector(ends[3:])
+    half = norm(end - start) / 2
+    R = to_axis(values.direction(element, "fromto", list(start - end)))
+    radius = given[0]
+    size = [radius, half] if SIZES[shape] == 2 else [radius, radius, half]
+    return transform(R, list((start + end) / 2)), size
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# MJCF, the XML of MuJoCo
+# ------------------------------------------------------------------------------------------------------------------
 
 KINDS = {"hinge": "revolute", "slide": "prismatic", "ball": "ball", "free": "free"}
 REFUSED = {

@@ -26,8 +26,7 @@ from rrrgen.robot.importers.trees.exact_numbers import (
     number,
     roll_pitch_yaw,
 )
-from rrrgen.robot.names import identifier
-from rrrgen.robot.robot_spec import (
+from rrrgen.robot.spec import (
     DriveSpec,
     FixedTransform,
     FrictionSpec,
@@ -35,6 +34,7 @@ from rrrgen.robot.robot_spec import (
     Limits,
     LinkSpec,
     RobotSpec,
+    identifier,
 )
 
 _NEEDED = ("links", "mdh", "base", "tool", "gravity", "name")

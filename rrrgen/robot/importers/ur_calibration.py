@@ -13,12 +13,12 @@ import re
 import numpy as np
 import sympy as sp
 
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar, parse_document
+from rrrgen.base.yamltext.document import FaultList, Node, Scalar, describe, parse_document
 from rrrgen.base.yamltext.expressions import ExpressionError, parse_expression
-from rrrgen.base.yamltext.sections import describe, read_entries, read_list
+from rrrgen.base.yamltext.fields import read_entries, read_list
 from rrrgen.robot.file.quantities import held_fault, held_number
 from rrrgen.robot.importers.interface import Found, Importer, Source
-from rrrgen.robot.robot_spec import JointSpec, RobotSpec
+from rrrgen.robot.spec import JointSpec, RobotSpec
 
 ANGLES = ("dh_theta", "dh_alpha")
 TURN = 6.2832  # rad; a turn, rounded up

@@ -12,8 +12,10 @@ from collections import Counter
 from typing import Any
 
 from rrrgen.base.yamltext.document import FaultList
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.robot.importers.interface import Found, Importer, Source
+from rrrgen.robot.importers.trees.bodies import Body, Inertia, Mimic, Tree, TreeJoint
+from rrrgen.robot.importers.trees.denavit_hartenberg import robot_of_tree
 from rrrgen.robot.importers.trees.exact_numbers import (
     Array,
     identity,
@@ -22,11 +24,8 @@ from rrrgen.robot.importers.trees.exact_numbers import (
     vector,
     without_noise,
 )
-from rrrgen.robot.importers.trees.tree import Body, Inertia, Mimic, Tree, TreeJoint
-from rrrgen.robot.importers.trees.tree_import import robot_of_tree
-from rrrgen.robot.importers.trees.xml_tree import Element, parse_xml
-from rrrgen.robot.importers.trees.xml_values import Values, refuse_repeated, refuse_unknown
-from rrrgen.robot.robot_spec import DriveSpec, FrictionSpec, Limits
+from rrrgen.robot.importers.trees.xml import Element, Values, parse_xml, refuse_repeated, refuse_unknown
+from rrrgen.robot.spec import DriveSpec, FrictionSpec, Limits
 
 KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
 UNSUPPORTED = ("floating", "planar", "spherical")

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 import sympy as sp
 
-from rrrgen.robot.robot_spec import LinkSpec
+from rrrgen.robot.spec import LinkSpec
 
 STANDARD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 """Names of the standard parameters of one link, in their order."""

@@ -8,8 +8,8 @@ from typing import Any
 
 import sympy as sp
 
-from rrrgen.robot.model.drive_text import weighted_sum
-from rrrgen.robot.robot_spec import Limits, RobotSpec
+from rrrgen.robot.model.drives import weighted_sum
+from rrrgen.robot.spec import Limits, RobotSpec
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.derive.functions.friction import surfaces_of
 from rrrgen.program import Role, nominal_name
-from rrrgen.robot.model.drive_terms import stated_at_joints
+from rrrgen.robot.model.drives import stated_at_joints
 from rrrgen.runtime.arguments import checked, joined, nominal_values, read_only
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
     from rrrgen.runtime.engines import Engine
     from rrrgen.runtime.model import Model
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrrgen.robot.model.drive_terms import DriveTerm, drive_terms
+from rrrgen.robot.model.drives import DriveTerm, drive_terms
 from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.table_functions import TableFunctions
 from rrrgen.runtime.regressor_columns import drive_columns

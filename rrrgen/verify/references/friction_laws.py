@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rrrgen.robot.robot_spec import FrictionSpec, LawSpec
+from rrrgen.robot.spec import FrictionSpec, LawSpec
 from rrrgen.verify.references.numeric_robot import Array
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from rrrgen.robot.importers.importing import Imported
 from rrrgen.robot.importers.interface import ImportedChain
+from rrrgen.verify.references.libraries import ReferenceUnavailableError
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, chain_of, nominal_parameters
-from rrrgen.verify.references.reference import ReferenceUnavailableError
 
 STATES = 20
 SEED = 1

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from rrrgen.robot.robot_spec import FixedTransform, RobotSpec
+from rrrgen.robot.spec import FixedTransform, RobotSpec
 
 Array = npt.NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import hypot
 
 from rrrgen.base.errors import InternalError
+from rrrgen.emit.c.ik.common_code import Scaffold
 from rrrgen.emit.c.ik.loop_nest import ARC, Arc
-from rrrgen.emit.c.ik.scaffold import Scaffold
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid_transforms import S, Vector, dot, minus, square, total
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn

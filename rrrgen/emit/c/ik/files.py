@@ -11,25 +11,22 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.base.templates import render
 from rrrgen.base.version import VERSION
 from rrrgen.emit import Real
-from rrrgen.emit.c.dialect import Dialect
 from rrrgen.emit.c.ik.branches import CBuilder
-from rrrgen.emit.c.ik.call_stack import stack_bounds
-from rrrgen.emit.c.ik.counting import (
+from rrrgen.emit.c.ik.common_code import newton_text
+from rrrgen.emit.c.ik.costs import (
     ELIMINATED,
     ELIMINATION,
     SolverOperations,
     coupling_operations,
+    stack_bounds,
     sum_of,
 )
 from rrrgen.emit.c.ik.header_comments import branch_text, explanation, opening
-from rrrgen.emit.c.ik.kernels import KernelDialect, Settings, kernel, specialize
+from rrrgen.emit.c.ik.kernels import KernelDialect, Settings, kernel, reopening, settings, specialize, target_size
 from rrrgen.emit.c.ik.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
-from rrrgen.emit.c.ik.newton import newton_text
 from rrrgen.emit.c.ik.passes import PASSES, Pass
-from rrrgen.emit.c.ik.settings import reopening, settings, target_size
 from rrrgen.emit.c.ik.statements import CBody
-from rrrgen.emit.c.printer import CTarget
-from rrrgen.emit.c.trigonometry import LibmSinCos
+from rrrgen.emit.c.language import CTarget, Dialect, LibmSinCos
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.plan import NominalFirst, SolverPlan
 from rrrgen.ik.recording.newton_step import newton_program
@@ -38,7 +35,7 @@ from rrrgen.ik.tolerances import nominal_margins, runtime
 from rrrgen.program import count_operations
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 from rrrgen.base.version import VERSION
 from rrrgen.emit import Real
-from rrrgen.emit.c.ik.call_stack import STACK_RULE
-from rrrgen.emit.c.ik.counting import ELIMINATED, SolverOperations
-from rrrgen.emit.c.ik.settings import target_size
+from rrrgen.emit.c.ik.costs import ELIMINATED, STACK_RULE, SolverOperations
+from rrrgen.emit.c.ik.kernels import target_size
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.result_layout import most_rows
 from rrrgen.robot.model.mechanism import mechanism_equations
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 TARGETS = {

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from rrrgen.emit.c.dialect import Dialect
-from rrrgen.emit.c.ik.kernels import Settings, kernel
-from rrrgen.emit.c.ik.settings import literals, quoted, table
-from rrrgen.ik.derive import ARM_ANGLE
-from rrrgen.ik.geometry.coupling import Coupling
-from rrrgen.ik.plan import SolverPlan
+from rrrgen.emit.c.ik.kernels import Settings, kernel, literals, quoted, table
+from rrrgen.emit.c.language import Dialect
+from rrrgen.ik.geometry.mechanism import Coupling
+from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
 from rrrgen.ik.result_layout import may_lack, most_rows, reasons_of
 
 KERNELS = ("coupling", "order", "refine", "finish", "coupled", "descend", "solve", "batch", "closest", "texts")

@@ -18,7 +18,7 @@ from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrappe
 from rrrgen.ik.tolerances import MEETS, SAME_GOLDEN, SHARP
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 TARGETS, TRIED = 3, 40
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import prod
 
-from rrrgen.emit.c.ik.counting import CALLS, SolverOperations, block_operations, sum_of
+from rrrgen.emit.c.ik.costs import CALLS, SolverOperations, block_operations, sum_of
 from rrrgen.emit.c.ik.loop_nest import ARC, STOP, Leaf, LoopNest, Statement, Value, collect, opening
 from rrrgen.emit.interface import Target
-from rrrgen.emit.names import Names
-from rrrgen.emit.printing import Statements
+from rrrgen.emit.printing import Names, Statements
 from rrrgen.ik.recording.scalar import Scalar
 from rrrgen.program import Node, Op, Port, Program
 

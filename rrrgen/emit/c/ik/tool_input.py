@@ -18,7 +18,7 @@ from rrrgen.emit.interface import Check
 from rrrgen.ik.run_time_tool import plan_with_tool
 
 if TYPE_CHECKING:
-    from rrrgen.robot.robot_spec import RobotSpec
+    from rrrgen.robot.spec import RobotSpec
 
 
 def emit_tool_solver(spec: RobotSpec, real: Real = "double") -> Emitted:

@@ -13,7 +13,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError, RrrgenError
-from rrrgen.base.yamltext.suggest import did_you_mean
+from rrrgen.base.yamltext.suggestions import did_you_mean
 
 ROWS_PER_BYTE = 1000
 """Upper bound on rows per byte of any compressed file: deflate and zstd need a byte for some hundred equal rows."""

@@ -2,7 +2,7 @@
 
 HDF5, MATLAB and Parquet files and ROS recordings are parsed by native code. A damaged file can crash it by a signal,
 make it loop forever, or make it request any amount of memory. The parent process
-(:mod:`rrrgen.lab.data.tables.guarded_table`) writes one request a line to standard input,
+(:mod:`rrrgen.lab.data.tables.formats`) writes one request a line to standard input,
 ``{"source": ..., "columns": true}`` or ``{"source": ..., "wanted": [...], "size": n}``, and reads answers: one line of
 JSON each, which for a block of rows precedes its numbers as raw doubles. Nothing in an answer can be executed.
 """
@@ -84,7 +84,7 @@ class _Opened:
 
     def table(self, source: FileSource) -> Table:
         """The table of ``source``, opened anew if the file has changed."""
-        from rrrgen.lab.data.tables.table_formats import open_here
+        from rrrgen.lab.data.tables.formats import open_here
 
         key = (source, _stamp(source.path))
         if self._table is None or key != self._key:

@@ -18,7 +18,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.lab.data.kalman import KalmanMatrices, kalman_matrices
-from rrrgen.lab.data.processing import Processing
+from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log, read_log
 from rrrgen.lab.data.run_folder import RunFolder
 from rrrgen.lab.design.design import ExcitationDesign, design_excitation
@@ -26,18 +26,17 @@ from rrrgen.lab.design.robot import limits_of, robot_problem
 from rrrgen.lab.design.starts import Progress
 from rrrgen.lab.experiment.case_study.flexible_dynamics import FlexibleDynamics, FlexibleSettings, flexible_dynamics
 from rrrgen.lab.experiment.case_study.joint_friction import JointFriction, JointFrictionSettings, joint_friction
-from rrrgen.lab.experiment.writing import (
+from rrrgen.lab.experiment.writing_task import (
     InverseKinematics,
     JointPath,
     newton_inverse_kinematics,
     solver_inverse_kinematics,
     writing_task,
 )
-from rrrgen.lab.identify.estimated_terms import DriveTerms
-from rrrgen.lab.identify.fingerprint import common_share, fingerprint
-from rrrgen.lab.identify.full_regressor import FullRegressor
-from rrrgen.lab.identify.identification import Identification, identify
-from rrrgen.lab.identify.options import Options
+from rrrgen.lab.identify.identification import Identification, Options, identify
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
+from rrrgen.lab.identify.scores import common_share, fingerprint
 from rrrgen.lab.identify.validation import Thresholds, Validation, column_model, validate_recordings
 from rrrgen.robot.friction.models import FrictionModel, coulomb_viscous
 
@@ -294,7 +293,7 @@ class _Work:
         from rrrgen.lab.plant.experiment import Instruments, VirtualRobot
         from rrrgen.lab.plant.friction import Friction
         from rrrgen.lab.plant.plant import make_plant
-        from rrrgen.lab.plant.recording import write_recording
+        from rrrgen.lab.plant.recording_files import write_recording
 
         settings, results = self.settings, self.run.path / "results"
         mapping = results / f"{name}_log.yaml"

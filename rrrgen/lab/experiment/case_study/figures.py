@@ -11,10 +11,10 @@ from rrrgen.lab.data.figure_style import new_figure, style_axes
 from rrrgen.lab.data.run_folder import RunFolder
 from rrrgen.lab.design.plots import design_figures
 from rrrgen.lab.experiment.case_study.online import online_estimates, plot_online_estimates
-from rrrgen.lab.experiment.writing import JointPath
-from rrrgen.lab.identify.convergence import convergence
-from rrrgen.lab.identify.estimation_plots import plot_bode
-from rrrgen.lab.identify.estimation_plots import plot_convergence as plot_settling
+from rrrgen.lab.experiment.writing_task import JointPath
+from rrrgen.lab.identify.cross_validation import convergence
+from rrrgen.lab.identify.figures import plot_bode
+from rrrgen.lab.identify.figures import plot_convergence as plot_settling
 from rrrgen.lab.identify.validation import plot_torques
 
 if TYPE_CHECKING:

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.lab.experiment.elastic_comparison import beside, expected_modes
 from rrrgen.lab.experiment.experiment_file import Experiment
-from rrrgen.lab.experiment.response_experiment import response_design, response_plan, simulate_response
-from rrrgen.lab.plant.response_recording import write_responses
-from rrrgen.lab.response.estimate import estimate_responses
+from rrrgen.lab.experiment.response import beside, expected_modes, response_design, response_plan, simulate_response
+from rrrgen.lab.plant.recording_files import write_responses
+from rrrgen.lab.response.estimation import estimate_responses
 from rrrgen.lab.response.figures import plot_models
 from rrrgen.lab.response.fitting import FittedModels, fit_responses
 from rrrgen.lab.response.response_file import load_response

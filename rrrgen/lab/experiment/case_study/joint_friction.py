@@ -74,7 +74,7 @@ class JointFriction:
 
     def figure(self) -> Figure:
         """Plot torque and speed over time with the model, and friction over speed with the samples (Fig. 14.9)."""
-        from rrrgen.lab.friction.plots import plot_experiment
+        from rrrgen.lab.friction.report import plot_experiment
 
         return plot_experiment(self.found)
 
@@ -97,7 +97,7 @@ def joint_friction(
     from rrrgen.lab.plant.experiment import Instruments, VirtualRobot
     from rrrgen.lab.plant.friction import Friction
     from rrrgen.lab.plant.plant import make_plant
-    from rrrgen.lab.plant.recording import write_recording
+    from rrrgen.lab.plant.recording_files import write_recording
 
     spec, i = model.spec, settings.joint - 1
     motion = design_friction_motion(spec, spec.joints[i].name, settings.duration, seed)

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.emit.controller.gain import chosen_gain, gain_bound
-from rrrgen.emit.controller.programs import regression
-from rrrgen.emit.controller.sources import EstimatorSettings, Kind
+from rrrgen.emit.controller.online_estimators import EstimatorSettings, Kind, chosen_gain, gain_bound, regression
 from rrrgen.lab.data.figure_style import new_figure, style_axes
 from rrrgen.lab.data.kalman import kalman_step
-from rrrgen.runtime.estimator import online_estimator
+from rrrgen.runtime.online_estimators import online_estimator
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

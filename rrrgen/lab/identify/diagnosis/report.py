@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording, merged
-from rrrgen.lab.identify.diagnosis.dissipation import dissipation
-from rrrgen.lab.identify.diagnosis.limits import limits
-from rrrgen.lab.identify.diagnosis.magnitude import magnitude
-from rrrgen.lab.identify.diagnosis.missing_terms import missing_terms
-from rrrgen.lab.identify.diagnosis.motion import Motion, clock, clock_factor
-from rrrgen.lab.identify.diagnosis.recorded_speed import recorded_speed
-from rrrgen.lab.identify.diagnosis.sample import Sample, sample_of
-from rrrgen.lab.identify.diagnosis.trial import AllTerms, linear_stand_ins
-from rrrgen.lab.identify.diagnosis.unexplained import unexplained
-from rrrgen.lab.identify.diagnosis.wiring import Corrected, corrected
-from rrrgen.lab.identify.full_regressor import RigidModel
+from rrrgen.lab.identify.diagnosis.rules import (
+    Motion,
+    clock,
+    clock_factor,
+    dissipation,
+    limits,
+    missing_terms,
+    recorded_speed,
+    unexplained,
+)
+from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, Sample, linear_stand_ins, sample_of
+from rrrgen.lab.identify.diagnosis.units_and_wiring import Corrected, corrected, magnitude
 from rrrgen.lab.identify.observations import Recording
+from rrrgen.lab.identify.regressor import RigidModel
 
 if TYPE_CHECKING:
     from rrrgen.lab.identify.identification import Identification

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from rrrgen.emit.c.ik.loop_nest import LoopNest
-from rrrgen.emit.c.ik.passes.arcs import TakeArcsTogether
-from rrrgen.emit.c.ik.passes.hoisting import Hoist
-from rrrgen.emit.c.ik.passes.unused import DropUnused
+from rrrgen.emit.c.ik.loop_nest import DropUnused, Hoist, LoopNest, TakeArcsTogether
 
 
 class Pass(Protocol):

@@ -1,1 +1,0 @@
-"""The emitted C of time-optimal path timing: a numerical kernel adapted to one robot."""

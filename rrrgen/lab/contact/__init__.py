@@ -1,1 +1,0 @@
-"""Contact detection: thresholds for the residuals of the momentum observer, from recordings without contact."""

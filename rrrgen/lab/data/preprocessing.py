@@ -1,0 +1,241 @@
+"""Preprocessing of a recording before estimation: reconstruction of the motion, decimation, exclusion of slow samples.
+
+The settings come from the section ``processing`` of a mapping file and from command-line options.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.base.errors import InputError
+from rrrgen.base.yamltext import signal_units as log_units
+from rrrgen.base.yamltext.document import FaultList, Node
+from rrrgen.base.yamltext.fields import Entry, Reader, words
+from rrrgen.lab.data.kalman import KalmanSmoother
+from rrrgen.lab.data.reconstruction import Butterworth, CentralDifferences, Reconstructor
+
+# ------------------------------------------------------------------------------------------------------------------
+# Parallel decimation: torques and regressor pass the same low-pass filter and are then downsampled.
+# ------------------------------------------------------------------------------------------------------------------
+
+Array = NDArray[np.floating[Any]]
+
+HALF_LENGTH = 10  # half the length of the filter, in decimated samples
+KAISER_BETA = 5.0  # shape parameter of the Kaiser window
+CUTOFF_RATIO = 0.8  # -6 dB frequency over the Nyquist frequency of the decimated signal
+BLOCK = 16  # outputs computed by one matrix product
+
+
+@dataclass(frozen=True)
+class Decimator:
+    """Parallel decimation: the same low-pass on the torque and on every regressor column, then every ``factor``-th row.
+
+    Both sides of ``tau = W x`` pass the same linear filter F, so ``F tau = F W x`` holds exactly, at the ends too. F
+    is a symmetric (zero-phase) FIR filter with a Kaiser window, ``20*factor + 1`` taps, -6 dB at 0.8 of the new Nyquist
+    frequency. A recording may be filtered in chunks that overlap by :attr:`memory` samples: the result is exactly
+    that of the whole. Raises :class:`InputError` for a factor below 1.
+    """
+
+    factor: int
+
+    def __post_init__(self) -> None:
+        if self.factor < 1:
+            raise InputError(f"the decimation factor is {self.factor}; it must be 1 or more")
+
+    @property
+    def memory(self) -> int:
+        """Number of recorded samples on either side that a decimated sample depends on."""
+        return 0 if self.factor == 1 else HALF_LENGTH * self.factor
+
+    def __call__(self, x: Array, first: int = 0) -> Array:
+        """Filter ``x`` (N, ...) along axis 0 and keep the samples whose index in the recording is a multiple of factor.
+
+        ``first`` is the index in the recording of ``x[0]``; samples outside ``x`` count as zero.
+        """
+        if self.factor == 1:
+            return x
+        h, width = self.memory, int(np.prod(x.shape[1:]))
+        skip = -first % self.factor
+        count = max(0, -(-(len(x) - skip) // self.factor))
+        padded = np.zeros((len(x) + 2 * h + BLOCK * self.factor, width))
+        padded[h : h + len(x)] = x.reshape(len(x), width)
+        band, out = _band(self.factor), np.empty((count, width))
+        for start in range(0, count, BLOCK):
+            at = skip + start * self.factor
+            rows = min(BLOCK, count - start)
+            out[start : start + rows] = (band @ padded[at : at + band.shape[1]])[:rows]
+        return out.reshape(count, *x.shape[1:])
+
+    def taps(self) -> Array:
+        """Impulse response of the filter, ``2*memory + 1`` samples, symmetric about the middle one."""
+        return _taps(self.factor).copy()
+
+    def instants(self, t: Array, first: int = 0) -> Array:
+        """The instants (s) of ``t`` (N,) that decimation keeps; ``first`` is the index of ``t[0]`` in the recording."""
+        return t[-first % self.factor :: self.factor]
+
+
+@lru_cache(maxsize=4)
+def _taps(factor: int) -> Array:
+    from scipy.signal import firwin
+
+    length = 2 * HALF_LENGTH * factor + 1
+    return np.asarray(firwin(length, CUTOFF_RATIO / factor, window=("kaiser", KAISER_BETA)))
+
+
+@lru_cache(maxsize=4)
+def _band(factor: int) -> Array:
+    """Banded matrix that maps an input window to BLOCK consecutive filter outputs, for decimation by ``factor``.
+
+    Filtering becomes one matrix product. The matrix is cached, because computing it takes longer than filtering one of
+    the many chunks of a long recording.
+    """
+    taps = _taps(factor)
+    band = np.zeros((BLOCK, len(taps) + (BLOCK - 1) * factor))
+    for k in range(BLOCK):
+        band[k, k * factor : k * factor + len(taps)] = taps
+    return band
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Preprocessing of a recording before estimation
+# ------------------------------------------------------------------------------------------------------------------
+
+Method = Literal["butterworth", "kalman", "kalman_filter", "differences", "logged"]
+KALMAN: tuple[Method, ...] = ("kalman", "kalman_filter")
+DEFAULT_ORDER = 4  # number of poles of the Butterworth filter
+METHODS: tuple[Method, ...] = ("butterworth", "kalman", "kalman_filter", "differences", "logged")
+
+METHODS_OF_SETTING: dict[str, tuple[Method, ...]] = {
+    "cutoff": ("butterworth",),
+    "order": ("butterworth",),
+    "var_eta": KALMAN,
+    "var_xi": KALMAN,
+}
+"""The methods of reconstruction to which a setting belongs; settings that are not listed apply to all."""
+
+SETTING_OF_KEY = {"position_resolution": "var_eta", "jerk": "var_xi"}
+"""Settings whose key in a mapping file has another name, because it takes another quantity."""
+
+
+@dataclass(frozen=True)
+class Processing:
+    """Preprocessing settings: method of reconstruction with its tuning, decimation factor, lowest speeds.
+
+    - ``method``: how speeds and accelerations are obtained; ``logged`` takes the recorded ones.
+    - ``cutoff`` (Hz), ``order``: Butterworth filter.
+    - ``var_eta`` (rad^2 or m^2), ``var_xi`` ((rad/s^3)^2 or (m/s^3)^2), one per joint: Kalman filter.
+    - ``decimate``: decimation factor.
+    - ``low_speed`` (n,), rad/s (m/s): the rows of a joint below this speed are left out; empty for none.
+
+    Settings that are None are chosen from the bandwidth of the motion (:mod:`rrrgen.lab.identify.bandwidth`).
+    Raises :class:`InputError` for a setting that the method does not have.
+    """
+
+    method: Method = "kalman"
+    cutoff: float | None = None
+    order: int | None = None
+    var_eta: tuple[float, ...] | None = None
+    var_xi: tuple[float, ...] | None = None
+    decimate: int | None = None
+    low_speed: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, methods in METHODS_OF_SETTING.items():
+            if getattr(self, name) is not None and self.method not in methods:
+                raise InputError(f"{name} belongs to the method {' or '.join(methods)}, not to {self.method}")
+
+    def settings(self) -> dict[str, Any]:
+        """All settings as name -> value, to be recorded with the results of a run."""
+        return asdict(self)
+
+    def reconstructor(self) -> Reconstructor:
+        """The filter that reconstructs the motion by the configured ``method``.
+
+        Raises :class:`InputError` if the cut-off of a Butterworth filter or a variance of a Kalman filter is None.
+        """
+        if self.method == "butterworth":
+            if self.cutoff is None:
+                raise InputError("the Butterworth filter needs a cutoff (Hz), above the bandwidth of the motion")
+            return Butterworth(self.cutoff, self.order or DEFAULT_ORDER)
+        if self.method in KALMAN:
+            if self.var_eta is None or self.var_xi is None:
+                raise InputError("the Kalman filter needs its two variances; tune_by_innovations finds them")
+            return KalmanSmoother(self.var_eta, self.var_xi, smooth=self.method == "kalman")
+        return CentralDifferences()
+
+
+KEYS = {
+    "method": Entry(words(METHODS)),
+    "cutoff": Entry("of the Butterworth filter", "Hz"),
+    "order": Entry(f"of the Butterworth filter, number of poles; {DEFAULT_ORDER} if missing"),
+    "position_resolution": Entry("of the Kalman filter: step of the encoder, per joint", "rad, m"),
+    "jerk": Entry("of the Kalman filter: size of the jerk, per joint", "rad/s^3"),
+    "decimate": Entry("keep every k-th sample, after a low-pass filter"),
+    "low_speed": Entry("samples of a joint slower than this are left out, per joint", "rad/s, m/s"),
+}
+"""The keys of the section ``processing``."""
+
+
+def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[str, Any]:
+    """Read the section ``processing`` of a mapping file for a robot with ``joints`` joints.
+
+    Returns the given settings as keyword arguments of :class:`Processing`; faults are added to ``faults``.
+    """
+    if node is None:
+        return {}
+    reader = Reader(faults)
+
+    def per_joint(value: Node, what: str, table: dict[str, float], bare: str) -> tuple[float, ...]:
+        values = reader.per_joint(value, what, joints, table, bare)
+        return tuple(number for number in values if number is not None)
+
+    found: dict[str, Any] = {}
+    values = reader.values(node, "processing", KEYS) or {}
+    for name, value in values.items():
+        what = f"processing.{name}"
+        if name == "method":
+            word = reader.choice(value, what, METHODS)
+            if word in METHODS:
+                found[name] = word
+        elif name in ("order", "decimate"):
+            whole = reader.whole(value, what, None)
+            if whole == 0:
+                faults.error(value, f"{what} is 0, not a whole number above 0")
+            elif whole:
+                found[name] = whole
+        elif name == "cutoff":
+            found[name] = reader.quantity(value, what, log_units.RATE, "Hz")
+        elif name == "low_speed":
+            found[name] = per_joint(value, what, log_units.VELOCITY, "rad/s")
+        elif name == "position_resolution":
+            found["var_eta"] = tuple(s**2 / 12.0 for s in per_joint(value, what, log_units.POSITION, "rad"))
+        else:
+            found["var_xi"] = tuple(j**2 for j in per_joint(value, what, {"rad/s^3": 1.0}, "rad/s^3"))
+    _settle_method(values, found, faults)
+    return found
+
+
+def _settle_method(entries: dict[str, Node], found: dict[str, Any], faults: FaultList) -> None:
+    """Complete the settings ``found`` by the method of reconstruction, inferred from them if the file does not name it.
+
+    A setting that belongs to another method is added to ``faults``, located by ``entries``.
+    """
+    methods_of = {
+        name: METHODS_OF_SETTING[field]
+        for name in entries
+        if (field := SETTING_OF_KEY.get(name, name)) in METHODS_OF_SETTING
+    }
+    if "method" not in entries and methods_of:
+        found["method"] = next(iter(methods_of.values()))[0]
+    method = found.get("method")
+    for name, methods in methods_of.items():
+        if method is not None and method not in methods:
+            chosen = f"method {method}" if "method" in entries else next(iter(methods_of))
+            hint = f"it belongs to the method {' or '.join(methods)}"
+            faults.error(entries[name], f"processing.{name} has no meaning beside {chosen}", hint)

@@ -1,0 +1,185 @@
+"""The regressor of the estimation: base columns of the compiled model and columns of the drives, (14.10), (14.11)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from rrrgen.base.arrays import Array
+from rrrgen.base.errors import InputError
+from rrrgen.lab.estimate.identifiability import Restriction, Structure, fix_standard, structure_of
+from rrrgen.lab.estimate.tsqr import JointFactors
+from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns
+from rrrgen.lab.identify.parameters import Column, DriveTerms
+from rrrgen.runtime.regressor_columns import drive_columns
+
+
+class RigidModel(Protocol):
+    """Interface of the compiled robot that identification needs; :class:`rrrgen.runtime.Model` implements it."""
+
+    @property
+    def n(self) -> int: ...  # noqa: D102
+    @property
+    def spec(self) -> Any: ...  # noqa: D102
+    @property
+    def base_parameter_names(self) -> Sequence[str]: ...  # noqa: D102
+    @property
+    def base_projection(self) -> Array: ...  # noqa: D102
+
+    def regressor(self, q: Array, dq: Array, ddq: Array) -> Array: ...  # noqa: D102
+    def standard_regressor(self, q: Array, dq: Array, ddq: Array) -> Array: ...  # noqa: D102
+
+
+@dataclass(frozen=True)
+class FullRegressor:
+    """Regressor W (N, n, p) of a robot with drives and friction: ``tau = W(q, dq, ddq) theta``.
+
+    theta (p,) holds the base parameters of ``model``, the parameters of the drive ``terms``, and the linear parameters
+    of the friction laws of ``surfaces`` (joints and motors). For laws that depend on the load, ``load`` (p,) holds the
+    parameters from which the load torques are computed, with zeros for friction; if it is empty, the load is zero.
+    Source: (14.10), (14.11).
+    """
+
+    model: RigidModel
+    terms: DriveTerms
+    surfaces: tuple[FrictionSurface, ...] = ()
+    load: tuple[float, ...] = ()
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """Descriptions of the p columns of W, in order."""
+        rigid = tuple(Column(name, "rigid") for name in self.model.base_parameter_names)
+        laws = tuple(column for surface in self.surfaces for column in surface.columns())
+        return rigid + self.terms.columns(self.model.n) + laws
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name of the parameter of every column."""
+        return tuple(column.name for column in self.columns)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the robot file instead of the compiled model, which holds machine code; the receiver compiles it."""
+        from rrrgen.runtime.model import Model
+
+        if isinstance(self.model, Model):
+            return _compiled_regressor, (self.model.spec, self.terms, self.surfaces, self.load)
+        return FullRegressor, (self.model, self.terms, self.surfaces, self.load)
+
+    @property
+    def sliding(self) -> Sliding | None:
+        """The object that computes the states of the friction laws along a motion; None if no law has a state."""
+        return Sliding.of(self.surfaces)
+
+    def __call__(self, q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:
+        """Evaluate W (N, n, p) at N instants; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds.
+
+        ``s`` (N, m) are the directions (-1 to 1) of the m friction laws with a state; None for steady sliding.
+        """
+        drives = drive_columns(self.terms.columns(self.model.n), np.asarray(dq, float), np.asarray(ddq, float))
+        rigid = np.asarray(self.model.regressor(q, dq, ddq))
+        if not self.surfaces:
+            return np.concatenate([rigid, drives], axis=-1)
+        columns = np.concatenate([rigid, drives], axis=-1)
+        load = columns @ np.array(self.load) if self.load else None
+        return np.concatenate([columns, law_columns(self.surfaces, np.asarray(dq, float), s, load)], axis=-1)
+
+
+_COMPILED: dict[bytes, RigidModel] = {}
+
+
+def _compiled_regressor(
+    spec: Any, terms: DriveTerms, surfaces: tuple[FrictionSurface, ...], load: tuple[float, ...]
+) -> FullRegressor:
+    """Rebuild the regressor of the robot ``spec`` when it is unpickled; each robot is compiled once per process."""
+    import pickle
+
+    from rrrgen.runtime.load import compile
+
+    key = pickle.dumps(spec)
+    if key not in _COMPILED:
+        _COMPILED[key] = compile(spec)
+    return FullRegressor(_COMPILED[key], terms, surfaces, load)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The parameters to estimate: identifiable combinations of the columns after known parameters are fixed.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Parametrisation:
+    """Map between the identifiable parameters x (r,) and the parameters theta (p,) of all columns.
+
+    ``theta = T x + known`` with T (p, r), and ``x = G theta[free]`` with G from ``structure``, which also names x;
+    ``free`` are the columns without a known value.
+    """
+
+    structure: Structure
+    T: Array
+    known: Array
+    free: tuple[int, ...]
+
+    def transform(self, factors: JointFactors) -> JointFactors:
+        """Convert triangular factors of the rows for the parameters theta to those for the parameters x."""
+        return factors.mapped(self.T, self.known)
+
+    def expand(self, x: Array) -> Array:
+        """The parameters theta (p,) of all columns for identifiable parameters ``x`` (r,)."""
+        return np.asarray(self.T @ x + self.known)
+
+    def contract(self, theta: Array) -> Array:
+        """Identifiable parameters x (r,) of ``theta`` (p,); a matrix (p, k) is mapped column by column."""
+        return np.asarray(self.structure.G @ theta[list(self.free)])
+
+
+def parametrise(
+    regressor: FullRegressor, fixed: Mapping[str, float], fixed_standard: Mapping[str, float], seed: int = 0
+) -> Parametrisation:
+    """Find the identifiable parameters of ``regressor`` after known parameters are fixed.
+
+    ``fixed`` maps column names to known values, ``fixed_standard`` standard parameters; ``seed`` is that of the random
+    motions from which the rank is taken. Raises :class:`InputError` for a name that does not exist or a column that
+    already follows from the fixed standard parameters.
+    """
+    names = regressor.names
+    unknown = [name for name in fixed if name not in names]
+    if unknown:
+        raise InputError(f"no parameter '{unknown[0]}'; there are {', '.join(names)}")
+    b = len(regressor.model.base_parameter_names)
+    rigid = (
+        fix_standard(np.asarray(regressor.model.base_projection), fixed_standard)
+        if fixed_standard
+        else Restriction(tuple(range(b)), np.eye(b), np.zeros(b))
+    )
+    p = len(names)
+    T = np.zeros((p, len(rigid.kept) + p - b))
+    T[:b, : len(rigid.kept)] = rigid.B
+    T[b:, len(rigid.kept) :] = np.eye(p - b)
+    z_names = [names[i] for i in rigid.kept] + list(names[b:])
+    known = np.concatenate([rigid.beta_0, np.zeros(p - b)])
+    free = []
+    for i, name in enumerate(z_names):
+        if name in fixed:
+            known = known + T[:, i] * fixed[name]
+        else:
+            free.append(i)
+    for name in fixed:
+        if name not in z_names:
+            raise InputError(
+                f"'{name}' follows from the standard parameters that are fixed; it cannot be fixed as well"
+            )
+    T = T[:, free]
+    columns = [*rigid.kept, *range(b, p)]
+
+    moved = sum(surface.has_state for surface in regressor.surfaces)
+
+    def restricted(q: Array, dq: Array, ddq: Array) -> Array:
+        # away from steady sliding, where bristles do not move and their damping has no effect
+        s = np.random.default_rng(seed).uniform(-1, 1, (len(q), moved))
+        return np.asarray(regressor(q, dq, ddq, s if moved else None) @ T)
+
+    structure = structure_of(restricted, [z_names[i] for i in free], regressor.model.n, seed)
+    return Parametrisation(structure, T[:, list(structure.kept)], known, tuple(columns[i] for i in free))

@@ -1,0 +1,306 @@
+"""The robot in canonical frames: an exact normal form for both Denavit-Hartenberg conventions.
+
+Link i (1..n) carries the canonical frame ``P_i`` with its z axis on joint i. The chain is
+
+    T_0_tip = X_1 J_1(q_1) X_2 J_2(q_2) ... X_n J_n(q_n) X_tip,    X_i = [[R_i, p_i], [0, 1]] constant,
+
+with ``J_i = Rz(q_i + theta_i)`` for a revolute joint and ``J_i = Tz(q_i)`` for a prismatic one. A standard DH row
+``Rz(theta) Tz(d) Tx(a) Rx(alpha)`` is split after ``Tz(d)``, where a modified row ends; so both conventions give
+``R_i = Rx(alpha)``. The user's link frame ``D_i`` follows from ``P_i`` by the constant transform ``link_frames[i]``.
+
+The origin of ``P_i`` may be moved along its joint axis without changing this form, and is moved so that offsets vanish
+from the dynamics. Consecutive joints with parallel axes form a *block*. The origins of a block are moved into one
+plane, except the last, which is moved to the point at which the offset of the next joint has no component along the
+axis. The last block of the chain is moved into the plane of the joint before it. This produces the length ``D = d_2 +
+d_3`` of the reference robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import sympy as sp
+
+from rrrgen.robot.spec import RobotSpec
+
+# ------------------------------------------------------------------------------------------------------------------
+# The rows of the Denavit-Hartenberg table in one form for both conventions. The pose of the tip is
+#
+# T = base row_1(q_1) .. row_n(q_n) tool
+# row = Rx(alpha) Tx(a) Rz(theta) Tz(d) Tx(a') Rx(alpha')
+#
+# with q added to theta of a revolute joint and to d of a prismatic one. The *twist* (a, alpha) of the table stands
+# ``behind`` the motion in the standard convention and ``before`` it in the modified one; the other twist is zero,
+# except for a joint with ``sign: -1``: half a turn about x on both sides reverses its motion,
+#
+#     Rz(theta - q) Tz(d) = Rx(pi) Rz(q - theta) Tz(-d) Rx(pi),
+#
+# and leaves the link frames, which lie behind the second one, where the robot file has them.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+class Twist(NamedTuple):
+    """The twist ``Tx(a) Rx(alpha)`` of a row, a in m and alpha in rad; the two transforms commute."""
+
+    a: sp.Expr = sp.S.Zero
+    alpha: sp.Expr = sp.S.Zero
+
+    def joined(self, following: Twist) -> Twist:
+        """The product of both transforms; where both turn, alpha loses whole turns."""
+        if NO_TWIST in (self, following):
+            return self if following == NO_TWIST else following
+        alpha = self.alpha + following.alpha
+        turns = sp.ceiling((alpha / sp.pi - 1) / 2) if alpha.is_number else 0  # to within -pi < alpha <= pi
+        return Twist(self.a + following.a, alpha - 2 * sp.pi * turns)
+
+
+NO_TWIST = Twist()
+_HALF_TURN = Twist(alpha=sp.pi)
+
+
+class DHRow(NamedTuple):
+    """One row of the table: the twist ``before`` the motion, ``theta`` (rad), ``d`` (m), and the twist ``behind`` it.
+
+    ``revolute`` says whether q is added to theta; otherwise it is added to d.
+    """
+
+    before: Twist
+    theta: sp.Expr
+    d: sp.Expr
+    behind: Twist
+    revolute: bool
+
+
+def dh_rows(spec: RobotSpec, *, nominal: bool = False) -> tuple[DHRow, ...]:
+    """Convert the rows of ``spec`` to exact :class:`DHRow` values.
+
+    Named parameters remain symbols; with ``nominal`` they are replaced by their nominal values.
+    """
+
+    found = []
+    for joint in spec.rows:
+        values = (joint.theta, joint.d, joint.a, joint.alpha)
+        theta, d, a, alpha = (spec.nominal(value) for value in values) if nominal else values
+        twists = (NO_TWIST, Twist(a, alpha)) if spec.convention == "standard" else (Twist(a, alpha), NO_TWIST)
+        if joint.sign < 0:
+            theta, d, twists = -theta, -d, (twists[0].joined(_HALF_TURN), twists[1].joined(_HALF_TURN))
+        found.append(DHRow(twists[0], theta, d, twists[1], joint.is_revolute))
+    return tuple(found)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The robot in canonical frames
+# ------------------------------------------------------------------------------------------------------------------
+
+IDENTITY = sp.eye(3)
+
+
+@dataclass(frozen=True)
+class RigidTransform:
+    """A constant homogeneous transform with exact entries: rotation ``R`` (3, 3) and translation ``p`` (3, 1) in m."""
+
+    R: sp.ImmutableMatrix
+    p: sp.ImmutableMatrix
+
+    def __matmul__(self, other: RigidTransform) -> RigidTransform:
+        return RigidTransform(
+            sp.ImmutableMatrix((self.R * other.R).applyfunc(normal_form)),
+            sp.ImmutableMatrix((self.R * other.p + self.p).applyfunc(normal_form)),
+        )
+
+    @staticmethod
+    def of(R: sp.MatrixBase = IDENTITY, p: tuple[sp.Expr, ...] = (0, 0, 0)) -> RigidTransform:
+        """The transform with rotation ``R`` and translation ``p`` (m); identity by default."""
+        return RigidTransform(sp.ImmutableMatrix(R), sp.ImmutableMatrix(3, 1, list(p)))
+
+
+def normal_form(expression: sp.Expr) -> sp.Expr:
+    """Expand ``expression`` and write even powers of sines by cosines, so that terms which cancel vanish."""
+    expanded = sp.expand(expression)
+    powers = {
+        power: (1 - sp.cos(power.base.args[0]) ** 2) ** (power.exp // 2) * power.base ** (power.exp % 2)
+        for power in expanded.atoms(sp.Pow)
+        if isinstance(power.base, sp.sin) and power.exp.is_Integer and power.exp > 1
+    }
+    return sp.expand(expanded.xreplace(powers)) if powers else expanded
+
+
+def cosine_sine(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    """The exact cosine and sine of ``angle`` (rad).
+
+    Values with at most one square root are evaluated, as for 45 degrees; others stay cos(angle) and sin(angle).
+    """
+    c, s = sp.cos(angle), sp.sin(angle)
+    if all((value**2).is_Rational or (value**2).base.func in (sp.cos, sp.sin) for value in (c, s)):
+        return c, s
+    held = sp.UnevaluatedExpr(angle)
+    return sp.cos(held), sp.sin(held)
+
+
+def rotation_x(angle: sp.Expr) -> sp.Matrix:
+    """The rotation matrix Rx(angle), angle in rad."""
+    c, s = cosine_sine(angle)
+    return sp.Matrix([[1, 0, 0], [0, c, -s], [0, s, c]])
+
+
+def rotation_z(angle: sp.Expr) -> sp.Matrix:
+    """The rotation matrix Rz(angle), angle in rad."""
+    c, s = cosine_sine(angle)
+    return sp.Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+@dataclass(frozen=True)
+class JointModel:
+    """Joint i: the constant transform X_i ``before`` it, its type, and the constant ``theta`` (rad) of its angle."""
+
+    name: str
+    revolute: bool
+    before: RigidTransform
+    theta: sp.Expr
+    parallel: bool
+    """Whether the axis has the same direction as that of the joint before, so that R_i = 1."""
+    parent: int
+    """The number of the joint before (from 0), whose link carries this one; -1 for the base."""
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """A robot in canonical frames, with exact entries; named parameters are symbols.
+
+    ``tip`` is X_tip, ``link_frames[i]`` the constant transform from ``P_i`` to the user's link frame ``D_i``.
+    ``tip_link`` is the link that carries the tool. ``coupling`` (links, n) gives the displacements of the joints,
+    ``y = coupling q``; None where they are q.
+    """
+
+    spec: RobotSpec
+    joints: tuple[JointModel, ...]
+    tip: RigidTransform
+    link_frames: tuple[RigidTransform, ...]
+    tip_link: int
+    coupling: tuple[tuple[sp.Expr, ...], ...] | None = None
+    _nominal: dict[sp.Expr, sp.Expr] = field(default_factory=dict, compare=False, repr=False)
+
+    def nominal(self, expression: sp.Expr) -> sp.Expr:
+        """Replace named parameters in ``expression`` by their nominal values; cached, since constants recur."""
+        if expression not in self._nominal:
+            self._nominal[expression] = self.spec.nominal(expression)
+        return self._nominal[expression]
+
+    @property
+    def n(self) -> int:
+        """Length of q: the number of joints, without those that follow others."""
+        return self.spec.n
+
+    @property
+    def links(self) -> int:
+        """Number of links, one beyond every joint."""
+        return len(self.joints)
+
+    @property
+    def blocks(self) -> tuple[tuple[int, ...], ...]:
+        """The joint indices (from 0) of each maximal sequence of parallel axes."""
+        blocks: list[list[int]] = []
+        for i, joint in enumerate(self.joints):
+            if joint.parallel:
+                blocks[-1].append(i)
+            else:
+                blocks.append([i])
+        return tuple(tuple(block) for block in blocks)
+
+    def path(self, link: int) -> tuple[int, ...]:
+        """The joints that move ``link``, from the base to it."""
+        found: list[int] = []
+        while link >= 0:
+            found.append(link)
+            link = self.joints[link].parent
+        return tuple(reversed(found))
+
+
+def build_model(spec: RobotSpec) -> RobotModel:
+    """The canonical form of the robot described by ``spec``."""
+    rows = dh_rows(spec)
+    frames = [_twisted(row.behind) for row in rows]
+    base = RigidTransform(
+        sp.ImmutableMatrix(3, 3, list(spec.base.rotation)), sp.ImmutableMatrix(list(spec.base.translation))
+    )
+    tool = RigidTransform(
+        sp.ImmutableMatrix(3, 3, list(spec.tool.rotation)), sp.ImmutableMatrix(list(spec.tool.translation))
+    )
+    constants, angles = [], []
+    for parent, row in zip(spec.parents, rows, strict=True):
+        behind = rows[parent].behind if parent >= 0 else NO_TWIST
+        X = _twisted(behind.joined(row.before))
+        along = RigidTransform.of(p=(0, 0, row.d))
+        if row.revolute:
+            constants.append(X @ along)
+            angles.append(row.theta)
+        else:
+            constants.append(X @ along @ RigidTransform.of(rotation_z(row.theta)))
+            angles.append(sp.S.Zero)
+    for i, parent in enumerate(spec.parents):
+        if parent < 0:
+            constants[i] = base @ constants[i]
+    parallel = [parent >= 0 and X.R == IDENTITY for parent, X in zip(spec.parents, constants, strict=True)]
+    chain = spec.parents == tuple(range(-1, len(rows) - 1))
+    slides = _origin_shifts(constants, parallel) if chain else _shifts_in_blocks(constants, parallel, spec.parents)
+    moved = [RigidTransform.of(p=(0, 0, t)) for t in slides]
+    back = [RigidTransform.of(p=(0, 0, -t)) for t in slides]
+    for i in range(len(constants)):
+        parent = spec.parents[i]
+        constants[i] = (moved[parent] @ constants[i] if parent >= 0 else constants[i]) @ back[i]
+    tip_link = spec.tip_row
+    link_frames = tuple(forth @ frame for forth, frame in zip(moved, frames, strict=True))
+    return RobotModel(
+        spec=spec,
+        joints=tuple(
+            JointModel(joint.name, joint.is_revolute, X, theta, flag, parent)
+            for joint, X, theta, flag, parent in zip(spec.rows, constants, angles, parallel, spec.parents, strict=True)
+        ),
+        tip=link_frames[tip_link] @ tool,
+        link_frames=link_frames,
+        tip_link=tip_link,
+        coupling=_coupling(spec),
+    )
+
+
+def _coupling(spec: RobotSpec) -> tuple[tuple[sp.Expr, ...], ...] | None:
+    """The matrix S from q to the displacements of all rows of a mechanism; None where it is the unit matrix."""
+    if spec.mechanism is None or sp.Matrix(spec.mechanism.matrix) == sp.eye(spec.n):
+        return None
+    return spec.mechanism.matrix
+
+
+def _twisted(twist: Twist) -> RigidTransform:
+    return RigidTransform(sp.ImmutableMatrix(rotation_x(twist.alpha)), sp.ImmutableMatrix([twist.a, 0, 0]))
+
+
+def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> list[sp.Expr]:
+    """Distances (m) by which origins are moved back along their joint axes, by the rules of the module's docstring.
+
+    ``constants`` are the X_i before the move; ``parallel`` says of each axis whether it is parallel to the one before.
+    """
+    slides: list[sp.Expr] = []
+    last_block = max((i for i, flag in enumerate(parallel) if not flag), default=0)
+    for i, X in enumerate(constants):
+        along = normal_form((X.R.T * X.p)[2])  # component of the offset along the joint's own axis
+        if parallel[i] and i + 1 < len(parallel) and not parallel[i + 1]:
+            slides.append(normal_form(-constants[i + 1].p[2]))
+        elif parallel[i]:
+            slides.append(normal_form(slides[i - 1] + along))
+        elif i == last_block and i > 0:
+            slides.append(along)
+        else:
+            slides.append(sp.S.Zero)
+    return slides
+
+
+def _shifts_in_blocks(constants: list[RigidTransform], parallel: list[bool], parents: tuple[int, ...]) -> list[sp.Expr]:
+    """Distances (m) by which the origins of a branching robot are moved back along their joint axes.
+
+    The origins of a block of parallel axes are moved into the plane through the first of them; all others stay.
+    """
+    slides: list[sp.Expr] = []
+    for X, follows, parent in zip(constants, parallel, parents, strict=True):
+        slides.append(normal_form(slides[parent] + (X.R.T * X.p)[2]) if follows else sp.S.Zero)
+    return slides
