@@ -7,6 +7,8 @@ import pytest
 
 from bench.measurements.completeness import Study, arms, configurations
 from ik.robots import ROWS, make, reference, robot
+from rrrgen.emit.c.ik.files import emit
+from rrrgen.ik.classify import plan
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import FREE
 
@@ -53,13 +55,27 @@ def test_float_says_where_it_may_lack_solutions():
     assert study.judge(configurations(study.turning, "special", FEW, 7)).lost == 0
 
 
-@pytest.mark.parametrize(("name", "most"), [("crx10ia", 0.09), ("puma560 0.001", 0.09), ("offset wrist", 0.02)])
+@pytest.mark.parametrize(("name", "most"), [("crx10ia", 0.11), ("puma560 0.001", 0.09), ("offset wrist", 0.02)])
 def test_float_proves_most_random_poses(name, most):
     """The polynomial alone, whose noise in float hides close roots, proves 71 %, 66 % and 98 % of these."""
     study = Study(dict(arms(0))[name], "float")
     loss = study.judge(configurations(study.turning, "random", 2 * FEW, 7))
     assert loss.lost == 0
     assert loss.incomplete <= most * loss.poses
+
+
+def test_float_counts_no_roots_on_the_seam_of_a_cluster_that_was_split():
+    """Two of eight solutions of a calibrated CRX-10iA, on the seam, were lost with the status OK."""
+    study = Study(dict(arms(0))["crx10ia 0.0005"], "float")
+    assert study.judge(configurations(study.turning, "random", 10_000, 0)[5455:5456]).lost == 0
+
+
+def test_double_has_no_bound_off_the_unit_circle():
+    """It counts no continuum: silent losses at special poses of a CRX-10iA rose from 23 to 32 of 8000 with it."""
+    spec = robot("crx10ia")
+    code = {real: "".join(emit(spec, plan(spec), real).files.values()) for real in ("double", "float")}
+    assert "6r_bound" not in code["double"]
+    assert "6r_bound" in code["float"]
 
 
 def test_python_and_c_agree_where_both_are_certain():

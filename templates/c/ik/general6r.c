@@ -1309,6 +1309,7 @@ LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, R
     return -1;
 }
 
+#if BOUNDED
 /* Gaussian elimination of the first n columns of a complex matrix (entries: real and imaginary part) with partial pivoting. Multiplies
  * `sign` by the pivots over their magnitudes, and by -1 for an exchange of rows. Returns the least magnitude of a pivot, at most 1. */
 LOCAL REAL ik_6r_complex_lu(REAL a[6][9][2], int n, int columns, REAL sign[2])
@@ -1428,6 +1429,7 @@ LOCAL int ik_6r_bound(REAL h[3][6][10], int enough)
     }
     return bound;
 }
+#endif
 
 /* One elimination: adds its solutions. Returns how many solutions there are by its roots, a double one counting twice; -1 if that is
  * not known. The count is exact for simple roots. Unresolved ones are counted together by the winding number of the polynomial around
@@ -1461,7 +1463,12 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
             if (k + 1 < roots && order[k + 1] == 2) {
                 const REAL reach = root[k][2] + root[k + 1][2] + (REAL)VALUE_6R_JOINED;
                 joined = (REAL)1 - root[k][0] * root[k + 1][0] - root[k][1] * root[k + 1][1] < (REAL)0.5 * reach * reach;
-                joined = joined && ik_6r_zone(zone[at], root + begin, k - begin + 2, zone[zones]); /* not too wide */
+#if BOUNDED
+                if (joined && !ik_6r_zone(zone[at], root + begin, k - begin + 2, zone[zones])) { /* too wide to be magnified at once */
+                    joined = 0;
+                    known = 0; /* of two roots on the seam either zone may leave one to the other: only ik_6r_bound can tell */
+                }
+#endif
             }
             if (!joined) {
                 zones += ik_6r_zone(zone[at], root + begin, k - begin + 1, zone[zones]);
@@ -1661,7 +1668,7 @@ LOCAL int ik_6r_weigh(const REAL gain[IK_6R_MAX], REAL rows[IK_6R_MAX + 1][6][2]
 LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], unsigned flags[IK_6R_MAX], int *certain)
 {
     REAL pose[12], h[3][6][10], rows[IK_6R_MAX + 1][6][2], gain[IK_6R_MAX];
-    int i, j, count = 0, pass, here = -1, plain = 1, joint = 0, bounded = 0;
+    int i, j, count = 0, pass, here = -1, plain = 1, joint = 0;
     for (i = 0; i < 9; ++i) {
         pose[i] = t[i + i / 3];
     }
@@ -1676,26 +1683,25 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
         *certain = count == here;
         if (!*certain) {
             REAL least = (REAL)1;
-            int weight, steady;
+            int steady;
             for (i = 0; i < count; ++i) {
                 gain[i] = ik_6r_gain(pose, rows[i], &joint);
                 least = gain[i] < least ? gain[i] : least;
             }
-            weight = ik_6r_weigh(gain, rows, count);
             steady = moved && plain >= 0 && count > 0 && least > (REAL)VALUE_6R_STEADY;
-            *certain = weight == here || (steady && count == total);
-            if (!*certain && (steady || !moved)) { /* the determinant itself may tell what its polynomial does not */
-                const int bound = ik_6r_bound(h, count);
-                *certain = bound == count || (bound == weight && !moved);
-                bounded = *certain;
+            *certain = ik_6r_weigh(gain, rows, count) == here || (steady && count == total);
+#if BOUNDED
+            /* The determinant itself may tell what its polynomial does not, of regular solutions only: it counts no continuum. */
+            if (!*certain && (steady || (!moved && least > (REAL)VALUE_6R_DOUBLE))) {
+                *certain = ik_6r_bound(h, count) == count;
             }
+#endif
         }
     }
     for (i = 0; i < count; ++i) {
         flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
         if (plain < 1 && ik_6r_gain(pose, rows[i], &joint) < (REAL)VALUE_6R_DOUBLE) {
             flags[i] = ik_6r_free(pose, joint, ref, rows[i]) ? (unsigned)IK_FREE : 0u;
-            *certain &= !bounded || flags[i] == 0u; /* the bound does not count a continuum */
         }
         for (j = 0; j < 6; ++j) {
             const REAL x = ik_atan2(rows[i][j][1], rows[i][j][0]);

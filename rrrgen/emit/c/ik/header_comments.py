@@ -56,7 +56,9 @@ def explanation(plan: SolverPlan) -> list[str]:
         text += "the status says why, and `distance` how far the target is from the nearest that can be reached."
     if plan.general:
         text += (
-            " OK: the number of solutions is proved for this target. INCOMPLETE: it is not, mostly close to singular "
+            " OK: the number of solutions is proved for this target"
+            + (", or the tests that put the nominal arm's solutions in doubt found none" if plan.nominal_first else "")
+            + ". INCOMPLETE: it is not, mostly close to singular "
             "configurations, where rounding hides it; there may be more solutions than those returned, also than none."
         )
     return textwrap.wrap(text, 116)

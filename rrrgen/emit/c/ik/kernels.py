@@ -344,7 +344,7 @@ def elimination(tables: General6RTables, dialect: Dialect) -> tuple[dict[str, bo
         "LENGTH": repr(tables.length),
         "PER_LENGTH": repr(1 / tables.length),
     }
-    return {"DH_SLIDES": tables.slide is not None}, words
+    return {"DH_SLIDES": tables.slide is not None, "BOUNDED": dialect.real == "float"}, words
 
 
 def _inverse(matrix: Matrix) -> list[float]:
