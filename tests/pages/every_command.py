@@ -72,11 +72,11 @@ rrrgen generate rrr -o generated/rrr
 """Commands that make what the pages presuppose: recordings, run folders and files of other programs."""
 
 PAYLOAD = {
-    "mass: 1.2": "mass: 5.8",
-    "com: [-0.275, 0, 0.004]": "com: [-0.33/5.8, 0, 0.2348/5.8]",
-    "xx: 0.00422, yy: 0.1033": "xx: 0.01572, yy: 0.1148",
+    "mass: 1.2": "mass: 2.2",
+    "com: [-0.275, 0, 0.004]": "com: [-0.33/2.2, 0, 0.0548/2.2]",
+    "xx: 0.00422, yy: 0.1033": "xx: 0.00672, yy: 0.1058",
 }
-"""The last link without and with a point mass of 4.6 kg at 0 0 0.05."""
+"""The last link without and with a point mass of 1 kg at 0 0 0.05."""
 
 LOGS = {
     "log": "s/work",

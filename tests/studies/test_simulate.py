@@ -51,6 +51,22 @@ def test_its_recording_is_followed_and_identified(motion, result):
     assert [float(found[name]) for name in known] == pytest.approx([truth[name] for name in known], abs=0.05)
 
 
+def test_its_recording_is_that_of_its_file(motion, tmp_path):
+    """Recorded commands act half a period late, which the mapping file states and the recording in memory too."""
+    from rrrgen.lab.data.recordings import load_stream, open_log
+    from rrrgen.lab.data.uniform_stream import LogStream
+
+    (tmp_path / "experiment.yaml").write_text(
+        "schema: rrrgen-experiment/1\nvirtual_robot:\n  torque_record: command\n", encoding="utf-8"
+    )
+    result = rrrgen.simulate("planar2r", motion, experiment=tmp_path / "experiment.yaml")
+    result.save(tmp_path / "run")
+    saved = load_stream(LogStream(open_log(tmp_path / "run/results/log.yaml")))
+    (read,), (given,) = (list(log.parts()) for log in (saved, result.log))
+    assert given.late == read.late == 0.5
+    np.testing.assert_allclose(given.tau, read.tau)
+
+
 def test_options_that_make_no_sense_are_refused(motion, result):
     with pytest.raises(rrrgen.InputError, match=r"^the arm follows a motion or reference, not both"):
         rrrgen.simulate("planar2r", motion, reference=result.log)

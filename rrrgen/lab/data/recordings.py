@@ -35,6 +35,7 @@ class Log:
     - ``valid`` (N, n): False where the torque of a joint cannot be used; None for all valid.
     - ``segment`` (N,): number of the uninterrupted stretch of each sample; None for a single one.
     - ``reference``, ``reference_velocity``, ``feedforward`` (N, n): inputs of the controller, None if not recorded.
+    - ``torque_delay``: how much later than its row a torque acts, in the mean, s; the mapping's where there is one.
     - ``repairs``: the faults found and how they were repaired; ``mapping``: where the recording was read from.
     """
 
@@ -52,6 +53,7 @@ class Log:
     reference: Array | None = None
     reference_velocity: Array | None = None
     feedforward: Array | None = None
+    torque_delay: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.period > 0.0:
@@ -80,7 +82,7 @@ class Log:
         valid = np.ones(self.q.shape, bool) if self.valid is None else self.valid
         segment = np.zeros(len(self.t), np.int64) if self.segment is None else self.segment
         given = self.reference, self.reference_velocity, self.feedforward
-        late = 0.0 if self.mapping is None else self.mapping.torque_delay / self.period
+        late = (self.torque_delay if self.mapping is None else self.mapping.torque_delay) / self.period
         whole = Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0, *given, late=late)
         edges = [0, *(np.flatnonzero(np.diff(segment)) + 1), len(self.t)]
         for number, (start, stop) in enumerate(pairwise(edges)):

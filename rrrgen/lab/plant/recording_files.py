@@ -112,13 +112,18 @@ def write_recording(
     kinds = list(prismatic) if prismatic is not None else [False] * n
     limits = None if instruments is None else instruments.torque_limit
     text_of_mapping = _mapping_text(stem, joints, kinds, limits, recording.feedforward is not None)
-    if instruments is not None and instruments.torque_record == "command":  # held until the next sample
-        text_of_mapping += f"torque_delay: {0.5 * recording.period!r} s\n"
+    if instruments is not None and (delay := torque_delay(recording, instruments)):
+        text_of_mapping += f"torque_delay: {delay!r} s\n"
     _write(mapping, text_of_mapping)
     control = controller_text(recording, joints, instruments or Instruments())
     if control is not None:
         _write(folder / f"{stem}_controller.yaml", control)
     return log, mapping
+
+
+def torque_delay(recording: Recording, instruments: Instruments) -> float:
+    """How much later (s) than its row a recorded torque acts, in the mean: a command is held until the next one."""
+    return 0.5 * recording.period if instruments.torque_record == "command" else 0.0
 
 
 def _write(path: Path, text: str) -> None:

@@ -90,9 +90,12 @@ class SimulationResult(StudyResult):
     def log(self) -> Log:
         """What the instruments of the arm have recorded, as :func:`rrrgen.identify` takes it."""
         from rrrgen.lab.data.recordings import Log
+        from rrrgen.lab.plant.recording_files import torque_delay
 
-        signals = {name: getattr(self.recording, name) for name in ("t", "q", "tau", "reference", "feedforward")}
-        return Log(joints=self._joints, period=self.recording.period, **signals)
+        recording = self.recording
+        signals = {name: getattr(recording, name) for name in ("t", "q", "tau", "reference", "feedforward")}
+        delay = torque_delay(recording, self.instruments)
+        return Log(joints=self._joints, period=recording.period, torque_delay=delay, **signals)
 
     @property
     def ok(self) -> bool:
