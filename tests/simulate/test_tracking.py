@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from rrrgen.lab.plant.tracking import oscillation
+from rrrgen.lab.plant.tracking import check_tracking, oscillation
 
 TS, LOAD, LOOP = 1e-3, 10.0, 4.0
 T = np.arange(6000) * TS
@@ -37,3 +39,19 @@ def test_what_is_no_oscillation_is_not_told() -> None:
     assert seen(5.0 * np.exp(-8.0 * (T % 2.0)) * np.sin(2 * np.pi * 30.0 * T)) is None  # transients that decay
     fast = 8.0 * np.sin(2 * np.pi * 20.0 * T)
     assert seen(-0.4 * fast, expected=fast) is None  # a motion as fast, which the loop follows in part
+
+
+@pytest.mark.parametrize(("steps", "stable"), [(0.2, True), (3.0, False)])
+def test_a_joint_may_jump_between_two_steps_of_its_encoder(steps: float, stable: bool) -> None:
+    """Torques then swing by what the gains make of one step, in a loop that is stable."""
+    step, swing = 1e-5, np.sin(2 * np.pi * 108.0 * T)
+    reference = np.zeros((len(T), 1))
+    recording = SimpleNamespace(
+        true_q=reference + (steps * step * swing)[:, None],
+        reference=reference,
+        held=(3.0 * swing)[:, None],
+        period=TS,
+    )
+    torques, one = np.full((len(T), 1), 1e-3), np.ones(1)
+    tracking = check_tracking(recording, torques, LOAD * one, 1e3 * one, LOOP, step * one, np.array([False]))
+    assert tracking.ok is stable

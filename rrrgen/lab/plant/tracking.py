@@ -31,6 +31,10 @@ SWING = 0.1
 PEAK = 0.6
 """Least share of the power above the band that the peak of an oscillation holds; noise spreads it over all lines."""
 
+CHATTER = 0.5
+"""Steps of the encoder by which an oscillation moves its joint at least: a stable loop that stands still may jump
+between two steps, and its torques then swing by what the gains make of one."""
+
 BAND = 3.0
 """An oscillation is looked for above this many times the bandwidth of the loop: friction shakes the arm up to there."""
 
@@ -101,9 +105,22 @@ def check_tracking(
         oscillation(recording.held[:, i], torques[:, i], load[i], i, recording.period, bandwidth)
         for i in range(len(span))
     ]
-    return Tracking(
-        tuple(deviation.tolist()), tuple(span.tolist()), lost, tuple(each for each in found if each is not None)
+    error = recording.true_q - recording.reference
+    swinging = tuple(
+        swing
+        for swing in found
+        if swing is not None
+        and _amplitude(error[:, swing.joint], swing, recording.period) >= CHATTER * resolution[swing.joint]
     )
+    return Tracking(tuple(deviation.tolist()), tuple(span.tolist()), lost, swinging)
+
+
+def _amplitude(error: Array, swing: Oscillation, period: float) -> float:
+    """Amplitude, rad (m), with which the position ``error`` (m,) swings at the frequency of an oscillation."""
+    part = error[round(swing.start / period) : round(swing.stop / period)]
+    window = np.hanning(len(part))
+    turning = np.exp(-2j * np.pi * swing.frequency * period * np.arange(len(part)))
+    return float(2.0 * abs(((part - part.mean()) * window) @ turning) / window.sum())
 
 
 def oscillation(
