@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import pkgutil
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -122,3 +123,28 @@ def test_docstrings_say_what_the_thing_is():
         if FRAGMENTS.match(text)
     }
     assert fragments == {}
+
+
+GROUPS_OF_ENTRY_POINTS = {"rrrgen.targets"}
+DOTTED = re.compile(r"(?<![\w./])rrrgen(?:\.[a-z_0-9]+)+(?:\.[A-Za-z_]\w*)?")
+
+
+def exists(name: str) -> bool:
+    """Whether a dotted name is a module of the package, or an attribute of one."""
+    try:
+        pkgutil.resolve_name(name)
+    except (ImportError, AttributeError):
+        return False
+    return True
+
+
+def test_names_of_modules_that_pages_and_docstrings_state_exist():
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]
+    stated = {
+        name
+        for path in [*(path for path in PYTHON if "rrrgen" in path.relative_to(ROOT).parts), *pages]
+        for name in re.findall(
+            r"(?<![\w./])rrrgen(?:\.[a-z_0-9]+)+(?:\.[A-Za-z_]\w*)?", path.read_text(encoding="utf-8")
+        )
+    }
+    assert {name for name in stated - GROUPS_OF_ENTRY_POINTS if not exists(name)} == set()

@@ -18,7 +18,7 @@ from rrrgen.runtime.regressor_columns import drive_columns
 
 
 class RigidModel(Protocol):
-    """Interface of the compiled robot that identification needs; :class:`rrrgen.runtime.Model` implements it."""
+    """Interface of the compiled robot that identification needs; :class:`rrrgen.runtime.model.Model` implements it."""
 
     @property
     def n(self) -> int: ...  # noqa: D102
