@@ -46,3 +46,12 @@ def test_options_override_the_experiment_file(tmp_path):
 def test_an_unknown_option_is_refused():
     with pytest.raises(rrrgen.InputError, match="did you mean 'harmonics'"):
         rrrgen.excite("planar2r", harmonic=3)
+
+
+def test_drives_that_are_too_weak_are_named():
+    """The bundled pendulum needs 6 N m to hold its weight sideways, and its drive gives 5 N m."""
+    result = rrrgen.excite("pendulum", harmonics=1, starts=1, duration=4)
+    (sentence,) = result.overloads
+    assert "its drive gives 5 N m: state `torque` among the limits" in sentence
+    assert sentence in result.lines()
+    assert rrrgen.excite("planar2r", **OPTIONS).overloads == ()

@@ -216,6 +216,28 @@ def rigid_body_of(experiment: Experiment, model: Any) -> RigidBody:
     return RigidBody(model, drive_inertia=rotors + (0.0 if drives is None else drives))
 
 
+def overloads(experiment: Experiment, model: Any, reference: Motion, duration: float) -> list[str]:
+    """Sentences about joints whose drives are too weak for the motion, by the torques of the robot file and friction.
+
+    Empty where the robot file has no links or no torque limits.
+    """
+    limits = instruments_of(experiment, model).torque_limit
+    if model.beta is None or limits is None:
+        return []
+    q, dq, ddq = reference(np.arange(max(2, round(duration / experiment.period))) * experiment.period)
+    torques, friction = np.asarray(model.inverse_dynamics(q, dq, ddq)), friction_of(experiment, model)
+    if friction is not None:
+        torques = torques + np.asarray(friction.torque(dq, load=torques))
+    joints = zip(model.spec.joints, np.abs(torques).max(axis=0), limits, strict=True)
+    return [
+        f"{joint.name} takes up to {taken:.3g} {unit}, its drive gives {limit:.3g} {unit}: state `torque` among the "
+        "limits of the excitation in an experiment file, and the search keeps to it"
+        for joint, taken, limit in joints
+        for unit in ["N m" if joint.is_revolute else "N"]
+        if taken > limit
+    ]
+
+
 def _drives(model: Any) -> tuple[float, ...] | None:
     """The torque limits (n,) of the robot file; None unless it states them for every joint."""
     limits = [joint.limits.torque for joint in model.spec.joints]

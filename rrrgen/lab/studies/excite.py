@@ -54,9 +54,13 @@ class ExciteOptions(ExperimentOptions):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ExcitationResult(StudyResult):
-    """The result of :func:`rrrgen.excite`; ``design`` holds the problem and the results of all starts."""
+    """The result of :func:`rrrgen.excite`; ``design`` holds the problem and the results of all starts.
+
+    ``overloads`` are sentences about the joints whose torques, by the robot file, exceed what their drives give.
+    """
 
     design: ExcitationDesign
+    overloads: tuple[str, ...] = ()
 
     @property
     def trajectory(self) -> FourierTrajectory:
@@ -69,9 +73,9 @@ class ExcitationResult(StudyResult):
         return self.design.best.check
 
     def lines(self, width: int | None = None) -> list[str]:
-        """The report: the condition number."""
+        """The report: the condition number, and the joints whose drives are too weak."""
         columns = self.design.problem.columns
-        return [f"condition number {self.check.condition:.4g} with {columns} columns, all limits met"]
+        return [f"condition number {self.check.condition:.4g} with {columns} columns, all limits met", *self.overloads]
 
     def table(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
         """Header and rows of the starts of the search, the best first."""
@@ -151,7 +155,7 @@ def _design(
 ) -> ExcitationResult:
     """Search from all starts; ``folder`` keeps those that are finished."""
     from rrrgen.lab.design.design import design_excitation
-    from rrrgen.lab.experiment.setup import problem_of
+    from rrrgen.lab.experiment.setup import overloads, problem_of
 
     design = design_excitation(
         problem_of(experiment, arm.model),
@@ -162,4 +166,6 @@ def _design(
         checkpoints=None if folder is None else folder.checkpoint("starts"),
         progress=progress,
     )
-    return ExcitationResult(design, run=run)
+    motion = design.trajectory
+    too_much = overloads(experiment, arm.model, motion.evaluate, motion.period)
+    return ExcitationResult(design, tuple(too_much), run=run)
