@@ -209,7 +209,7 @@ def require(purpose: str, *modules: str) -> None:
 
 
 def installed(module: str) -> bool:
-    """Whether a top-level module is installed, as far as can be determined without importing it."""
+    """Whether the top-level ``module`` is installed, as far as can be determined without importing it."""
     try:
         return find_spec(module) is not None
     except (ImportError, ValueError):
@@ -217,7 +217,7 @@ def installed(module: str) -> bool:
 
 
 def missing_extra(error: BaseException | None) -> MissingExtraError | None:
-    """The MissingExtraError for a failed import, or for an error caused by one; None if no extra would help."""
+    """The MissingExtraError for a failed import ``error``, or one caused by it; None if no extra would help."""
     while error is not None:
         if isinstance(error, ImportError):
             package = (error.name or "").partition(".")[0]

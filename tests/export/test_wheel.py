@@ -169,13 +169,15 @@ def test_the_record_lists_every_file(files, tmp_path):
 
 def test_options_that_make_no_sense_are_refused():
     with pytest.raises(InputError, match="did you mean 'linux-x86_64'"):
-        export_robot(arm(), "wheel", options=ExportOptions(shared_libraries=("linux-x86-64",)))
+        export_robot(arm(), "wheel", options=ExportOptions(platforms=("linux-x86-64",)))
     with pytest.raises(InputError, match=r"urdf has no use for --platform; targets that have: .*wheel"):
-        export_robot(arm(), "urdf", options=ExportOptions(shared_libraries=("linux-x86_64",)))
+        export_robot(arm(), "urdf", options=ExportOptions(platforms=("linux-x86_64",)))
 
 
 def test_packages_hold_what_is_asked_for_and_say_what_they_cannot(capsys, tmp_path):
-    with pytest.raises(InputError, match=r"fmu cannot hold 'control'; targets that can: embedded, matlab, ros2, wheel"):
+    with pytest.raises(
+        InputError, match=r"fmu cannot hold 'control'; targets that can: cuda, embedded, jax, matlab, ros2, wheel"
+    ):
         export_robot(arm(), "fmu", options=ExportOptions(further=("control",)))
     with pytest.raises(InputError, match=r"wheel cannot hold 'cpp'; it takes control, .*targets that can: embedded"):
         export_robot(arm(), "wheel", options=ExportOptions(further=("cpp",)))

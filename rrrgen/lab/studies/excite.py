@@ -38,7 +38,7 @@ class ExciteOptions(ExperimentOptions):
     )
 
     def of_file(self, joints: int) -> Experiment:
-        """The experiment with harmonics, period of the motion and number of starts of these options."""
+        """The experiment with harmonics, period and starts of these options, for a robot of ``joints`` joints."""
         found = super().of_file(joints)
         excitation = dict(found.excitation)
         if self.harmonics is not None:

@@ -52,7 +52,7 @@ class SimulateOptions(ExperimentOptions):
     )
 
     def of_file(self, joints: int) -> Experiment:
-        """The experiment with noise, flexible base and control of these options."""
+        """The experiment with these options, for a robot of ``joints`` joints."""
         found = super().of_file(joints)
         virtual_robot, control = dict(found.virtual_robot), found.control
         if self.torque_noise is not None:

@@ -1399,8 +1399,8 @@ LOCAL int ik_6r_bound(REAL h[3][6][10], int enough)
     for (ring = 0; ring < 3 && bound > enough; ++ring) {
         const REAL near = (REAL)0.5 * ((REAL)1 / radius[ring] + radius[ring]), far = (REAL)0.5 * (radius[ring] - (REAL)1 / radius[ring]);
         REAL at[2] = {(REAL)1, (REAL)0}, before[2] = {(REAL)1, (REAL)0}, turned = (REAL)0;
-        int fine = 0, done = 0, left = VALUE_6R_POINTS, clear = 1;
-        while (clear && done < 1024) {
+        int fine = 0, done = 0, left, clear = 1;
+        for (left = VALUE_6R_POINTS; clear && done < 1024;) { /* ends: `clear` falls when no points are left */
             const REAL c = left == VALUE_6R_POINTS ? at[0] : at[0] * turn[fine][0] - at[1] * turn[fine][1];
             const REAL s = left == VALUE_6R_POINTS ? at[1] : at[1] * turn[fine][0] + at[0] * turn[fine][1];
             const REAL cosine[2] = {near * c, far * s}, sine[2] = {near * s, -far * c};
