@@ -36,6 +36,11 @@ def plain(text: str) -> str:
     return printable.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").rstrip("\\")
 
 
+def port_text(port: Port, shape: str = "") -> str:
+    """What a port is, its unit, its frame and its ``shape``, as far as they are stated: "joint positions, rad, [3]"."""
+    return ", ".join(plain(part) for part in (port.meaning, port.unit, port.frame, shape) if part)
+
+
 def mathematics(expression: object) -> str:
     """Print an expression for a comment, with ^ for powers, since ** is no operator of C or Rust."""
     return plain(str(expression).replace("**", "^"))

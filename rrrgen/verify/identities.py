@@ -266,7 +266,10 @@ def _check_sums(
 def _check_rates(
     model: Model, parameters: Parameters, s: States, own: _ModelTerms, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """Check the two identities with a time derivative, taken along q + t dq, dq + t ddq at t = 0."""
+    """Check that dM/dt - 2C is skew-symmetric and that the energy changes by the power: d(K + U)/dt = tau . dq.
+
+    Time derivatives are differences along the motion q + t dq, dq + t ddq at t = 0.
+    """
     beta = parameters.beta
     check = rows.against(SELF, parameters.label, tolerances.differenced, s.count)
 

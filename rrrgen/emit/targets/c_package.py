@@ -22,10 +22,10 @@ from rrrgen.emit.c.robot_files import CBackend, Files
 from rrrgen.emit.controller.differential_ik import Declaration, declaration
 from rrrgen.emit.controller.template_files import files_beside
 from rrrgen.emit.description import programs_of
-from rrrgen.emit.printing import plain, wrapped
+from rrrgen.emit.printing import plain, port_text, wrapped
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.program import Port, Program
+from rrrgen.program import Program
 from rrrgen.robot.file.fields import EMIT
 from rrrgen.robot.identity import Identity, identify
 from rrrgen.robot.model.drives import stated_at_joints
@@ -166,8 +166,8 @@ def _described(code: Code, program: Program | Declaration) -> dict[str, Any]:
         "defaults": defaults,
         "summary": wrapped(program.summary or program.name.replace("_", " ")),
         "formula": [plain(line) for line in program.formula.splitlines()],
-        "told": [(port.name, _told(port)) for port in program.inputs],
-        "results": [(port.name, _told(port)) for port in program.data_outputs],
+        "told": [(port.name, port_text(port)) for port in program.inputs],
+        "results": [(port.name, port_text(port)) for port in program.data_outputs],
     }
 
 
@@ -209,7 +209,3 @@ def nominal_values(code: Code) -> dict[Any, Default]:
         outputs = code.programs[name].data_outputs if name in code.programs else ()
         found |= {port.role: Default(name, len(outputs), i, port.name) for i, port in enumerate(outputs)}
     return found
-
-
-def _told(port: Port) -> str:
-    return plain(", ".join(filter(None, (port.meaning, port.unit, port.frame))))

@@ -59,10 +59,9 @@ class _Function:
 
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
-    groups = tuple(word for word in options.further if word != "gravity")
-    models = [derived_model(spec, groups)]
+    models = [derived_model(spec, options.further)]
     if "gravity" in options.further:
-        models.append(derived_model(spec.in_any_gravity(), groups))
+        models.append(derived_model(spec.in_any_gravity(), options.further))
     return Exported({f"{model.spec.name}.cuh": _header(model, identity, options.real) for model, identity in models})
 
 

@@ -18,7 +18,16 @@ from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
 from rrrgen.emit.description import facts, large_angles, programs_of, title
 from rrrgen.emit.interface import CHOICE, PRODUCT, SUM, Backend, Text
-from rrrgen.emit.printing import decimal, mathematics, nested_element, plain, print_body, with_free_ports, wrapped
+from rrrgen.emit.printing import (
+    decimal,
+    mathematics,
+    nested_element,
+    plain,
+    port_text,
+    print_body,
+    with_free_ports,
+    wrapped,
+)
 from rrrgen.program import Op, Port, Program, Status, count_operations
 from rrrgen.robot.identity import Identity
 
@@ -203,4 +212,4 @@ def _type(port: Port) -> str:
 def _told(port: Port) -> str:
     """What a port is, its unit, its frame, and its shape."""
     shape = "".join(f"[{size}]" for size in port.shape)
-    return ", ".join(plain(part) for part in (port.meaning, port.unit, port.frame, shape) if part)
+    return port_text(port, shape)

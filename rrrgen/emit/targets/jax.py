@@ -15,7 +15,7 @@ from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.parameters.listing import listing as parameter_listing
 from rrrgen.emit.description import facts, programs_of, title
 from rrrgen.emit.expressions import PythonTarget, element_names, folded, listing, quoted
-from rrrgen.emit.printing import Names, mathematics, plain, with_free_ports, wrapped
+from rrrgen.emit.printing import Names, mathematics, plain, port_text, with_free_ports, wrapped
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.program import Op, Port, Program, count_operations
@@ -50,10 +50,9 @@ class _Function:
 
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
-    groups = tuple(word for word in options.further if word != "gravity")
-    files = {f"{spec.name}_jax.py": _module(*derived_model(spec, groups))}
+    files = {f"{spec.name}_jax.py": _module(*derived_model(spec, options.further))}
     if "gravity" in options.further:
-        other, identity = derived_model(spec.in_any_gravity(), groups)
+        other, identity = derived_model(spec.in_any_gravity(), options.further)
         files[f"{other.spec.name}_jax.py"] = _module(other, identity)
     return Exported(files)
 
@@ -169,7 +168,7 @@ def _docstring(program: Program) -> str:
 def _described(port: Port) -> str:
     """What a port is, its unit, its frame and its shape."""
     shape = f"shape {port.shape}" if port.shape else ""
-    return ", ".join(plain(part) for part in (port.meaning, port.unit, port.frame, shape) if part)
+    return port_text(port, shape)
 
 
 EXPORTER = Exporter(

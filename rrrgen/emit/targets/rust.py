@@ -17,7 +17,16 @@ from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
 from rrrgen.emit.description import facts, large_angles, programs_of, title
 from rrrgen.emit.interface import CHOICE, PRODUCT, SUM, Backend, Text
-from rrrgen.emit.printing import decimal, mathematics, nested_element, plain, print_body, with_free_ports, wrapped
+from rrrgen.emit.printing import (
+    decimal,
+    mathematics,
+    nested_element,
+    plain,
+    port_text,
+    print_body,
+    with_free_ports,
+    wrapped,
+)
 from rrrgen.program import Failure, Op, Port, Program, Status, count_operations
 from rrrgen.robot.identity import Identity
 
@@ -237,8 +246,7 @@ def _explanation(program: Program) -> list[str]:
     rows = [("argument", port) for port in program.inputs] + [("result", port) for port in program.data_outputs]
     lines += [""] if rows else []
     for word, port in rows:
-        told = ", ".join(plain(part) for part in (port.meaning, port.unit, port.frame) if part)
-        lines.append(f"* {word} `{port.name}`: {told}")
+        lines.append(f"* {word} `{port.name}`: {port_text(port)}")
     if program.status is not None:
         cases = " or ".join(f"[`Failure::{_variant(each)}`] where {each.meaning}" for each in program.status.failures)
         lines += ["", *wrapped(f"Fails with {cases}.")]

@@ -64,7 +64,7 @@ class Recorder:
         return results[0]
 
     def names(self, hint: str, v: Vector) -> Vector:
-        """Give the coordinates of ``v`` the names hint + x, y, z."""
+        """Name the coordinates of the vector ``v`` in the emitted code: ``hint`` followed by x, y or z."""
         return (self.name(f"{hint}x", v[0]), self.name(f"{hint}y", v[1]), self.name(f"{hint}z", v[2]))
 
     def sqrt(self, x: S) -> Scalar:

@@ -110,9 +110,7 @@ def arm_of(experiment: Experiment, model: Any, reference: Motion, duration: floa
     drives = without_drives(model)
     if plant.joints is not None and drives is not None:
         masses = masses + np.diag(drives)
-    q, dq, ddq = reference(np.arange(max(2, round(duration / experiment.period))) * experiment.period)
-    torques, friction = np.asarray(model.inverse_dynamics(q, dq, ddq)), friction_of(experiment, model)
-    rubbing = np.zeros_like(torques) if friction is None else np.asarray(friction.torque(dq, load=torques))
+    q, ddq, torques, friction, rubbing = _torques(experiment, model, reference, duration)
     return ControlledArm(
         plant,
         rigid_body_of(experiment, model),
@@ -216,6 +214,16 @@ def rigid_body_of(experiment: Experiment, model: Any) -> RigidBody:
     return RigidBody(model, drive_inertia=rotors + (0.0 if drives is None else drives))
 
 
+def _torques(
+    experiment: Experiment, model: Any, reference: Motion, duration: float
+) -> tuple[Array, Array, Array, Any, Array]:
+    """Along a motion at the rate of the controller: q, ddq, torques without friction, the friction, its torques."""
+    q, dq, ddq = reference(np.arange(max(2, round(duration / experiment.period))) * experiment.period)
+    torques, friction = np.asarray(model.inverse_dynamics(q, dq, ddq)), friction_of(experiment, model)
+    rubbing = np.zeros_like(torques) if friction is None else np.asarray(friction.torque(dq, load=torques))
+    return q, ddq, torques, friction, rubbing
+
+
 def overloads(experiment: Experiment, model: Any, reference: Motion, duration: float) -> list[str]:
     """Sentences about joints whose drives are too weak for the motion, by the torques of the robot file and friction.
 
@@ -224,11 +232,8 @@ def overloads(experiment: Experiment, model: Any, reference: Motion, duration: f
     limits = instruments_of(experiment, model).torque_limit
     if model.beta is None or limits is None:
         return []
-    q, dq, ddq = reference(np.arange(max(2, round(duration / experiment.period))) * experiment.period)
-    torques, friction = np.asarray(model.inverse_dynamics(q, dq, ddq)), friction_of(experiment, model)
-    if friction is not None:
-        torques = torques + np.asarray(friction.torque(dq, load=torques))
-    joints = zip(model.spec.joints, np.abs(torques).max(axis=0), limits, strict=True)
+    _, _, torques, _, rubbing = _torques(experiment, model, reference, duration)
+    joints = zip(model.spec.joints, np.abs(torques + rubbing).max(axis=0), limits, strict=True)
     return [
         f"{joint.name} takes up to {taken:.3g} {unit}, its drive gives {limit:.3g} {unit}: state `torque` among the "
         "limits of the excitation in an experiment file, and the search keeps to it"
