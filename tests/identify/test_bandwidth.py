@@ -13,7 +13,15 @@ from rrrgen.cli.main import cli
 from rrrgen.lab.data.mapping import loads_mapping
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.identify.bandwidth import bandwidth_of, fitted_stretches, motion_bandwidth, reach, tune
+from rrrgen.lab.identify.bandwidth import (
+    fitted_stretches,
+    largest_bandwidth,
+    motion_bandwidth,
+    reach,
+    speed_spectra,
+    stretch_spectra,
+    tune,
+)
 from rrrgen.lab.identify.factoring import factor_recordings
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.identification import Options, identify
@@ -50,8 +58,9 @@ def test_rows_come_at_ten_times_the_bandwidth_whatever_the_rate_of_the_recording
     assert found.by_rule == ("decimate", "variances")
     sentence = " ".join(found.sentences())
     assert f"cycle of {found.motion:.3g} Hz" in sentence
+    assert f"bandwidth of the motion: {found.motion:.3g} Hz, that of joint " in sentence
     slow = tune(Processing(), [recording(8.0)])
-    assert "unfiltered, rows at 8 Hz (every sample stays: the bandwidth" in slow.sentences()[1]
+    assert "unfiltered, rows at 8 Hz (every sample stays: the bandwidth" in slow.sentences()[-1]
     assert "tuned by its innovations" in sentence
 
 
@@ -81,10 +90,33 @@ def test_blocks_do_not_hide_how_slow_the_motion_is(length):
     log = recording(500.0)
     blocks = fitted_stretches(log, Split.parse(f"blocks:{length}"))
     assert {abs(len(stretch.q) - 500 * length) for stretch in blocks[:-1]} <= {0, 1}  # instants at a border
-    assert 0.95 < bandwidth_of(blocks, log.period) < 1.8
+    assert 0.95 < largest_bandwidth(stretch_spectra(blocks, log.period)) < 1.8
     assert 0.95 < motion_bandwidth(log.q, log.period) < 1.1
     with pytest.raises(InputError, match="no fitted stretch"):
         fitted_stretches(log, Split.parse("blocks:0.1"))
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.6, 2.0])
+def test_the_bandwidth_does_not_follow_noise_of_any_colour(slope):
+    """Speeds with noise of a power as f^slope: 2 is that of white positions, drives and filters give less."""
+    t = np.arange(0, 60, 1 / 30)
+    q, dq, _ = fourier_motion(t, 2, 3, base=0.13)
+    rng = np.random.default_rng(1)
+    f = np.fft.rfftfreq(len(t), 1 / 30)
+    f[0] = f[1]
+    noise = np.fft.irfft(np.fft.rfft(rng.normal(size=q.shape), axis=0) * f[:, None] ** (slope / 2 - 1), len(t), axis=0)
+    noise *= 0.2 * np.std(dq) / np.std(30 * np.diff(noise, axis=0))
+    assert motion_bandwidth(q + noise, 1 / 30) == pytest.approx(0.65, abs=0.05)
+    first = speed_spectra(q + noise, 1 / 30)[0]
+    assert first.signal == pytest.approx(np.std(dq[:, 0]), rel=0.1)
+    assert first.decibels > 20
+
+
+def test_rounding_errors_of_a_periodic_motion_are_noise_although_they_are_lines():
+    t = np.arange(0, 60, 1 / 500)
+    q, _, _ = fourier_motion(t, 2, 5, base=0.1)
+    for resolution in (1e-4, 1e-3):
+        assert motion_bandwidth(np.round(q / resolution) * resolution, 1 / 500) == pytest.approx(0.5, abs=0.07)
 
 
 def mapping(processing=""):

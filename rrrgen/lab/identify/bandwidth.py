@@ -1,20 +1,23 @@
 """Choice of the filters from the bandwidth of the motion, for all settings that the user leaves open.
 
-The *bandwidth* B of the motion is the frequency below which 99.9 % of the power of every joint's speed lies, after the
-measuring noise is subtracted. The row rate is 10 B: the decimation filter then passes torque and regressor up to 4 B.
-The torques of the motion lie below that (squares of speeds reach 2 B; with the sines of gravity and inertia, about
-3 B), most of their noise above. A Butterworth filter of the positions has its cut-off at 5 B, above the decimation
-filter, so that it hardly affects the rows. The variances of a Kalman filter maximise the likelihood of its innovations.
+The *bandwidth* B of the motion is the frequency below which 99.9 % of the power of every joint's speed lies, counting
+only what stands above the floor of the measuring noise. The row rate is 10 B: the decimation filter then passes torque
+and regressor up to 4 B. The torques of the motion lie below that (squares of speeds reach 2 B; with the sines of
+gravity and inertia, about 3 B), most of their noise above. A Butterworth filter of the positions has its cut-off at
+5 B, above the decimation filter, so that it hardly affects the rows. The variances of a Kalman filter maximise the
+likelihood of its innovations.
 
 Only positions of the fitted part of the data are used, never torques or held-out data.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
@@ -30,9 +33,37 @@ RATE_OVER_BANDWIDTH = 10.0  # row rate after decimation over the bandwidth of th
 CUTOFF_OVER_BANDWIDTH = 5.0  # cut-off of the Butterworth filter over the bandwidth of the motion
 HIGHEST_CUTOFF = 0.4  # largest cut-off over the sampling rate
 ZERO_PADDING = 4  # zero-padding factor of the spectrum
-WINDOW_WIDTH = 1.5  # cycles per window below which 99.9 % of the power of a Hann window lies
+WINDOW_WIDTH = 2.0  # cycles per window below which 99.9 % of the power of a Blackman-Harris window lies
+BINS_PER_OCTAVE = 6
+NEAR_FLOOR = 2.5  # mean of a bin over the line through the bins above it, up to which it holds noise alone
+LINE_OVER_FLOOR = 12.0  # noise alone exceeds it with the probability exp(-12) a line
 END_SAMPLES = 7  # samples from which the speed at the end of a stretch is taken
 ENERGY_SHARE = 0.99  # share of the energy of an impulse response that defines its width
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedSpectrum:
+    """Spectrum of the speed of one joint, its noise floor, and the bandwidth that follows from them.
+
+    ``power`` (K,) is the power density of the speed, (rad/s)^2/Hz, at the frequencies ``f`` (K,), Hz, and ``floor``
+    (K,) that of the measuring noise. ``bandwidth`` (Hz) is the frequency below which 99.9 % of the power of the lines
+    above the floor lies; ``signal`` and ``noise`` are the RMS speeds of motion and noise below it, rad/s (m/s).
+    """
+
+    f: Array
+    power: Array
+    floor: Array
+    bandwidth: float
+    signal: float
+    noise: float
+
+    @property
+    def decibels(self) -> float:
+        """Ratio of the RMS speeds of motion and noise within the bandwidth, dB."""
+        return 20.0 * float(np.log10(self.signal / max(self.noise, np.finfo(float).tiny)))
+
+
+Spectra = tuple[SpeedSpectrum | None, ...]
 
 
 @dataclass(frozen=True)
@@ -41,7 +72,8 @@ class Tuning:
 
     ``by_rule`` names the settings chosen by the rule (``decimate``, ``cutoff``, ``variances``); ``motion`` is the
     bandwidth B (Hz), None if it was not needed; ``period`` (s) is the sampling period, ``on`` (s) the duration of the
-    data that the choice is based on.
+    data that the choice is based on. ``spectra`` (n,) are those of the speeds that the bandwidth was taken from, of the
+    recording with the fastest motion; None for a joint that does not move.
     """
 
     processing: Processing
@@ -49,6 +81,7 @@ class Tuning:
     by_rule: tuple[str, ...] = ()
     motion: float | None = None
     on: float = 0.0
+    spectra: tuple[SpeedSpectrum | None, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def row_rate(self) -> float:
@@ -62,8 +95,21 @@ class Tuning:
         return None if factor == 1 else CUTOFF_RATIO * 0.5 * self.row_rate
 
     def sentences(self) -> tuple[str, ...]:
-        """Two sentences that describe the filters and how they were chosen."""
-        return (self._motion_sentence(), self._torque_sentence())
+        """Sentences that describe the filters and how they were chosen."""
+        return (*self._bandwidth_sentence(), self._motion_sentence(), self._torque_sentence())
+
+    def _bandwidth_sentence(self) -> Iterator[str]:
+        """Bandwidth with RMS speeds of motion and noise: of the fastest joint and of the one least above the noise."""
+        moving = {joint: spectrum for joint, spectrum in enumerate(self.spectra, start=1) if spectrum is not None}
+        if not moving:
+            return
+        fastest = max(moving, key=lambda joint: moving[joint].bandwidth)
+        weakest = min(moving, key=lambda joint: moving[joint].decibels)
+        text = " and ".join(
+            f"{moving[joint].signal:.3g} at joint {joint} ({moving[joint].decibels:.0f} dB above the noise)"
+            for joint in dict.fromkeys((fastest, weakest))
+        )
+        yield f"bandwidth of the motion: {self.motion:.3g} Hz, that of joint {fastest}; RMS speed {text}"
 
     def _motion_sentence(self) -> str:
         method, chosen = self.processing.method, self.processing
@@ -102,6 +148,9 @@ class Tuning:
             "row_rate": self.row_rate,
             "torque_cutoff": self.torque_cutoff,
             "motion_bandwidth": self.motion,
+            "joint_bandwidths": [None if each is None else each.bandwidth for each in self.spectra],
+            "rms_speeds": [None if each is None else each.signal for each in self.spectra],
+            "rms_noise_of_speeds": [None if each is None else each.noise for each in self.spectra],
             "chosen_by_rule": list(self.by_rule),
             "chosen_on_seconds": self.on,
             "in_words": list(self.sentences()),
@@ -127,9 +176,11 @@ def tune(processing: Processing, recordings: Sequence[Recording], split: Split |
     each = TUNING_SAMPLES // len(recordings)
     found = [(recording.period, fitted_stretches(recording, split or Split(), each)) for recording in recordings]
     on = sum(step * len(stretch.q) for step, stretches in found for stretch in stretches)
-    motion = None
+    motion: float | None = None
+    spectra: Spectra = ()
     if processing.decimate is None or cutoff:
-        motion = max(bandwidth_of(stretches, step) for step, stretches in found)
+        spectra = max((stretch_spectra(stretches, step) for step, stretches in found), key=largest_bandwidth)
+        motion = largest_bandwidth(spectra)
     if processing.decimate is None and motion is not None:
         processing = replace(processing, decimate=max(1, int(1.0 / (period * RATE_OVER_BANDWIDTH * motion))))
     if cutoff and motion is not None:
@@ -138,7 +189,7 @@ def tune(processing: Processing, recordings: Sequence[Recording], split: Split |
         smoother = tune_stretches([stretch.q for stretch in found[0][1]], found[0][0])
         eta, xi = (tuple(float(x) for x in np.atleast_1d(v)) for v in (smoother.var_eta, smoother.var_xi))
         processing = replace(processing, var_eta=processing.var_eta or eta, var_xi=processing.var_xi or xi)
-    return Tuning(processing, period, by_rule, motion, on)
+    return Tuning(processing, period, by_rule, motion, on, spectra)
 
 
 @dataclass(frozen=True)
@@ -185,14 +236,21 @@ def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAM
     return long
 
 
-def bandwidth_of(stretches: Sequence[Stretch], period: float) -> float:
-    """The bandwidth of the motion (Hz) from its fitted stretches.
+def stretch_spectra(stretches: Sequence[Stretch], period: float) -> Spectra:
+    """Spectra of the speeds (n,) in the fitted stretches of a recording.
 
-    It is estimated twice: from the stretches alone, which resolve slow motion poorly, and with the gaps between them
-    interpolated, which adds kinks. Both errors enlarge the bandwidth, so the smaller estimate is returned.
+    They are estimated twice: from the stretches alone, which resolve slow motion poorly, and with the gaps between them
+    interpolated, which adds kinks. Both errors enlarge the bandwidth, so those with the smaller one are returned.
     """
-    apart = motion_bandwidth([stretch.q for stretch in stretches], period)
-    return min(apart, motion_bandwidth(bridged(stretches), period)) if len(stretches) > 1 else apart
+    apart = speed_spectra([stretch.q for stretch in stretches], period)
+    if len(stretches) == 1:
+        return apart
+    return min(apart, speed_spectra(bridged(stretches), period), key=largest_bandwidth)
+
+
+def largest_bandwidth(spectra: Spectra) -> float:
+    """The bandwidth of the motion, Hz: the largest of all joints."""
+    return max(spectrum.bandwidth for spectrum in spectra if spectrum is not None)
 
 
 def bridged(stretches: Sequence[Stretch]) -> list[Array]:
@@ -229,29 +287,92 @@ def _cubic(before: Array, after: Array, gap: int) -> Array:
 def motion_bandwidth(q: Array | Sequence[Array], period: float) -> float:
     """The frequency (Hz) below which 99.9 % of the power of every joint's speed lies, without the measuring noise.
 
-    ``q`` (N, n), or several stretches: the power is then averaged over those at least half as long as the longest.
-    Position noise that is white has a power proportional to ``4 sin^2(pi f Ts)`` in the differences; its level is
-    estimated from the upper half of the spectrum and subtracted, as is the width 1.5/T of a window of length T.
-    ``period`` is Ts in s. Raises :class:`InputError` if no joint moves.
+    ``q`` (N, n), or several stretches; ``period`` is that of the sampling, s. Raises :class:`InputError` if no joint
+    moves.
     """
+    return largest_bandwidth(speed_spectra(q, period))
+
+
+def speed_spectra(q: Array | Sequence[Array], period: float) -> Spectra:
+    """Spectra of the speeds of all joints; None for a joint that does not move more than the noise.
+
+    ``q`` (N, n), or several stretches: the power is then averaged over those at least half as long as the longest.
+    ``period`` is that of the sampling, s. Raises :class:`InputError` if no joint moves.
+
+    Differences of the positions have the power of the speed times ``(sin(pi f Ts) / (pi f Ts))^2``, which is divided
+    out. Their window is that of Blackman and Harris, whose side lobes at -92 dB keep strong slow motion out of the
+    floor between 0 and half the sampling rate.
+    """
+    from scipy.signal.windows import blackmanharris
+
     stretches = [q] if isinstance(q, np.ndarray) else list(q)
     longest = max(map(len, stretches))
     alike = [stretch for stretch in stretches if 2 * len(stretch) >= longest]
     length = min(map(len, alike)) - 1
-    window, padded = np.hanning(length)[:, None], ZERO_PADDING * length
+    window, padded = blackmanharris(length, sym=False)[:, None], ZERO_PADDING * length
+    f = np.fft.rfftfreq(padded, period)
+    scale = 2.0 / (period * np.sum(window**2) * np.sinc(f * period)[:, None] ** 2)
     speeds = (np.diff(x[: length + 1], axis=0) * window for x in alike)
-    power = np.sum([np.abs(np.fft.rfft(speed, padded, axis=0)) ** 2 for speed in speeds], axis=0)
-    power = power[:, np.sum(power, axis=0) > 0]
-    if power.shape[1] == 0:
+    power = scale * np.mean([np.abs(np.fft.rfft(speed, padded, axis=0)) ** 2 for speed in speeds], axis=0)
+    spectra = tuple(_speed_spectrum(f, column, length * period) if column.any() else None for column in power.T)
+    if not any(spectra):
         raise InputError("no joint moves in the recording")
-    shape = 4.0 * np.sin(np.pi * np.arange(len(power)) / padded)[:, None] ** 2
-    upper = slice(len(power) // 2, None)
-    # the median of a squared modulus is ln 2 of its mean
-    noise = np.median(power[upper] / shape[upper], axis=0) / np.log(2.0)
-    total = np.cumsum(power - noise * shape, axis=0)
-    last = np.max(np.argmax(total >= MOTION_POWER * np.max(total, axis=0), axis=0))
-    resolution = 1.0 / (period * length)
-    return float(max((last + 1) / ZERO_PADDING - WINDOW_WIDTH, 1.0) * resolution)
+    return spectra
+
+
+def _speed_spectrum(f: Array, power: Array, duration: float) -> SpeedSpectrum | None:
+    """Separate the lines of the motion from the noise in one spectrum from a stretch of ``duration`` s; None without.
+
+    The bandwidth holds 99.9 % of the power of *all* lines above the floor. The last line above it would be one of the
+    noise, far up, which exceeds the floor by chance. Lines in the upper octave are those of a drive or an encoder (of
+    the TX40 at 2.3 kHz) and count only if there are no others.
+    """
+    floor, noisy = noise_floor(f, power, duration)
+    lines = np.where((power > LINE_OVER_FLOOR * floor) & ~noisy, power, 0.0)
+    if np.any(lines[f < 0.5 * f[-1]]):
+        lines[f >= 0.5 * f[-1]] = 0.0
+    total = np.cumsum(lines)
+    if total[-1] <= 0.0:
+        return None
+    last = int(np.argmax(total >= MOTION_POWER * total[-1]))
+    bandwidth = max(float(f[last]) - WINDOW_WIDTH / duration, 1.0 / duration)
+    inside = f <= f[last]
+    signal, noise = (float(np.sqrt(np.sum(x[inside]) * f[1])) for x in (lines, floor))
+    return SpeedSpectrum(f, power, floor, bandwidth, signal, noise)
+
+
+def noise_floor(f: Array, power: Array, duration: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Power density (K,) of the noise in a spectrum ``power`` (K,), and a mask (K,) of where there is nothing else.
+
+    The floor is a power law ``c f^s`` of the frequencies ``f`` (K,), Hz, with 0 <= s <= 2: a white error of the
+    positions has s = 2, speeds estimated by a drive, or filtered positions, have less. It is fitted to the means of
+    logarithmic bins (a mean, as rounding errors of a periodic motion are lines, between which a median would look),
+    first to the upper octave, where the motion seldom reaches, then to one bin more below as long as that lies near
+    the line. The slope is the median of those of all pairs of bins (Theil and Sen), which a resonance does not tilt.
+    """
+    octaves = np.log2(max(2.0, f[-1] * duration))
+    edges = f[-1] * 2.0 ** (-np.arange(int(BINS_PER_OCTAVE * octaves)) / BINS_PER_OCTAVE)
+    bounds = [len(f), *(int(k) for k in np.searchsorted(f, edges[1:]))]
+    bins = [slice(low, high) for high, low in pairwise(bounds) if high - low >= ZERO_PADDING]
+    x = np.log([float(np.mean(f[part])) for part in bins])
+    y = np.log([max(float(np.mean(power[part])), np.finfo(float).tiny) for part in bins])
+    used = min(len(x), BINS_PER_OCTAVE)
+    while True:
+        slope, level = _line(x[:used], y[:used])
+        if used == len(x) or y[used] - slope * x[used] - level > np.log(NEAR_FLOOR):
+            break
+        used += 1
+    noisy = np.zeros(len(f), np.bool_)
+    for part, above in zip(bins, y - slope * x - level, strict=True):
+        noisy[part] = above <= np.log(NEAR_FLOOR)
+    return np.asarray(np.exp(level) * np.maximum(f, f[1]) ** slope), noisy
+
+
+def _line(x: Array, y: Array) -> tuple[float, float]:
+    """Slope, between 0 and 2, and level of the line through points, from medians (Theil and Sen)."""
+    i, k = np.triu_indices(len(x), 1)
+    slope = float(np.clip(np.median((y[i] - y[k]) / (x[i] - x[k])), 0.0, 2.0)) if len(i) else 0.0
+    return slope, float(np.median(y - slope * x))
 
 
 def reach(tuning: Tuning) -> float:

@@ -15,6 +15,7 @@ from rrrgen.lab.data.figure_style import new_figure, style_axes
 from rrrgen.lab.data.kalman import KalmanMatrices, frequency_response
 from rrrgen.lab.estimate.statistics import Whiteness
 from rrrgen.lab.estimate.tsqr import Rows
+from rrrgen.lab.identify.bandwidth import Spectra
 from rrrgen.lab.identify.cross_validation import Convergence
 from rrrgen.lab.identify.diagnosis.trial_fits import Sample
 from rrrgen.lab.identify.friction_columns import FrictionSurface, law_columns
@@ -48,6 +49,27 @@ def bode_data(matrices: KalmanMatrices, lowest: float = 0.1, highest: float | No
     S = np.abs(frequency_response(matrices, f, smoother=True))
     smoother = 20.0 * np.log10(np.maximum(S, 1e-12))
     return np.column_stack([f, 20.0 * np.log10(np.abs(H)), np.degrees(np.unwrap(np.angle(H))), smoother])
+
+
+def plot_spectra(spectra: Spectra, joints: Sequence[str]) -> Figure:
+    """Power density of the speed of every joint with its noise floor; a dotted line marks the bandwidth.
+
+    ``spectra`` (n,) are those of the joints that move, None for the others, ``joints`` (n,) their names.
+    """
+    moving = [(joint, each) for joint, each in zip(joints, spectra, strict=True) if each is not None]
+    columns = min(3, len(moving))
+    rows = -(-len(moving) // columns)
+    figure, axes = new_figure(rows, columns, height=0.4 + 2.4 * rows)
+    for axis in axes[len(moving) :]:
+        axis.set_visible(False)
+    for axis, (joint, each) in zip(axes, moving, strict=False):
+        inside = (each.f > 0.0) & (each.power > 0.0)
+        axis.loglog(each.f[inside], each.power[inside], color="0.6", linewidth=0.8, label="speed")
+        axis.loglog(each.f[inside], each.floor[inside], color="C0", linewidth=1.4, label="noise floor")
+        axis.axvline(each.bandwidth, color="C1", linestyle=":", label=f"{each.bandwidth:.3g} Hz")
+        axis.legend(loc="lower left", fontsize=8)
+        style_axes(axis, "frequency [Hz]", f"{joint}: power density")
+    return figure
 
 
 def plot_bode(matrices: Sequence[KalmanMatrices], joints: Sequence[str], smoother: bool = False) -> Figure:

@@ -335,13 +335,14 @@ def identification_figures(
 ) -> dict[str, Callable[[], Figure | None]]:
     """The figures of an identification: name -> function that draws it, None if the data do not allow it.
 
-    ``torques``, ``torques_held_out``, ``convergence``, ``whiteness``, and ``friction`` if ``model`` and ``recording``
-    are given. ``points`` is the approximate number of points of the convergence curves ``settling``, which are computed
-    if None.
+    ``torques``, ``torques_held_out``, ``convergence``, ``whiteness``, ``bandwidth``, and ``friction`` if ``model`` and
+    ``recording`` are given. ``points`` is the approximate number of points of the convergence curves ``settling``,
+    which are computed if None.
     """
     from rrrgen.lab.identify.figures import (
         force_units,
         plot_convergence,
+        plot_spectra,
         plot_torque_curves,
         plot_whiteness,
         torque_curves,
@@ -361,6 +362,7 @@ def identification_figures(
             _convergence(found, spec, points) if settling is None else settling, found.estimate.std, found.units
         ),
         "whiteness": lambda: plot_whiteness(found.whiteness, joints) if found.whiteness else None,
+        "bandwidth": lambda: plot_spectra(found.tuning.spectra, joints) if any(found.tuning.spectra) else None,
         "friction": lambda: (
             None if model is None or recording is None else _friction_figure(found, model, recording, theta)
         ),

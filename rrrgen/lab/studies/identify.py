@@ -256,7 +256,7 @@ class IdentificationResult(EstimateResult):
         return record
 
     def figures(self) -> dict[str, FigureMaker]:
-        """The figures: torques, torques_held_out, convergence, whiteness, friction, closed_loop."""
+        """The figures: torques, torques_held_out, convergence, whiteness, bandwidth, friction, closed_loop."""
         from rrrgen.lab.identify.results import identification_figures
 
         makers = identification_figures(self.identification, self.robot, model=self.model, recording=self.recordings[0])
