@@ -22,6 +22,7 @@ RANK_TOLERANCE = 1e-10
 NOISE_FLOOR = 1e-11  # residuals below this share of the torque are round-off and not used as a weight
 HUBER = 1.345  # 95 % efficiency for normal noise
 SETTLED = 1e-8  # relative change of the weights at which their iteration stops
+SMALLEST_SHARE = 0.05  # of its noise left in the residual of a row; a row that alone decides a parameter leaves none
 MOST_PREWHITENED = 0.97  # largest lag-one correlation a removed by prewhitening; nearer to 1, 1/(1 - a) is unreliable
 ROBUST_SETTLED = 1e-5  # change in standard deviations at which the slower, robust iteration stops
 
@@ -249,8 +250,10 @@ def correlated_covariance(
     """Covariance (p, p) of an estimate with residuals correlated over up to ``lags`` samples and between joints.
 
     ``(Phi' Phi)^-1 S (Phi' Phi)^-1`` with S the long-run covariance of the scores ``s_k = sum_j w_j^2 W_jk' r_jk``
-    with Bartlett weights after prewhitening (Newey and West 1987, Andrews and Monahan 1992). ``blocks`` are the rows in
-    order of time; ``project`` (columns of the rows, p) is the linear part of ``expand``, which maps x to theta.
+    with Bartlett weights after prewhitening (Newey and West 1987, Andrews and Monahan 1992). Each residual is divided
+    by ``1 - h`` with the leverage ``h`` of its row, the share of its own noise that the fit absorbs: an estimate
+    without that row would leave this residual (the jackknife of MacKinnon and White 1985, HC3). ``blocks`` are the rows
+    in order of time; ``project`` (columns of the rows, p) is the linear part of ``expand``, which maps x to theta.
 
     For a robust estimate, residuals are clipped at ``limit`` standard deviations, and the outer matrices count only
     the rows that are not clipped: ``(sum psi' W W')^-1 S (sum psi' W W')^-1`` (Huber and Ronchetti 2009, ch. 7).
@@ -259,6 +262,8 @@ def correlated_covariance(
     theta = expand(estimate.x)
     p = project.shape[1]
     products, slope = np.zeros((lags + 2, p, p)), np.zeros((p, p))
+    inverse = estimate.covariance / estimate.variance if estimate.variance > 0 else estimate.covariance
+    root = project @ _square_root(inverse)
     tail, tail_segment = np.zeros((0, p)), np.zeros(0, np.int64)
     for rows in blocks:
         residual = np.where(rows.use, rows.tau - rows.W @ theta, 0.0)
@@ -266,6 +271,8 @@ def correlated_covariance(
             most = limit / estimate.weights
             slope += _unclipped(rows, np.abs(residual) < most, estimate.weights, project)
             residual = np.clip(residual, -most, most)
+        leverage = w2 * np.sum((rows.W @ root) ** 2, axis=-1)
+        residual = residual / np.maximum(1.0 - leverage, SMALLEST_SHARE)
         scores = np.vstack([tail, np.einsum("kj,kjp->kp", residual * w2, rows.W) @ project])
         segment = np.concatenate([tail_segment, rows.segment])
         old = len(tail)
@@ -276,12 +283,15 @@ def correlated_covariance(
         keep = max(0, len(scores) - lags - 1)
         tail, tail_segment = scores[keep:], segment[keep:]
     S = _long_run_covariance(products)
-    inverse: Array
     if limit is not None:
         inverse = np.asarray(np.linalg.pinv(slope, hermitian=True), dtype=np.float64)
-    else:
-        inverse = estimate.covariance / estimate.variance if estimate.variance > 0 else estimate.covariance
     return np.asarray(inverse @ S @ inverse)
+
+
+def _square_root(A: Array) -> Array:
+    """Matrix B with ``B B' = A`` for a positive semidefinite A; rounding errors below zero are dropped."""
+    values, V = np.linalg.eigh(0.5 * (A + A.T))
+    return np.asarray(V * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _long_run_covariance(products: Array) -> Array:

@@ -1,0 +1,120 @@
+"""Study of what recordings hide, on virtual arms with known truth: ``python tests/identify/recordings_study.py NAME``.
+
+It prints a line per case: coverage of the 95 % intervals of the parameters (``coverage``), of those of the consistent
+estimate (``prior``) and of the bands of held-out torques (``bands``), each on sets with fresh motion and noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import click
+import numpy as np
+
+import rrrgen
+from rrrgen.base.arrays import Array
+from rrrgen.lab.data.preprocessing import Processing
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.estimate.statistics import confidence_factor
+from rrrgen.lab.identify.identification import Identification, Options, identify
+from rrrgen.lab.identify.parameters import DriveTerms
+from rrrgen.lab.identify.regressor import FullRegressor
+from samples.recordings import fourier_motion
+
+PERIOD = 0.01
+PROCESSING = Processing("butterworth", cutoff=10.0, decimate=5)
+NOISES = {"white": 0.0, ".1 s": 0.1, ".5 s": 0.5}
+
+
+def model_of(robot: str) -> Any:
+    """The compiled robot, evaluated with NumPy."""
+    return rrrgen.compile(robot, backend="numpy")
+
+
+def noise_of(shape: tuple[int, int], time: float, random: np.random.Generator) -> Array:
+    """Noise of unit variance, white or with the correlation ``time`` (s) of a first-order process."""
+    from scipy.signal import lfilter
+
+    white = random.normal(size=shape)
+    if time == 0.0:
+        return white
+    a = np.exp(-PERIOD / time)
+    white[0] /= np.sqrt(1.0 - a * a)
+    return np.asarray(lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], white, axis=0))
+
+
+@dataclass(frozen=True)
+class Case:
+    """A set: the recording, the regressor with all drive terms and the true values ``theta`` (p,) of its columns."""
+
+    model: Any
+    log: Log
+    regressor: FullRegressor
+    theta: Array
+
+
+def case(model: Any, seed: int, seconds: float, correlation: float, noise: float = 0.05) -> Case:
+    """An arm on five harmonics of .1 Hz, torque noise of ``noise`` times the RMS torque of the joint."""
+    random = np.random.default_rng([seed, 5])
+    n = model.n
+    t = np.arange(round(seconds / PERIOD)) * PERIOD
+    q, dq, ddq = fourier_motion(t, n, seed, base=0.1, harmonics=5, size=0.5)
+    regressor = FullRegressor(model, DriveTerms.everywhere(n, "inertia", "viscous", "coulomb", "offset"))
+    links = np.asarray(model.beta) * random.uniform(0.7, 1.3, len(model.beta))
+    size = np.sqrt(np.mean((np.asarray(model.regressor(q, dq, ddq)) @ links) ** 2, axis=0))
+    size = np.maximum(size, 0.02 * np.max(size))
+    drives = [random.uniform(0.02, 0.1, n) * size for _ in range(4)]
+    drives[0] = drives[0] / np.sqrt(np.mean(ddq**2, axis=0))
+    theta = np.concatenate([links, *drives])
+    exact = regressor(q, dq, ddq) @ theta
+    tau = exact + noise * np.sqrt(np.mean(exact**2, axis=0)) * noise_of(q.shape, correlation, random)
+    names = tuple(joint.name for joint in model.spec.joints)
+    return Case(model, Log(names, t, np.round(q, 7), tau, period=PERIOD), regressor, theta)
+
+
+def identified(given: Case, **options: Any) -> Identification:
+    """The estimate of a set, with all drive terms."""
+    plain = Options(terms=given.regressor.terms, consistent=False, poses=2)
+    return identify(given.model, [given.log], PROCESSING, replace(plain, **options))
+
+
+def coverage(sets: int, robot: str) -> Iterator[str]:
+    """Share of the 95 % intervals that hold the true parameter, least share of a parameter, RMS of error over std."""
+    model = model_of(robot)
+    for seconds in (30.0, 150.0):
+        for name, correlation in NOISES.items():
+            z, white = [], []
+            for seed in range(sets):
+                given = case(model, seed, seconds, correlation)
+                found = identified(given)
+                assert found.parametrisation is not None
+                error = found.estimate.x - found.parametrisation.contract(given.theta)
+                z.append(error / found.estimate.std)
+                white.append(error / found.iid_std)
+            half = confidence_factor(0.95, found.estimate.freedom)
+            inside, plain = (np.abs(np.array(each)) < half for each in (z, white))
+            yield (
+                f"{robot} {seconds:.0f} s, {name} noise: {100 * np.mean(inside):.1f} % of {inside.size} intervals "
+                f"(white {100 * np.mean(plain):.1f}), worst parameter {100 * np.min(np.mean(inside, axis=0)):.0f} %, "
+                f"rms z {np.sqrt(np.mean(np.square(z))):.2f}"
+            )
+
+
+STUDIES: dict[str, Callable[[int, str], Iterator[str]]] = {"coverage": coverage}
+
+
+@click.command()
+@click.argument("names", nargs=-1, type=click.Choice(list(STUDIES)))
+@click.option("--sets", default=40, help="Number of sets a case.")
+@click.option("--robot", default="puma560", help="Robot file or name of a bundled robot.")
+def main(names: tuple[str, ...], sets: int, robot: str) -> None:
+    """Run the studies NAMES, all of them without one."""
+    for name in names or tuple(STUDIES):
+        for line in STUDIES[name](sets, robot):
+            click.echo(f"{name}: {line}")
+
+
+if __name__ == "__main__":
+    main()
