@@ -23,6 +23,7 @@ ROOMS = (
     "emit",
     "runtime",
     "verify",
+    "evidence",
     "lab/data",
     "lab/estimate",
     "lab/design",

@@ -36,6 +36,21 @@ def _templates() -> Traversable:
     return beside
 
 
+def templates_digest() -> str:
+    """SHA-256 over the names and the bytes of all templates."""
+    parts: list[str] = []
+
+    def visit(folder: Traversable, prefix: str) -> None:
+        for entry in sorted(folder.iterdir(), key=lambda item: item.name):
+            if entry.is_dir():
+                visit(entry, f"{prefix}{entry.name}/")
+            else:
+                parts.extend((f"{prefix}{entry.name}", entry.read_bytes().hex()))
+
+    visit(_templates(), "")
+    return digest(*parts)
+
+
 @cache
 def environment() -> Environment:
     """The Jinja environment of all backends: an undefined name is an error, a final line feed is kept."""

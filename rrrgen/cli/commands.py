@@ -14,6 +14,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "show": ("rrrgen.cli.show:show", "Print a robot: DH table, zero pose, base parameters, closed forms."),
     "generate": ("rrrgen.cli.generate:generate", "Write C and CasADi models of a robot."),
     "verify": ("rrrgen.cli.verify:verify", "Compare a compiled model with independent dynamics."),
+    "certify": ("rrrgen.cli.certify:certify", "Write code with a certificate of what is proven and tested."),
     "ik": ("rrrgen.cli.ik:ik", "Solve the inverse kinematics for a pose."),
     "calibrate": (
         "rrrgen.cli.calibrate:calibrate",

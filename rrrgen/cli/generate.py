@@ -27,11 +27,12 @@ from rrrgen.robot.file.fields import EMIT, LANGUAGES
 from rrrgen.robot.friction.laws import LAWS
 
 if TYPE_CHECKING:
+    from rrrgen.base.files import Contents
+    from rrrgen.base.parallel import Tell
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
     from rrrgen.emit.c.language import Trig
     from rrrgen.emit.controller.online_estimators import Regression
-    from rrrgen.emit.targets.interface import Contents
     from rrrgen.program import Program
     from rrrgen.robot.spec import RobotSpec
 
@@ -298,46 +299,70 @@ def _targets() -> Iterable[str]:
     return [*exporters(), *unusable()]
 
 
-@click.command()
-@robot_argument
-@click.option(
+def code_options(function: F) -> F:
+    """Add the options that decide what the emitted files are; :func:`emitted` takes them."""
+    options = [
+        real_option,
+        click.option(
+            "--trig",
+            type=click.Choice(["inline", "libm"]),
+            default="inline",
+            show_default=True,
+            help="Source of sines and cosines: a kernel in the emitted code, or the C library.",
+        ),
+        click.option(
+            "--with",
+            "further",
+            callback=words(EMIT, _targets),
+            multiple=True,
+            metavar="WORD,...",
+            help="Also write, besides what the robot file asks for: "
+            + "; ".join(map(": ".join, EMIT.items()))
+            + ". A target of `rrrgen export` gets a folder of its name.",
+        ),
+    ]
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def work_options(function: F) -> F:
+    """Add the remaining options that :func:`emitted` takes: serialized CasADi files, processes, experiments."""
+    options = [
+        click.option(
+            "--casadi-files/--no-casadi-files",
+            default=None,
+            help="Also write serialized .casadi files, whose bytes depend on CasADi's version; by default if it is "
+            "installed.",
+        ),
+        click.option(
+            "-j",
+            "--jobs",
+            type=click.IntRange(min=1),
+            default=usual_jobs,
+            help="Number of processes; does not change the files.  [default: number of cores, up to 6]",
+        ),
+        ik_option,
+        controller_options,
+    ]
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+output_option = click.option(
     "-o", "--output", required=True, type=click.Path(path_type=Path), help="Directory to write.", metavar="DIR"
 )
-@real_option
-@click.option(
-    "--trig",
-    type=click.Choice(["inline", "libm"]),
-    default="inline",
-    show_default=True,
-    help="Source of sines and cosines: a kernel in the emitted code, or the C library.",
-)
-@click.option(
-    "--with",
-    "further",
-    callback=words(EMIT, _targets),
-    multiple=True,
-    metavar="WORD,...",
-    help="Also write, besides what the robot file asks for: "
-    + "; ".join(map(": ".join, EMIT.items()))
-    + ". A target of `rrrgen export` gets a folder of its name.",
-)
+
+
+@click.command()
+@robot_argument
+@output_option
+@code_options
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; print a diff and exit with 1 if DIR would change."
 )
-@click.option(
-    "--casadi-files/--no-casadi-files",
-    default=None,
-    help="Also write serialized .casadi files, whose bytes depend on CasADi's version; by default if it is installed.",
-)
-@click.option(
-    "-j",
-    "--jobs",
-    type=click.IntRange(min=1),
-    default=usual_jobs,
-    help="Number of processes; does not change the files.  [default: number of cores, up to 6]",
-)
-@ik_option
-@controller_options
+@work_options
 @json_option
 @click.option("-v", "--verbose", is_flag=True, help="Report what each step did, on stderr.")
 @without_collection()
@@ -378,26 +403,12 @@ def generate(
       rrrgen generate rrr -o firmware --estimator rls --fix p4=0 --fix p15=0 --torque-noise 0.2,0.1,0.05
     """
     from rrrgen.base.files import differences, write
-    from rrrgen.emit.controller.template_files import checks_beside, files_beside
-    from rrrgen.emit.package import emit
 
     start = time.perf_counter()
-    with_casadi = _with_casadi(casadi_files)
-    spec = read_with_warnings(robot)
-    spec = spec if method is None else replace(spec, ik=method)
-    wanted = {*spec.emit, *further}
-    groups = ("model", *sorted(wanted & set(GROUPS)))
-    languages = tuple(each for each in LANGUAGES if each in wanted)
+    with_casadi = serialized_casadi(casadi_files)
+    spec = with_solver(read_with_warnings(robot), method)
     with progress_bar(in_processes=True) as tell:
-        tell(0, 0, "deriving")
-        model = derive(spec, jobs, groups, tell)
-        code = controller_files(model, real, experiment)
-        code |= files_beside(spec, real, groups, trig)
-        any_gravity = derive(spec.in_any_gravity(), jobs, groups, tell) if "gravity" in wanted else None
-        casadi = with_casadi and not only_check
-        checks = checks_beside(spec, groups)
-        files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks)
-    files |= _exported(spec, real, further)
+        model, files = emitted(spec, real, trig, further, with_casadi and not only_check, jobs, experiment, tell)
     if verbose:
         _report_passes(model)
     if only_check:
@@ -417,6 +428,42 @@ def generate(
     return 0
 
 
+def with_solver(spec: RobotSpec, method: str | None) -> RobotSpec:
+    """The robot with the ``method`` of its inverse kinematics that the option ``--ik`` states, if it does."""
+    return spec if method is None else replace(spec, ik=method)
+
+
+def emitted(
+    spec: RobotSpec,
+    real: Real,
+    trig: Trig,
+    further: tuple[str, ...],
+    casadi: bool,
+    jobs: int,
+    experiment: dict[str, Any],
+    tell: Tell,
+) -> tuple[DerivedModel, dict[str, Contents]]:
+    """Derive a robot and print all files that the options of ``rrrgen generate`` ask for: relative path -> contents.
+
+    ``casadi`` adds serialized CasADi functions; ``experiment`` holds the options of :func:`controller_options`;
+    ``tell(done, total, message)`` is called as the work proceeds.
+    """
+    from rrrgen.emit.controller.template_files import checks_beside, files_beside
+    from rrrgen.emit.package import emit
+
+    wanted = {*spec.emit, *further}
+    groups = ("model", *sorted(wanted & set(GROUPS)))
+    languages = tuple(each for each in LANGUAGES if each in wanted)
+    tell(0, 0, "deriving")
+    model = derive(spec, jobs, groups, tell)
+    code = controller_files(model, real, experiment)
+    code |= files_beside(spec, real, groups, trig)
+    any_gravity = derive(spec.in_any_gravity(), jobs, groups, tell) if "gravity" in wanted else None
+    checks = checks_beside(spec, groups)
+    files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks)
+    return model, files | _exported(spec, real, further)
+
+
 def _exported(spec: RobotSpec, real: Real, further: tuple[str, ...]) -> dict[str, Contents]:
     """The files of those words ``further`` that are targets of ``rrrgen export``, each in a folder of its name."""
     files: dict[str, Contents] = {}
@@ -434,7 +481,7 @@ def _exported(spec: RobotSpec, real: Real, further: tuple[str, ...]) -> dict[str
     return files
 
 
-def _with_casadi(wanted: bool | None) -> bool:
+def serialized_casadi(wanted: bool | None) -> bool:
     """Whether .casadi files are written: as requested, by default if CasADi is installed.
 
     Raises MissingExtraError if they are requested and CasADi is missing.

@@ -1,0 +1,179 @@
+"""The command ``rrrgen certify``: write the code of a robot together with a certificate of what is known about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from rrrgen.base.parallel import without_collection
+from rrrgen.cli.arguments import complete_robot, json_option, print_json, read_with_warnings
+from rrrgen.cli.generate import code_options, emitted, serialized_casadi, with_solver, work_options
+from rrrgen.cli.terminal import progress_bar, say, verdict
+
+if TYPE_CHECKING:
+    from rrrgen.emit import Real
+    from rrrgen.emit.c.language import Trig
+
+
+@click.command()
+@click.argument("robot", required=False, shell_complete=complete_robot)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="Directory to write.", metavar="DIR")
+@click.option(
+    "--check",
+    "checked",
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
+    metavar="DIR",
+    help="Write nothing; say whether code and certificate in DIR belong together, exit with 1 if not.",
+)
+@click.option("--again", is_flag=True, help="With --check: also compute again what can be computed again.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="SPEED",
+    help="Prove bounds up to this speed of all joints, rad/s (m/s), instead of the limits of the robot file.",
+)
+@click.option(
+    "--acceleration",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="ACC",
+    help="Likewise for accelerations, rad/s^2 (m/s^2).",
+)
+@click.option("--samples", type=click.IntRange(min=1), default=200, show_default=True, help="States of the comparison.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of all random states.")
+@code_options
+@work_options
+@json_option
+@without_collection()
+def certify(
+    robot: str | None,
+    output: Path | None,
+    checked: Path | None,
+    again: bool,
+    speed: float | None,
+    acceleration: float | None,
+    samples: int,
+    seed: int,
+    real: Real,
+    trig: Trig,
+    further: tuple[str, ...],
+    casadi_files: bool | None,
+    jobs: int,
+    method: str | None,
+    as_json: bool,
+    **experiment: Any,
+) -> int:
+    """Write the code of a robot with a certificate of what is proven and tested about it.
+
+    DIR receives the files of `rrrgen generate` with the same options, and the folder evidence: certificate.json,
+    the same as a page in Markdown and HTML, and test vectors. Proven are bounds of the rounding error of every
+    function without branches, in double and in float, over the limits of the robot file; tested is every function
+    against independent dynamics, as by `rrrgen verify`. What is missing is listed with the reason.
+
+    --check compares the hashes of all files, the pages and the functions with the certificate; --again also proves the
+    bounds and emits the code anew.
+
+    \b
+    Examples:
+      rrrgen certify rrr -o runs/certified
+      rrrgen certify panda -o runs/panda --real float --speed 0.5 --acceleration 1
+      rrrgen certify --check runs/certified
+    """
+    if checked is not None:
+        if output is not None:
+            raise click.UsageError("--check writes nothing: give it without -o")
+        return _check(checked, robot, again, as_json)
+    if again:
+        raise click.UsageError("--again belongs to --check")
+    if robot is None or output is None:
+        raise click.UsageError("give ROBOT and -o DIR, or --check DIR")
+    from rrrgen.base.files import write
+    from rrrgen.evidence.boxes import Ranges
+    from rrrgen.evidence.certificate import CERTIFICATE, PAGE, certificate_files
+    from rrrgen.runtime import load
+    from rrrgen.verify import verify
+
+    casadi = serialized_casadi(casadi_files)
+    spec = with_solver(read_with_warnings(robot), method)
+    with progress_bar(in_processes=True) as tell:
+        model, files = emitted(spec, real, trig, further, casadi, jobs, experiment, tell)
+    with progress_bar() as tell:
+        report = verify(load.compile(spec, "c", real), samples, seed, tell=tell)
+        options = {
+            "trig": trig,
+            "with": sorted({*spec.emit, *further}),
+            "ik": spec.ik,
+            "speed": speed,
+            "acceleration": acceleration,
+        }
+        files |= certificate_files(
+            model,
+            files,
+            real,
+            trig,
+            options,
+            Ranges(speed, acceleration),
+            report,
+            seed=seed,
+            skipped=_beyond_the_model(files),
+            tell=tell,
+        )
+    write(files, output)
+    content = _read(output)
+    sampled_within = all(
+        stated.get("sampled", {}).get("within", True)
+        for entry in content["functions"].values()
+        for stated in entry["rounding"].values()
+        if isinstance(stated, dict)
+    )
+    ok = report.ok and sampled_within
+    if as_json:
+        print_json({"directory": str(output), "ok": ok, "digest": content["digest"], "skipped": content["skipped"]})
+        return 0 if ok else 1
+    proven = sum("none" not in entry["rounding"] for entry in content["functions"].values())
+    say(f"{spec.name}: rounding bounds of {proven} of {len(content['functions'])} functions")
+    if not sampled_within:
+        say("a sampled error exceeds its bound: please report this fault of rrrgen")
+    last = report.to_text().splitlines()[-1]
+    say(verdict(last, report.ok))
+    say(f"{len(content['skipped'])} items not covered, listed with the reason in {CERTIFICATE}")
+    say(f"written to {output}, to be read in {output / PAGE}")
+    return 0 if ok else 1
+
+
+def _beyond_the_model(files: dict[str, Any]) -> list[tuple[str, str]]:
+    """Emitted files whose functions are no model functions, with the reason why no rounding bound is stated."""
+    headers = sorted(path for path in files if path.endswith(".h") and "/" not in path)
+    return [
+        (f"rounding of {path}", "loops or branches, or a second model: no rule for them")
+        for path in headers[1:]
+        if not path.endswith("_status.h")
+    ]
+
+
+def _read(directory: Path) -> dict[str, Any]:
+    from rrrgen.evidence.check import read_certificate
+
+    return read_certificate(directory)
+
+
+def _check(directory: Path, robot: str | None, again: bool, as_json: bool) -> int:
+    """Compare the certificate below ``directory`` with the files beside it, and ``again`` with a new derivation."""
+    from rrrgen.evidence.check import bounds_that_differ, disagreements
+
+    found = disagreements(directory)
+    content = _read(directory)
+    if again and not found:
+        if robot is None:
+            raise click.UsageError("--again needs ROBOT: rrrgen certify ROBOT --check DIR --again")
+        with progress_bar() as tell:
+            found = bounds_that_differ(content, read_with_warnings(robot), tell)
+    if as_json:
+        print_json({"directory": str(directory), "ok": not found, "disagreements": found})
+    else:
+        for fault in found:
+            say(fault)
+        last = "code and certificate do not belong together" if found else "code and certificate belong together"
+        say(verdict(f"{content['robot']}: {last}", not found))
+    return 1 if found else 0

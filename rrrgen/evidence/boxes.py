@@ -1,0 +1,128 @@
+"""The box of inputs over which something is proven about a function: from the limits that the robot file states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from rrrgen.program import Port, Program, Role
+from rrrgen.robot.spec import JointSpec, RobotSpec
+from rrrgen.verify.references.numeric_robot import nominal_parameters
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """The ranges that are assumed where the robot file states none, and those that the user sets instead.
+
+    ``speed`` and ``acceleration`` of all joints replace the limits of the file; None keeps them. ``spread`` is the
+    relative range of inertial parameters around their nominal values.
+    """
+
+    speed: float | None = None
+    acceleration: float | None = None
+    spread: float = 0.2
+
+
+ASSUMED_ANGLE, ASSUMED_STROKE = math.pi, 1.0
+ASSUMED_SPEED, ASSUMED_ACCELERATION = (10.0, 2.0), (100.0, 20.0)
+"""Where the robot file states no limit: rad and m; rad/s and m/s; rad/s^2 and m/s^2 (revolute, prismatic)."""
+
+GRAVITY = 10.0  # m/s^2, of every component where gravity is an input
+
+
+@dataclass(frozen=True)
+class PortRange:
+    """The range of one input port: ``lower`` and ``upper``, row-major, and ``source``, where they come from."""
+
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    source: str
+
+    @property
+    def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """The lower and the upper bounds."""
+        return self.lower, self.upper
+
+
+def box_of(program: Program, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ranges) -> dict[str, PortRange]:
+    """The range of every input port of ``program`` that has one, by name.
+
+    ``beta`` are the nominal values of the port of base parameters, drive inertias included; None where the robot file
+    states none. A port of another quantity, such as the mass of a payload, has no range.
+    """
+    box = {}
+    for port in program.inputs:
+        found = _range(port, spec, beta, ranges)
+        if found is not None:
+            box[port.name] = found
+    return box
+
+
+def _range(port: Port, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ranges) -> PortRange | None:
+    role = port.role
+    if role in (Role.POSITION, Role.DESIRED_POSITION):
+        return _of_joints(spec, _position)
+    if role in (Role.VELOCITY, Role.DESIRED_VELOCITY, Role.REFERENCE_VELOCITY):
+        return _symmetric(spec, ranges.speed, _speed)
+    if role in (Role.ACCELERATION, Role.DESIRED_ACCELERATION, Role.REFERENCE_ACCELERATION):
+        return _symmetric(spec, ranges.acceleration, _acceleration)
+    if role is Role.TORQUE:
+        limits = [joint.limits.torque for joint in spec.joints]
+        if any(limit is None for limit in limits):
+            return None
+        sizes = tuple(float(limit) for limit in limits if limit is not None)
+        return PortRange(tuple(-size for size in sizes), sizes, "limits of the robot file")
+    if role is Role.COVECTOR:
+        return PortRange((-1.0,) * port.size, (1.0,) * port.size, "assumed")
+    if role is Role.GRAVITY:
+        return PortRange((-GRAVITY,) * port.size, (GRAVITY,) * port.size, "assumed")
+    if role is Role.BASE_PARAMETERS:
+        return None if beta is None or len(beta) != port.size else _around(beta, ranges.spread)
+    if role is Role.STANDARD_PARAMETERS:
+        nominal = nominal_parameters(spec)
+        if nominal is None or nominal.size != port.size:
+            return None
+        return _around([float(value) for value in nominal.ravel()], ranges.spread)
+    return None
+
+
+def _around(values: Sequence[float], spread: float) -> PortRange:
+    lower = tuple(value - spread * abs(value) for value in values)
+    upper = tuple(value + spread * abs(value) for value in values)
+    return PortRange(lower, upper, f"nominal values of the robot file, within {spread:.0%}")
+
+
+def _of_joints(spec: RobotSpec, bounds: Callable[[JointSpec], tuple[float, float, bool]]) -> PortRange:
+    rows = [bounds(joint) for joint in spec.joints]
+    stated = [row[2] for row in rows]
+    source = "limits of the robot file" if all(stated) else "assumed" if not any(stated) else "limits, else assumed"
+    return PortRange(tuple(row[0] for row in rows), tuple(row[1] for row in rows), source)
+
+
+def _symmetric(spec: RobotSpec, given: float | None, limit: Callable[[JointSpec], tuple[float, bool]]) -> PortRange:
+    if given is not None:
+        n = len(spec.joints)
+        return PortRange((-given,) * n, (given,) * n, "stated by the user")
+    return _of_joints(spec, lambda joint: (-limit(joint)[0], *limit(joint)))
+
+
+def _position(joint: JointSpec) -> tuple[float, float, bool]:
+    reach = ASSUMED_ANGLE if joint.is_revolute else ASSUMED_STROKE
+    lower, upper = joint.limits.lower, joint.limits.upper
+    stated = lower is not None and upper is not None
+    if lower is None:
+        lower = -reach if upper is None else min(-reach, upper - reach)
+    if upper is None:
+        upper = max(reach, lower + reach)
+    return lower, upper, stated
+
+
+def _speed(joint: JointSpec) -> tuple[float, bool]:
+    limit = joint.limits.velocity
+    return (ASSUMED_SPEED[not joint.is_revolute], False) if limit is None else (limit, True)
+
+
+def _acceleration(joint: JointSpec) -> tuple[float, bool]:
+    limit = joint.limits.acceleration
+    return (ASSUMED_ACCELERATION[not joint.is_revolute], False) if limit is None else (limit, True)

@@ -1,0 +1,251 @@
+"""The certificate of emitted code, ``rrrgen-certificate/1``: what is proven, tested and not covered, as plain data.
+
+It holds no time, host or path: the same robot, options and tools give the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from rrrgen.base.errors import installed
+from rrrgen.base.files import Contents, checksum
+from rrrgen.base.templates import templates_digest
+from rrrgen.derive.functions.table import FUNCTIONS
+from rrrgen.emit.c.language import ERROR_BOUND, RANGE, Trig
+from rrrgen.emit.c.stack import stack_bound
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of
+from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, RoundingBounds, rounding_bounds
+from rrrgen.evidence.sampling import has_wide_format, largest_errors
+from rrrgen.evidence.vectors import test_vectors
+from rrrgen.program import count_operations
+from rrrgen.robot.identity import identify
+
+if TYPE_CHECKING:
+    from rrrgen.base.parallel import Tell
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.emit import Real
+    from rrrgen.program import Program
+    from rrrgen.verify.report import Report
+
+SCHEMA = "rrrgen-certificate/1"
+FOLDER = "evidence"
+CERTIFICATE = f"{FOLDER}/certificate.json"
+MARKDOWN = f"{FOLDER}/certificate.md"
+PAGE = f"{FOLDER}/certificate.html"
+VECTORS = f"{FOLDER}/vectors.json"
+
+METHOD = "mean-value form over the roundings, outward rounding, angles split into equal parts"
+
+NOT_CLAIMED = (
+    "a safety level, or the qualification of a tool",
+    "a worst-case execution time",
+    "that the robot file describes the arm",
+    "that compiler, C library and processor are correct; bounds hold for IEEE arithmetic, rounding to nearest",
+    "bounds or the absence of run-time errors outside the stated boxes, or with -ffast-math",
+    "that sampled figures are largest ones: only what is called a bound is proven",
+)
+"""What the certificate does not say, for its reader."""
+
+VECTORS_PER_FUNCTION = 4
+_EQUATION = re.compile(r"\(14\.\d+\)")
+
+
+def rounding_entry(
+    program: Program, box: Mapping[str, PortRange], samples: int, seed: int
+) -> tuple[dict[str, Any], RoundingBounds | None]:
+    """The entry ``rounding`` of a function: bounds, box, sampled errors and ratios in both precisions, or a reason.
+
+    Returns it with the bounds, None where there are none.
+    """
+    try:
+        bounds = rounding_bounds(program, {name: each.bounds for name, each in box.items()})
+    except NoBoundError as reason:
+        return {"none": str(reason)}, None
+    entry: dict[str, Any] = {"parts_per_angle": bounds.parts, "method": METHOD}
+    for precision, values in ((DOUBLE, bounds.double), (FLOAT, bounds.single)):
+        stated: dict[str, Any] = {
+            "box": {name: _range(each) for name, each in box.items()},
+            "bounds": {port.name: list(row) for port, row in zip(program.outputs, values, strict=True)},
+            "worst": max((value for row in values for value in row), default=0.0),
+        }
+        if samples and has_wide_format(precision):
+            errors = largest_errors(program, box, precision, samples, seed)
+            flat = [value for row in values for value in row]
+            worst = float(errors.max(initial=0.0))
+            stated["sampled"] = {
+                "states": samples,
+                "seed": seed,
+                "largest": _short(worst),
+                "ratio": _short(stated["worst"] / worst) if worst > 0.0 else None,
+                "within": bool(all(e <= 1.001 * b for e, b in zip(errors.tolist(), flat, strict=True))),
+            }
+        entry[precision.name] = stated
+    return entry, bounds
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+def _range(port: PortRange) -> dict[str, Any]:
+    return {"lower": list(port.lower), "upper": list(port.upper), "source": port.source}
+
+
+def certificate_files(
+    model: DerivedModel,
+    files: Mapping[str, Contents],
+    real: Real,
+    trig: Trig,
+    options: Mapping[str, Any],
+    ranges: Ranges,
+    verification: Report | None,
+    samples: int = 2000,
+    seed: int = 0,
+    further: Mapping[str, Any] | None = None,
+    skipped: Sequence[tuple[str, str]] = (),
+    tell: Tell | None = None,
+) -> dict[str, Contents]:
+    """The files of the folder ``evidence`` for the emitted ``files`` of ``model``: relative path -> contents.
+
+    Args:
+        model: the derived robot that was emitted.
+        files: all emitted files.
+        real: the floating-point type of the C code.
+        trig: the source of sines and cosines; bounds exist for the emitted kernel only.
+        options: the options of the command, as the certificate states them.
+        ranges: the ranges of inputs over which bounds are proven.
+        verification: the report of ``rrrgen verify`` for this model, or None where it was not made.
+        samples: random states per function and precision at which errors are sampled.
+        seed: of all random states.
+        further: entries of the certificate about external tools, by name.
+        skipped: what was not done, with the reason.
+        tell: called as ``tell(done, total, message)`` as the work proceeds.
+    """
+    from rrrgen.evidence.page import html, markdown
+
+    spec, identity = model.spec, identify(model.spec)
+    beta = None if model.beta_nominal is None else [*model.beta_nominal, *(model.drive_inertia_nominal or ())]
+    nominal = None if beta is None else [float(value) for value in beta]
+    missing = list(skipped)
+    functions: dict[str, Any] = {}
+    vectors: dict[str, Any] = {}
+    for done, (name, program) in enumerate(model.programs.items()):
+        if tell is not None:
+            tell(done, len(model.programs), f"rounding of {name}")
+        box = box_of(program, spec, nominal, ranges)
+        if trig == "libm" and count_operations(program).sincos:
+            rounding: dict[str, Any] = {"none": "sines and cosines of the C library, which states no error bound"}
+            bounds = None
+        else:
+            rounding, bounds = rounding_entry(program, box, samples, seed)
+        if bounds is None:
+            missing.append((f"rounding of {name}", rounding["none"]))
+        else:
+            vectors[name] = {
+                "bounds": rounding[real]["bounds"],
+                "states": test_vectors(program, box, real == "float", VECTORS_PER_FUNCTION, seed),
+            }
+        functions[name] = {
+            "equations": _equations(name),
+            "checks": _checks(name, verification),
+            "rounding": rounding,
+            "operations": count_operations(program).as_dict(),
+            "stack_bound": asdict(stack_bound(program, real)),
+        }
+    if verification is None:
+        missing.append(("verification", "not asked for"))
+    else:
+        missing += [(f"verification: {name}", reason) for name, reason in verification.skipped]
+        missing += [
+            (f"verification of {name}", "no check of this name")
+            for name, entry in functions.items()
+            if not entry["checks"]
+        ]
+    content: dict[str, Any] = {
+        "schema": SCHEMA,
+        "robot": spec.name,
+        "model_hash": identity.model_hash,
+        "tool": f"rrrgen {identity.tool_version}",
+        "real": real,
+        "options": dict(options),
+        "files": {path: checksum(files[path]) for path in sorted(files)},
+        "templates": templates_digest(),
+        "tools": tool_versions(),
+        "kernel": {
+            name: {"absolute_error": ERROR_BOUND[name], "range_rad": float(RANGE[name])} for name in ("double", "float")
+        },
+        "functions": functions,
+        "verification": None if verification is None else verification.to_dict(),
+        **dict(further or {}),
+        "trace": _trace(functions),
+        "skipped": [{"what": what, "reason": reason} for what, reason in missing],
+        "not_claimed": list(NOT_CLAIMED),
+    }
+    vector_text = _json({"schema": "rrrgen-vectors/1", "robot": spec.name, "real": real, "functions": vectors})
+    content["evidence"] = {VECTORS: checksum(vector_text)}
+    content["digest"] = content_digest(content)
+    return {
+        CERTIFICATE: _json(content),
+        MARKDOWN: markdown(content),
+        PAGE: html(content),
+        VECTORS: vector_text,
+    }
+
+
+def content_digest(content: Mapping[str, Any]) -> str:
+    """SHA-256 of the certificate's content without the digest itself; it finds accidents, not forgery."""
+    rest = {key: value for key, value in content.items() if key != "digest"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _json(content: Mapping[str, Any]) -> str:
+    return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def tool_versions() -> dict[str, str]:
+    """Versions of the Python packages that take part, by name."""
+    from importlib.metadata import version
+
+    return {name: version(name) for name in ("numpy", "sympy", "mpmath", "casadi") if installed(name)}
+
+
+def _base(name: str) -> str:
+    return name.removesuffix("_nominal")
+
+
+def _equations(name: str) -> list[str]:
+    function = FUNCTIONS.get(_base(name))
+    return [] if function is None else sorted(set(_EQUATION.findall(f"{function.summary} {function.details}")))
+
+
+def _checks(name: str, report: Report | None) -> list[str]:
+    """The comparisons of the verification that name the function: reference, what was compared."""
+    if report is None:
+        return []
+    word = re.compile(rf"(^|[^\w]){re.escape(_base(name))}($|[^\w])")
+    aliases = _ALIASES.get(_base(name), ())
+    return list(
+        dict.fromkeys(
+            f"{row.function} against {row.reference}"
+            for row in report.rows
+            if word.search(row.function) or row.function in aliases
+        )
+    )
+
+
+_ALIASES = {"regressor": ("regressor K", "tau = Y beta + Ia ddq"), "regressor_transpose": ("regressor_transpose K",)}
+"""Checks of functions whose rows are not named after them."""
+
+
+def _trace(functions: Mapping[str, Any]) -> list[dict[str, Any]]:
+    rows = [
+        {"equation": equation, "function": name, "checks": entry["checks"]}
+        for name, entry in functions.items()
+        for equation in entry["equations"]
+    ]
+    return sorted(rows, key=lambda row: (float(row["equation"].strip("()")[3:]), row["function"]))

@@ -1,0 +1,137 @@
+"""Check whether emitted code and its certificate belong together."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from rrrgen.base.errors import InputError
+from rrrgen.base.files import MANIFEST, checksum
+from rrrgen.derive import derive_once
+from rrrgen.derive.functions.table import GROUPS
+from rrrgen.evidence.boxes import Ranges, box_of
+from rrrgen.evidence.certificate import CERTIFICATE, FOLDER, MARKDOWN, PAGE, SCHEMA, content_digest, rounding_entry
+from rrrgen.evidence.page import html, markdown
+from rrrgen.robot.identity import identify
+
+if TYPE_CHECKING:
+    from rrrgen.base.parallel import Tell
+    from rrrgen.robot.spec import RobotSpec
+
+_KEYS = ("robot", "model_hash", "tool", "real", "files", "functions", "evidence", "skipped", "not_claimed", "digest")
+
+
+def read_certificate(directory: Path) -> dict[str, Any]:
+    """The content of the certificate below ``directory``. Raises InputError if there is none, or if it is no JSON."""
+    place = directory / CERTIFICATE
+    try:
+        content = json.loads(place.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{place}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise InputError(f"{place}: is no JSON: {error}") from error
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        raise InputError(f"{place}: is no certificate of the schema {SCHEMA}")
+    missing = [key for key in _KEYS if key not in content]
+    if missing:
+        raise InputError(f"{place}: has no {', '.join(missing)}")
+    return content
+
+
+def disagreements(directory: Path) -> list[str]:
+    """What does not agree between the certificate below ``directory`` and the files beside it, one sentence each.
+
+    Compared are the digest of the certificate, the SHA-256 of every file, the pages, and the functions and the model of
+    the manifest. Raises InputError if there is no certificate.
+    """
+    content = read_certificate(directory)
+    found = []
+    if content_digest(content) != content["digest"]:
+        found.append(f"{CERTIFICATE}: its content does not have the digest that it states")
+        return found
+    for path, expected in {**content["files"], **content["evidence"]}.items():
+        fault = _file_fault(directory, path, expected)
+        if fault:
+            found.append(fault)
+    for path, text in ((MARKDOWN, markdown(content)), (PAGE, html(content))):
+        fault = _file_fault(directory, path, checksum(text))
+        if fault:
+            found.append(fault)
+    known = {*content["files"], *content["evidence"], CERTIFICATE, MARKDOWN, PAGE}
+    for path in sorted(directory.rglob("*")):
+        name = path.relative_to(directory).as_posix()
+        if path.is_file() and name not in known and (path.suffix in (".c", ".h") or name.startswith(f"{FOLDER}/")):
+            found.append(f"{name}: is not in the certificate")
+    return found + ([] if found else _manifest_faults(directory, content))
+
+
+def _file_fault(directory: Path, path: str, expected: str) -> str | None:
+    if PurePosixPath(path).is_absolute() or ".." in PurePosixPath(path).parts:
+        return f"{path}: is no path below the directory"
+    try:
+        data = (directory / path).read_bytes()
+    except OSError:
+        return f"{path}: is missing"
+    return None if checksum(data) == expected else f"{path}: has changed since the certificate was written"
+
+
+def _manifest_faults(directory: Path, content: dict[str, Any]) -> list[str]:
+    """Compare with the manifest: the model, and a row for every emitted function."""
+    manifest = json.loads((directory / MANIFEST).read_text(encoding="utf-8"))
+    found = []
+    if manifest["model_hash"] != content["model_hash"]:
+        found.append(f"{MANIFEST}: is of another model")
+    for name in manifest["functions"]:
+        if name not in content["functions"]:
+            found.append(f"{name}: is emitted, and not in the certificate")
+    return found
+
+
+def bounds_that_differ(content: dict[str, Any], spec: RobotSpec, tell: Tell | None = None) -> list[str]:
+    """Derive the robot ``spec`` anew, prove its bounds anew, and compare them with the certificate ``content``.
+
+    Returns one sentence for every difference; versions of other tools than those that wrote the certificate may round
+    the proof differently, so bounds are compared to 1e-9.
+    """
+    options = content["options"]
+    spec = replace(spec, ik=options["ik"])
+    if identify(spec).model_hash != content["model_hash"]:
+        return [f"{spec.name}: the robot file is not the one of the certificate"]
+    groups = ("model", *(name for name in sorted(options["with"]) if name in GROUPS))
+    model = derive_once(spec, groups)
+    nominal = None if model.beta_nominal is None else [*model.beta_nominal, *(model.drive_inertia_nominal or ())]
+    beta = None if nominal is None else [float(value) for value in nominal]
+    ranges = Ranges(options["speed"], options["acceleration"])
+    found = []
+    for done, (name, program) in enumerate(model.programs.items()):
+        if tell is not None:
+            tell(done, len(model.programs), f"rounding of {name}")
+        stated = content["functions"].get(name)
+        if stated is None:
+            found.append(f"{name}: is not in the certificate")
+        elif not ("none" in stated["rounding"] and options["trig"] == "libm"):
+            entry, _ = rounding_entry(program, box_of(program, spec, beta, ranges), 0, 0)
+            found += [f"{name}: {fault}" for fault in _entry_faults(stated["rounding"], entry)]
+    return found
+
+
+def _entry_faults(stated: dict[str, Any], entry: dict[str, Any]) -> list[str]:
+    if ("none" in stated) != ("none" in entry):
+        return ["a bound is stated and none can be proven, or the other way round"]
+    if "none" in entry:
+        return []
+    faults = []
+    for precision in ("double", "float"):
+        old, new = stated[precision], entry[precision]
+        if old["box"] != new["box"]:
+            faults.append(f"the box in {precision} is another one")
+        pairs = [
+            (a, b)
+            for port, row in new["bounds"].items()
+            for a, b in zip(old["bounds"].get(port, []), row, strict=False)
+        ]
+        if any(abs(a - b) > 1e-9 * abs(b) for a, b in pairs):
+            faults.append(f"the bounds in {precision} are others")
+    return faults

@@ -1,0 +1,753 @@
+"""Proven bounds of the rounding errors of a straight-line program over a box of inputs.
+
+The subject is the difference between a program evaluated in floating point, as the emitted C does it, and the same
+program in exact arithmetic, at the same floating-point inputs. Everything that rounds is inside: arithmetic, the
+decimal constants, the sum of angles in front of a sine, and the kernel of sine and cosine.
+
+Method: the mean-value form over the roundings. Node i computes ``v_i = op(its operands) + e_i`` with a local error
+``|e_i| <= r_i``. As functions of the vector e, the outputs are smooth; the program in floating point is the point of
+the actual errors, exact arithmetic is e = 0. By the mean value theorem along the line between the two points
+
+    |error of an output| <= sum_i max |d output / d e_i| r_i ,
+
+where the maximum is over all points of that line, hence over all values that the nodes take while every error stays
+within its bound. So the ranges of all nodes are enclosed *with the local errors inside* and the derivatives, from
+reverse mode, are enclosed over the same ranges: there is no second-order remainder. An error that is zero is a point
+of the same line, so a product that a compiler contracts with a sum to one fused operation, in all places that use it
+or in those that stand in one expression with it, is covered.
+
+Local errors: half a unit in the last place of the largest magnitude of the exact result of the operation; nothing for
+inputs, changes of sign and products with powers of two; for a constant the exact distance from its literal; for sine
+and cosine the proven bound of the kernel; and the smallest normal number wherever a product or quotient may
+underflow, which also covers processors that flush subnormal results to zero.
+
+Three rules tighten plain intervals, which lose a factor sqrt(2) in every rotation. Let c, s be values within k of the
+cosine and the sine of one angle, and ``rho = 1 + sqrt(2) k``; N(x, y, ..) is the Euclidean norm.
+
+1. Rotation. ``|c A + s B| <= rho N(A, B)``. Proof: Cauchy-Schwarz, ``|c A + s B| <= N(c, s) N(A, B)``, and ``N(c, s)
+   <= N(cos, sin) + N(c - cos, s - sin) <= 1 + sqrt(2) k``. Sums are flattened first: the errors of the two products
+   and of the sums inside add to the right side, by the triangle inequality.
+2. Norms pass through rotations. ``N(c A + s B, c B - s A, rest) <= max(1, rho) N(A, B, rest)``. Proof: the first two
+   elements are a matrix R = [[c, s], [-s, c]] times (A, B) with ``R' R = (c^2 + s^2) 1``, so R stretches by N(c, s)
+   <= rho; the block matrix diag(R, 1) stretches by max(N(c, s), 1). Without the second element the norm is smaller
+   still, since leaving out elements lowers a norm. With errors and further terms, Minkowski's inequality ``N(x + y)
+   <= N(x) + N(y)`` splits them off. ``N(c A, s A, rest) <= max(1, rho) N(A, rest)`` likewise, as ``N(c A, s A) = |A|
+   N(c, s)``.
+3. Cross products. ``|a b + c d| <= N(a, c) N(b, d)``, and with d and b in each other's place where that is smaller.
+   Proof: Cauchy-Schwarz; the signs of the four numbers do not matter.
+
+Each rule gives an enclosure of its own, which is intersected with that of interval arithmetic. All arithmetic of the
+analysis is rounded outwards: to the next floating-point number after every operation, with a margin where several
+operations of one formula are rounded together. The box is split along the angles into equal parts, all of which are
+evaluated as one batch.
+
+No bound is given for a program with operations whose error is not bounded by these rules (comparisons, exponentials),
+or with a divisor whose range contains zero; the reason is returned instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.emit.c.language import ERROR_BOUND, RANGE
+from rrrgen.program import Builder, Op, Port, Program, Value
+from rrrgen.program.differentiation import is_zero
+from rrrgen.program.program import Node, reachable
+
+Array = NDArray[np.float64]
+Interval = tuple[Array, Array]
+Box = Mapping[str, tuple[Sequence[float], Sequence[float]]]
+"""Lower and upper bounds of the elements of every input port, by its name."""
+
+
+@dataclass(frozen=True)
+class Precision:
+    """A floating-point format: unit roundoff, smallest normal number, absolute error and range of the sine kernel."""
+
+    name: str
+    roundoff: float
+    smallest: float
+    kernel_error: float
+    kernel_range: float
+
+    def literal(self, value: Fraction | int) -> Fraction:
+        """The exact value of the emitted literal of a constant: the nearest double, in float rounded once more."""
+        nearest = float(value)
+        return Fraction(nearest if self.name == "double" else float(np.float32(nearest)))
+
+
+DOUBLE = Precision("double", 2.0**-53, 2.0**-1022, ERROR_BOUND["double"], float(RANGE["double"]))
+FLOAT = Precision("float", 2.0**-24, 2.0**-126, ERROR_BOUND["float"], float(RANGE["float"]))
+PRECISIONS = (DOUBLE, FLOAT)
+
+RHO = math.nextafter(1.0 + math.sqrt(2.0) * 1.001 * FLOAT.kernel_error, 2.0)
+"""Bound of N(c, s) for computed sines and cosines, of the coarser precision; see rule 1."""
+
+_MARGIN = 1.0 + 2.0**-48  # covers the roundings of a formula of at most 2^4 operations on positive numbers
+_TINY = 1e-150  # magnitudes below it vanish when squared
+_SINE_ERROR = 2.0**-48  # of NumPy's sine and cosine, which are accurate to some units in the last place of 1
+_BUDGET = 6e6  # nodes times parts of the box: some seconds for the largest function
+_LARGE = 3e4  # nodes from which on the box stays whole: finding the rotations takes longer than the arithmetic
+_MOST_PARTS = 8  # of one angle; more gained less than a tenth on the bundled arms
+_MOST_TERMS = 24  # of a flattened sum
+_DEPTH = 4  # rotations that a norm is followed through
+_CHUNK = 4e6  # nodes times boxes evaluated together: 64 MB
+
+
+class NoBoundError(Exception):
+    """No bound can be proven; the message is the reason."""
+
+
+@dataclass(frozen=True)
+class RoundingBounds:
+    """Proven absolute error bounds: ``double[k]`` and ``float[k]`` hold one number per element of output k.
+
+    ``parts`` is the number of equal parts into which every angle's range was split.
+    """
+
+    double: tuple[tuple[float, ...], ...]
+    single: tuple[tuple[float, ...], ...]
+    parts: int
+
+
+def rounding_bounds(program: Program, box: Box, budget: float = _BUDGET) -> RoundingBounds:
+    """Bound the rounding error of every output element of ``program`` for all inputs in ``box``.
+
+    ``box`` holds lower and upper bounds per input port; ``budget`` limits the work, nodes times parts of the box.
+    Raises NoBoundError with the reason where no bound can be proven.
+    """
+    analysis = _Analysis(program, box)
+    parts = analysis.affordable_parts(budget)
+    double, single = analysis.bounds(parts)
+    return RoundingBounds(double, single, parts)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Interval arithmetic on batches, rounded outwards.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def _down(x: Array) -> Array:
+    return np.nextafter(x, -np.inf)
+
+
+def _up(x: Array) -> Array:
+    return np.nextafter(x, np.inf)
+
+
+def _widened(x: Interval, radius: Array | float) -> Interval:
+    return _down(x[0] - radius), _up(x[1] + radius)
+
+
+def _sum(x: Interval, y: Interval) -> Interval:
+    return _down(x[0] + y[0]), _up(x[1] + y[1])
+
+
+def _difference(x: Interval, y: Interval) -> Interval:
+    return _down(x[0] - y[1]), _up(x[1] - y[0])
+
+
+def _product(x: Interval, y: Interval) -> Interval:
+    if x is y:
+        return _square(x)
+    a, b, c, d = x[0] * y[0], x[0] * y[1], x[1] * y[0], x[1] * y[1]
+    low = np.minimum(np.minimum(a, b), np.minimum(c, d))
+    high = np.maximum(np.maximum(a, b), np.maximum(c, d))
+    return _down(low), _up(high)
+
+
+def _square(x: Interval) -> Interval:
+    magnitude = _magnitude(x)
+    least = np.where((x[0] <= 0.0) & (x[1] >= 0.0), 0.0, np.minimum(np.abs(x[0]), np.abs(x[1])))
+    return np.maximum(_down(least * least), 0.0), _up(magnitude * magnitude)
+
+
+def _quotient(x: Interval, y: Interval) -> Interval:
+    if np.any((y[0] <= 0.0) & (y[1] >= 0.0)):
+        raise NoBoundError("a divisor whose range contains zero")
+    return _product(x, (_down(1.0 / y[1]), _up(1.0 / y[0])))
+
+
+def _root(x: Interval) -> Interval:
+    if np.any(x[0] <= 0.0):
+        raise NoBoundError("a square root of a number whose range is not positive")
+    return _down(np.sqrt(x[0])), _up(np.sqrt(x[1]))
+
+
+def _magnitude(x: Interval) -> Array:
+    return np.maximum(np.abs(x[0]), np.abs(x[1]))
+
+
+def _intersection(x: Interval, y: Interval) -> Interval:
+    return np.maximum(x[0], y[0]), np.minimum(x[1], y[1])
+
+
+def _sine(x: Interval, quarter: float) -> Interval:
+    """The range of sin(x + quarter): quarter is 0 for the sine, pi/2 for the cosine."""
+    low, high = x
+    f = np.sin if quarter == 0.0 else np.cos
+    first, last = f(low), f(high)
+    slack = 1e-9 + 1e-12 * np.maximum(np.abs(low), np.abs(high))  # an extremum that is only near counts as inside
+
+    def crosses(phase: float) -> NDArray[np.bool_]:
+        shift = phase - quarter
+        period = 2.0 * np.pi
+        inside: NDArray[np.bool_] = np.ceil((low - slack - shift) / period) <= np.floor((high + slack - shift) / period)
+        return inside
+
+    top = np.where(crosses(np.pi / 2.0), 1.0, np.minimum(np.maximum(first, last) + _SINE_ERROR, 1.0))
+    bottom = np.where(crosses(-np.pi / 2.0), -1.0, np.maximum(np.minimum(first, last) - _SINE_ERROR, -1.0))
+    return bottom, top
+
+
+def _half_unit(magnitude: Array, roundoff: float) -> Array:
+    """The largest error of rounding a number of at most this magnitude to nearest."""
+    exponent = np.frexp(magnitude)[1]
+    return np.where(magnitude > 0.0, np.ldexp(roundoff, exponent - 1), 0.0)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Enclosures of all nodes, with the three rules.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+class _Ranges:
+    """Enclosures of nodes over a batch of boxes: those of a program, with local errors, and derivatives behind them.
+
+    ``errors[i]`` is the bound of the local error of node i in the coarser precision, which the enclosure includes.
+    """
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self.ranges: list[Interval] = []
+        self.errors: list[Array | float] = []
+        self._norms: dict[tuple[int, ...], Array] = {}
+        self._terms: dict[int, tuple[list[tuple[int, int]], list[int]] | None] = {}
+
+    def truncate(self, size: int) -> None:
+        """Forget all nodes from number ``size`` on."""
+        del self.nodes[size:], self.ranges[size:], self.errors[size:]
+        self._norms = {key: value for key, value in self._norms.items() if key[-1] < size}
+        self._terms = {key: value for key, value in self._terms.items() if key < size}
+
+    def magnitude(self, index: int) -> Array:
+        """The largest magnitude of a node in every box."""
+        return _magnitude(self.ranges[index])
+
+    def exact(self, node: Node) -> Interval:
+        """The enclosure of ``node``, the next one, without its own local error."""
+        op, args = node.op, node.args
+        x = self.ranges[args[0]]
+        if op is Op.ADD:
+            return self._of_sum(node, _sum(x, self.ranges[args[1]]))
+        if op is Op.SUB:
+            return self._of_sum(node, _difference(x, self.ranges[args[1]]))
+        if op is Op.MUL:
+            return _product(x, self.ranges[args[1]])
+        if op is Op.NEG:
+            return -x[1], -x[0]
+        if op is Op.DIV:
+            return _quotient(x, self.ranges[args[1]])
+        if op is Op.SQRT:
+            return _root(x)
+        if op is Op.SIN:
+            return _sine(x, 0.0)
+        if op is Op.COS:
+            return _sine(x, np.pi / 2.0)
+        raise NoBoundError(f"the operation {op.value}")
+
+    def append(self, node: Node, enclosure: Interval, error: Array | float = 0.0) -> None:
+        """Add the next node with its enclosure, local error included."""
+        self.nodes.append(node)
+        self.ranges.append(enclosure)
+        self.errors.append(error)
+
+    # -- structure ---------------------------------------------------------------------------------------------
+
+    def _flat(self, index: int) -> tuple[list[tuple[int, int]], list[int]] | None:
+        """The sum ``index`` as signed terms that are no sums, and the sums inside it; None if there are too many."""
+        if index not in self._terms:
+            self._terms[index] = self._flattened(self.nodes[index])
+        return self._terms[index]
+
+    def _flattened(self, node: Node) -> tuple[list[tuple[int, int]], list[int]] | None:
+        terms: list[tuple[int, int]] = []
+        inner: list[int] = []
+        stack = [(1, node.args[0]), (1 if node.op is Op.ADD else -1, node.args[1])]
+        while stack:
+            sign, index = stack.pop()
+            op, args, _ = self.nodes[index]
+            if op is Op.ADD or op is Op.SUB:
+                inner.append(index)
+                stack += [(sign, args[0]), (sign if op is Op.ADD else -sign, args[1])]
+            elif op is Op.NEG:
+                stack.append((-sign, args[0]))
+            else:
+                terms.append((sign, index))
+            if len(terms) + len(stack) > _MOST_TERMS:
+                return None
+        return terms, inner
+
+    def _rotated(self, index: int) -> list[tuple[int, Op, int]]:
+        """The ways to read node ``index`` as sine or cosine times another node: (angle, SIN or COS, other node)."""
+        op, args, _ = self.nodes[index]
+        if op is not Op.MUL:
+            return []
+        found = []
+        for factor, other in (args, args[::-1]):
+            kind = self.nodes[factor].op
+            if kind is Op.SIN or kind is Op.COS:
+                found.append((self.nodes[factor].args[0], kind, other))
+        return found
+
+    def _pairs(
+        self, terms: list[tuple[int, int]]
+    ) -> list[tuple[list[tuple[int, int, int]], list[tuple[int, int, int]]]]:
+        """For every angle of which both functions occur: the terms with cosine, and with sine: (sign, term, other)."""
+        by_angle: dict[int, tuple[list[tuple[int, int, int]], list[tuple[int, int, int]]]] = {}
+        for sign, index in terms:
+            for angle, kind, other in self._rotated(index):
+                by_angle.setdefault(angle, ([], []))[kind is Op.SIN].append((sign, index, other))
+        return [groups for groups in by_angle.values() if groups[0] and groups[1]]
+
+    # -- the rules ---------------------------------------------------------------------------------------------
+
+    def _of_sum(self, node: Node, enclosure: Interval) -> Interval:
+        flat = self._flattened(node)
+        if flat is None:
+            return enclosure
+        terms, inner = flat
+        for cosines, sines in self._pairs(terms):
+            enclosure = _intersection(enclosure, self._by_rotation(terms, inner, cosines, sines))
+        if len(terms) == 2 and not inner:
+            (_, x), (_, y) = terms
+            if self.nodes[x].op is Op.MUL and self.nodes[y].op is Op.MUL:
+                bound = self._by_cross_product(x, y)
+                enclosure = _intersection(enclosure, (-bound, bound))
+        return enclosure
+
+    def _by_rotation(
+        self,
+        terms: list[tuple[int, int]],
+        inner: list[int],
+        cosines: list[tuple[int, int, int]],
+        sines: list[tuple[int, int, int]],
+    ) -> Interval:
+        """Rule 1 for a flattened sum: the terms of one angle by their norm, the others by intervals."""
+        if len(cosines) == len(sines) == 1:
+            bound = self.norm((cosines[0][2], sines[0][2]))
+        else:
+            groups = [sum(self.magnitude(other) for *_, other in group) for group in (cosines, sines)]
+            bound = np.hypot(groups[0], groups[1])
+        used = [index for _, index, _ in (*cosines, *sines)]
+        radius = bound * RHO + self._error((*used, *inner))
+        low: Array | float = 0.0
+        high: Array | float = 0.0
+        size: Array | float = radius
+        for sign, index in terms:
+            if index not in used:
+                x = self.ranges[index]
+                low, high = (low + x[0], high + x[1]) if sign > 0 else (low - x[1], high - x[0])
+                size = size + _magnitude(x)
+        slack = size * 2.0**-46  # covers the roundings of at most _MOST_TERMS additions and of the norm
+        return np.asarray(low - radius - slack), np.asarray(high + radius + slack)
+
+    def _by_cross_product(self, x: int, y: int) -> Array:
+        """Rule 3: the bound of the sum or difference of the products ``x`` and ``y``."""
+        a, b = self.nodes[x].args
+        c, d = self.nodes[y].args
+        straight = self.norm((a, c)) * self.norm((b, d))
+        crossed = self.norm((a, d)) * self.norm((b, c))
+        bound: Array = (np.minimum(straight, crossed) + self._error((x, y))) * _MARGIN
+        return bound
+
+    def _error(self, indices: Sequence[int]) -> Array | float:
+        return sum((self.errors[index] for index in indices), 0.0)
+
+    def norm(self, members: Sequence[int], depth: int = _DEPTH) -> Array:
+        """Rule 2: a bound of the Euclidean norm of several nodes."""
+        key = tuple(sorted(set(self._without_signs(members))))
+        if key in self._norms and len(key) == len(members):
+            return self._norms[key]
+        indices = self._without_signs(members)
+        squares: Array | float = 0.0
+        for index in indices:
+            squares = squares + self.magnitude(index) ** 2
+        bound = np.asarray(np.sqrt(squares)) * _MARGIN + _TINY
+        if depth > 0 and len(indices) > 1:
+            for reduced, errors, rests in self._reductions(indices):
+                other = self.norm(reduced, depth - 1) * RHO + np.hypot(*errors) + np.hypot(*rests)
+                bound = np.minimum(bound, other * _MARGIN)
+        if len(key) == len(members) and depth == _DEPTH:
+            self._norms[key] = bound
+        return bound
+
+    def _without_signs(self, members: Sequence[int]) -> list[int]:
+        plain = []
+        for index in members:
+            while self.nodes[index].op is Op.NEG:
+                index = self.nodes[index].args[0]
+            plain.append(index)
+        return plain
+
+    def _reductions(
+        self, members: list[int]
+    ) -> list[tuple[list[int], tuple[Array | float, Array | float], tuple[Array | float, Array | float]]]:
+        """Smaller problems for the norm of ``members``: (their nodes, the errors split off, the terms split off)."""
+        found = []
+        for i, first in enumerate(members):
+            for angle, a, x, b, y, rest_i, used_i in self._rotations(first):
+                for j, second in enumerate(members):
+                    if j == i:
+                        continue
+                    for other, c, z, d, w, rest_j, used_j in self._rotations(second):
+                        # rows (a cos, b sin) and (d' sin, c' cos) on (x, y): orthogonal where the products cancel
+                        if other == angle and (z, w) == (y, x) and a * d == -b * c:
+                            kept = [member for k, member in enumerate(members) if k not in (i, j)]
+                            rests = self._size(rest_i), self._size(rest_j)
+                            found.append(([*kept, x, y], (self._error(used_i), self._error(used_j)), rests))
+                            return found
+                if not rest_i:
+                    kept = [member for k, member in enumerate(members) if k != i]
+                    found.append(([*kept, x, y], (self._error(used_i), 0.0), (0.0, 0.0)))
+                    return found
+            for angle, kind, x in self._rotated(first):
+                for j, second in enumerate(members):
+                    if j != i and any(
+                        (angle, x) == (again, y) and kind is not other for again, other, y in self._rotated(second)
+                    ):
+                        kept = [member for k, member in enumerate(members) if k not in (i, j)]
+                        found.append(([*kept, x], (self._error((first,)), self._error((second,))), (0.0, 0.0)))
+                        return found
+        return found
+
+    def _size(self, indices: list[int]) -> Array | float:
+        return sum((self.magnitude(index) for index in indices), 0.0)
+
+    def _rotations(self, index: int) -> list[tuple[int, int, int, int, int, list[int], list[int]]]:
+        """The ways to read a sum as ``a cos A + b sin B + rest``: (angle, a, A, b, B, rest, nodes with errors)."""
+        if self.nodes[index].op is not Op.ADD and self.nodes[index].op is not Op.SUB:
+            return []
+        flat = self._flat(index)
+        if flat is None:
+            return []
+        terms, inner = flat
+        found = []
+        for cosines, sines in self._pairs(terms):
+            if len(cosines) == len(sines) == 1:
+                (a, m, x), (b, n, y) = cosines[0], sines[0]
+                if m != n:
+                    angle = self._rotated(m)[0][0]
+                    rest = [other for _, other in terms if other not in (m, n)]
+                    found.append((angle, a, x, b, y, rest, [index, m, n, *inner]))
+        return found
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The mean-value form.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+class _Analysis:
+    """The rounding analysis of one program over one box."""
+
+    def __init__(self, program: Program, box: Box) -> None:
+        self.program = program
+        self.nodes = program.nodes
+        self.box = self._checked(box)
+        self.rounds = self._roundings()
+        self.angles = sorted({node.args[0] for node in self.nodes if node.op is Op.SIN or node.op is Op.COS})
+        self._in_angles = set(reachable(self.nodes, self.angles))
+        self._check_angles()
+        self.sweeps = {index: self._sweep(index) for row in program.results for index in row}
+
+    def _checked(self, box: Box) -> dict[int, tuple[float, float]]:
+        """The bounds of every input node. Raises NoBoundError for an operation or an input without a bound."""
+        known = (Op.INPUT, Op.CONST, Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.NEG, Op.SIN, Op.COS, Op.SQRT)
+        other = sorted({node.op.value for node in self.nodes if node.op not in known})
+        if other:
+            raise NoBoundError(f"the operation {', '.join(other)}")
+        bounds = {}
+        for index, node in enumerate(self.nodes):
+            if node.op is Op.INPUT:
+                port, element = node.place
+                name = self.program.inputs[port].name
+                if name not in box:
+                    raise NoBoundError(f"the input {name} has no range")
+                bounds[index] = (float(box[name][0][element]), float(box[name][1][element]))
+        return bounds
+
+    def _roundings(self) -> list[bool]:
+        """Whether a node, or one that it depends on, rounds."""
+        rounds: list[bool] = []
+        for node in self.nodes:
+            if node.op is Op.INPUT:
+                rounds.append(False)
+            elif node.op is Op.CONST:
+                rounds.append(any(p.literal(node.number) != node.number for p in PRECISIONS))
+            else:
+                exact = node.op is Op.NEG
+                rounds.append(not exact or any(rounds[arg] for arg in node.args))
+        return rounds
+
+    def _check_angles(self) -> None:
+        allowed = (Op.INPUT, Op.CONST, Op.ADD, Op.SUB, Op.NEG, Op.MUL)
+        for index in self._in_angles:
+            node = self.nodes[index]
+            linear = node.op is not Op.MUL or any(self.nodes[arg].op is Op.CONST for arg in node.args)
+            if node.op not in allowed or not linear:
+                raise NoBoundError("the sine of an expression that is not linear in the inputs")
+
+    # -- derivatives -------------------------------------------------------------------------------------------
+
+    def _sweep(self, output: int) -> tuple[list[Node], dict[int, int | Fraction], dict[int, int]]:
+        """Reverse mode from node ``output``: derivatives by the values of nodes, as nodes behind those of the program.
+
+        Returns these nodes, and for every node of the program the derivative of the output: a number, or the index of
+        the node that computes it. The values of the program's nodes are inputs of the recording, so that nothing is
+        simplified by an identity that holds only without rounding. Derivatives do not pass through sines and cosines.
+        """
+        builder = Builder()
+        size = len(self.nodes)
+        value = builder.input(Port("v", (size,)))
+        adjoints: dict[int, Value] = {output: 1}
+        order = reachable(self.nodes, [output])
+
+        def give(index: int, amount: Value) -> None:
+            if self.rounds[index] and not is_zero(amount):
+                adjoints[index] = builder.add(adjoints[index], amount) if index in adjoints else amount
+
+        for index in reversed(order):
+            if index not in adjoints:
+                continue
+            adjoint, node = adjoints[index], self.nodes[index]
+            if node.op is Op.ADD:
+                give(node.args[0], adjoint)
+                give(node.args[1], adjoint)
+            elif node.op is Op.SUB:
+                give(node.args[0], adjoint)
+                give(node.args[1], builder.neg(adjoint))
+            elif node.op is Op.NEG:
+                give(node.args[0], builder.neg(adjoint))
+            elif node.op is Op.MUL:
+                a, b = node.args
+                give(a, builder.mul(self._value(value, b), adjoint))
+                give(b, builder.mul(self._value(value, a), adjoint))
+            elif node.op is Op.DIV:
+                a, b = node.args
+                share = builder.div(adjoint, self._value(value, b))
+                give(a, share)
+                give(b, builder.neg(builder.mul(share, builder.div(self._value(value, a), self._value(value, b)))))
+            elif node.op is Op.SQRT:
+                give(node.args[0], builder.div(adjoint, builder.mul(2, builder.sqrt(value[node.args[0]]))))
+        numbers: dict[int, int | Fraction] = {}
+        places: dict[int, int] = {}
+        wanted = []
+        for index, adjoint in adjoints.items():
+            if isinstance(adjoint, (int, Fraction)):
+                numbers[index] = adjoint
+            else:
+                wanted.append((index, adjoint.index))
+        kept = reachable(builder.nodes, [place for _, place in wanted])
+        moved: dict[int, int] = {}
+        nodes: list[Node] = []
+        for old in kept:
+            node = builder.nodes[old]
+            if node.op is Op.INPUT:
+                moved[old] = node.place[1]
+            else:
+                moved[old] = size + len(nodes)
+                nodes.append(Node(node.op, tuple(moved[arg] for arg in node.args), node.value))
+        for index, place in wanted:
+            places[index] = moved[place]
+        return nodes, numbers, places
+
+    def _value(self, values: Sequence[Value], index: int) -> Value:
+        """The value of a node in a derivative: a number for a constant that every precision represents."""
+        node = self.nodes[index]
+        return node.number if node.op is Op.CONST and not self.rounds[index] else values[index]
+
+    # -- parts of the box --------------------------------------------------------------------------------------
+
+    def split_inputs(self) -> list[int]:
+        """The inputs whose sine or cosine is taken, also as part of a sum."""
+        return [index for index in sorted(self._in_angles) if self.nodes[index].op is Op.INPUT]
+
+    def affordable_parts(self, budget: float) -> int:
+        """The largest number of parts per angle for which the work stays within ``budget``."""
+        split = self.split_inputs()
+        if not split:
+            return 1
+        work = len(self.nodes) + sum(len(nodes) for nodes, *_ in self.sweeps.values())
+        if work > _LARGE:
+            return 1
+        return max(1, min(_MOST_PARTS, int((budget / work) ** (1.0 / len(split)))))
+
+    def _boxes(self, parts: int) -> dict[int, Interval]:
+        """Bounds of every input over all boxes: those of angles split, shape (boxes,), the others shape (1,)."""
+        split = self.split_inputs()
+        edges = {}
+        for index in split:
+            low, high = self.box[index]
+            grid = np.linspace(low, high, parts + 1)
+            edges[index] = grid
+        chosen = np.array(list(product(range(parts), repeat=len(split))), dtype=int).reshape(parts ** len(split), -1)
+        boxes: dict[int, Interval] = {}
+        for index, (low, high) in self.box.items():
+            if index in edges:
+                k = chosen[:, split.index(index)]
+                boxes[index] = edges[index][k], edges[index][k + 1]
+            else:
+                boxes[index] = np.array([low]), np.array([high])
+        return boxes
+
+    # -- evaluation --------------------------------------------------------------------------------------------
+
+    def bounds(self, parts: int) -> tuple[tuple[tuple[float, ...], ...], tuple[tuple[float, ...], ...]]:
+        """The bounds per output element in both precisions, with every angle split into ``parts``."""
+        boxes = self._boxes(parts)
+        count = max((len(low) for low, _ in boxes.values()), default=1)
+        longest = len(self.nodes) + max((len(nodes) for nodes, *_ in self.sweeps.values()), default=0)
+        step = max(1, int(_CHUNK / longest))
+        totals = {index: np.zeros(len(PRECISIONS)) for index in self.sweeps}
+        for first in range(0, count, step):
+            part = {
+                index: (low, high) if len(low) == 1 else (low[first : first + step], high[first : first + step])
+                for index, (low, high) in boxes.items()
+            }
+            for index, bound in self._evaluate(part).items():
+                totals[index] = np.maximum(totals[index], bound)
+        results = [
+            tuple(tuple(float(totals[index][k]) for index in row) for row in self.program.results)
+            for k in range(len(PRECISIONS))
+        ]
+        return results[0], results[1]
+
+    def _evaluate(self, boxes: Mapping[int, Interval]) -> dict[int, Array]:
+        ranges = _Ranges()
+        errors: list[tuple[Array | float, ...]] = []
+        for index, node in enumerate(self.nodes):
+            if node.op is Op.INPUT:
+                ranges.append(node, boxes[index])
+                errors.append((0.0, 0.0))
+                continue
+            if node.op is Op.CONST:
+                enclosure, local = _constant(node.number)
+                ranges.append(node, enclosure)
+                errors.append(local)
+                continue
+            exact = ranges.exact(node)
+            radius = self._local_errors(node, exact, ranges)
+            errors.append(radius)
+            ranges.append(node, _widened(exact, radius[-1]), radius[-1])
+        return {index: self._error_of(sweep, ranges, errors) for index, sweep in self.sweeps.items()}
+
+    def _local_errors(self, node: Node, exact: Interval, ranges: _Ranges) -> tuple[Array | float, ...]:
+        """Bounds of the local error of an operation, in the order of :data:`PRECISIONS`."""
+        if node.op is Op.NEG:
+            return (0.0,) * len(PRECISIONS)
+        if node.op is Op.SIN or node.op is Op.COS:
+            reach = float(np.max(ranges.magnitude(node.args[0])))
+            for precision in PRECISIONS:
+                if reach > precision.kernel_range:
+                    raise NoBoundError(f"an angle beyond {precision.kernel_range:g} rad, where the C library is called")
+            return tuple(precision.kernel_error for precision in PRECISIONS)
+        magnitude = _magnitude(exact)
+        if not np.all(np.isfinite(magnitude)) or float(np.max(magnitude)) > 1e30:
+            raise NoBoundError("a value that may overflow a float")
+        underflow = node.op is Op.MUL or node.op is Op.DIV
+        if node.op is Op.MUL and any(
+            self.nodes[arg].op is Op.CONST and _is_power_of_two(self.nodes[arg].number) for arg in node.args
+        ):
+            return tuple(precision.smallest for precision in PRECISIONS)
+        return tuple(
+            _half_unit(magnitude, precision.roundoff) + (precision.smallest if underflow else 0.0)
+            for precision in PRECISIONS
+        )
+
+    def _error_of(
+        self,
+        sweep: tuple[list[Node], dict[int, int | Fraction], dict[int, int]],
+        ranges: _Ranges,
+        errors: list[tuple[Array | float, ...]],
+    ) -> Array:
+        """The bounds of one output element: the largest over the boxes, in both precisions."""
+        nodes, numbers, places = sweep
+        size = len(self.nodes)
+        for node in nodes:
+            if node.op is Op.CONST:
+                ranges.append(node, _constant(node.number)[0])
+            else:
+                ranges.append(node, ranges.exact(node))
+        totals: list[Array | float] = [0.0] * len(PRECISIONS)
+        through_angles = self._through_angles(numbers, places, ranges)
+        for index in {*numbers, *places, *through_angles}:
+            size_of: Array | float = 0.0
+            if index in numbers:
+                size_of = abs(float(numbers[index])) * _MARGIN
+            elif index in places:
+                size_of = ranges.magnitude(places[index])
+            size_of = size_of + through_angles.get(index, 0.0)
+            for k in range(len(PRECISIONS)):
+                totals[k] = totals[k] + size_of * errors[index][k]
+        ranges.truncate(size)
+        grown = 1.0 + 4.0 * len(self.nodes) * 2.0**-52  # each term and each addition is rounded once
+        return np.array([float(np.max(total)) * grown for total in totals])
+
+    def _through_angles(
+        self, numbers: Mapping[int, int | Fraction], places: Mapping[int, int], ranges: _Ranges
+    ) -> dict[int, Array | float]:
+        """Bounds of the derivatives that reach nodes of rounded angles through sines and cosines.
+
+        With derivatives x by the sine and y by the cosine of an angle, ``|x cos - y sin| <= N(x, y)`` (Cauchy-Schwarz).
+        """
+        reached: dict[int, Array | float] = {}
+        for index in reversed(range(len(self.nodes))):
+            node = self.nodes[index]
+            if node.op is not Op.SIN and node.op is not Op.COS:
+                continue
+            if not self.rounds[node.args[0]]:
+                continue
+            angle = node.args[0]
+            if index in numbers:
+                amount: Array | float = abs(float(numbers[index])) * _MARGIN
+            elif index in places:
+                amount = ranges.magnitude(places[index])
+            else:
+                continue
+            reached[angle] = np.hypot(reached[angle], amount) * _MARGIN if angle in reached else amount
+        for index in reversed(range(len(self.nodes))):
+            if index not in reached or index not in self._in_angles:
+                continue
+            node = self.nodes[index]
+            for arg, other in zip(node.args, reversed(node.args), strict=True):
+                if self.rounds[arg]:
+                    factor: Array | float = ranges.magnitude(other) if node.op is Op.MUL else 1.0
+                    reached[arg] = (reached.get(arg, 0.0) + reached[index] * factor) * _MARGIN
+        return reached
+
+
+def _constant(value: Fraction | int) -> tuple[Interval, tuple[float, ...]]:
+    """The enclosure of a constant and of its literals, and the distances of the literals from it."""
+    literals = [precision.literal(value) for precision in PRECISIONS]
+    errors = tuple(
+        math.nextafter(float(abs(literal - value)), math.inf) if literal != value else 0.0 for literal in literals
+    )
+    numbers = [float(value), *map(float, literals)]
+    exact = all(literal == value for literal in literals)
+    low, high = min(numbers), max(numbers)
+    if not exact:
+        low, high = math.nextafter(low, -math.inf), math.nextafter(high, math.inf)
+    return (np.array([low]), np.array([high])), errors
+
+
+def _is_power_of_two(value: Fraction | int) -> bool:
+    size = abs(Fraction(value))
+    return size != 0 and all(part & (part - 1) == 0 for part in (size.numerator, size.denominator))

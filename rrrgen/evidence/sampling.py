@@ -1,0 +1,166 @@
+"""Sampled rounding errors of a program, to be set beside the proven bounds: random states, corners, a hill climb.
+
+The program is evaluated in the emitted precision, with the emitted kernel of sine and cosine coded again, and in a
+wider format: 80-bit long double for double, double for float. Where the machine has no wider long double, errors in
+double are not sampled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.emit.c.language import COSINE, HALF_PI, ROUNDING, SINE
+from rrrgen.evidence.boxes import PortRange
+from rrrgen.evidence.rounding import DOUBLE, FLOAT, Precision
+from rrrgen.program import Op, Program
+
+Array = NDArray[Any]
+
+
+def has_wide_format(precision: Precision) -> bool:
+    """Whether this machine evaluates more precisely than ``precision``, by at least ten bits."""
+    return precision is FLOAT or np.finfo(np.longdouble).nmant >= 62
+
+
+def largest_errors(
+    program: Program, box: Mapping[str, PortRange], precision: Precision, samples: int, seed: int, climbs: int = 20
+) -> NDArray[np.float64]:
+    """The largest errors found, one per output element in order, over ``samples`` states and ``climbs`` steps uphill.
+
+    Half of the states have their rates at corners of the box. A step moves the worst state of every output a little,
+    and keeps it where the error has grown. The wider format rounds too, so that the figures are good to three digits.
+    """
+    rng = np.random.default_rng(seed)
+    narrow = np.float64 if precision is DOUBLE else np.float32
+    states = _states(program, box, samples, rng, narrow)
+    errors = errors_at(program, states, precision)
+    best, place = errors.max(axis=1), errors.argmax(axis=1)
+    champions = [state[place] for state in states]
+    for step in range(climbs):
+        reach = 0.1 * 0.7**step
+        moved = []
+        for (lower, upper), state in zip(_edges(program, box), champions, strict=True):
+            shift = rng.uniform(-reach, reach, (64, *state.shape)) * (upper - lower)
+            moved.append(np.clip(state + shift, lower, upper).astype(narrow))
+        count = len(best)
+        flat = [state.reshape(64 * count, -1) for state in moved]
+        again = errors_at(program, flat, precision).reshape(count, 64, count)
+        for k in range(count):
+            j = int(again[k, :, k].argmax())
+            if again[k, j, k] > best[k]:
+                best[k] = again[k, j, k]
+                for champion, state in zip(champions, moved, strict=True):
+                    champion[k] = state[j, k]
+    return np.asarray(best, dtype=np.float64)
+
+
+def errors_at(program: Program, states: Sequence[Array], precision: Precision) -> NDArray[np.float64]:
+    """The errors (outputs, states) of all output elements at ``states``, one array (states, size) per input port."""
+    wide = np.longdouble if precision is DOUBLE else np.float64
+    rounded = _evaluated(program, states, precision, None)
+    exact = _evaluated(program, states, precision, wide)
+    order = [index for row in program.results for index in row]
+    count = len(states[0]) if states else 1
+    errors = []
+    for index in order:
+        difference: Array = rounded[index].astype(wide) - exact[index]
+        errors.append(np.broadcast_to(np.abs(difference).astype(np.float64), (count,)))
+    return np.stack(errors)
+
+
+def _edges(program: Program, box: Mapping[str, PortRange]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    return [(np.array(box[port.name].lower), np.array(box[port.name].upper)) for port in program.inputs]
+
+
+def _states(
+    program: Program, box: Mapping[str, PortRange], samples: int, rng: np.random.Generator, narrow: type[Any]
+) -> list[Array]:
+    states = []
+    for port, (lower, upper) in zip(program.inputs, _edges(program, box), strict=True):
+        share = rng.uniform(0.0, 1.0, (samples, port.size))
+        if port.role.is_rate:
+            share[::2] = np.round(share[::2])
+        rounded = (lower + share * (upper - lower)).astype(narrow)
+        states.append(np.clip(rounded, lower.astype(narrow), upper.astype(narrow)))
+    return states
+
+
+def _evaluated(program: Program, states: Sequence[Array], precision: Precision, wide: type[Any] | None) -> list[Array]:
+    """The values of all nodes in the emitted precision (``wide`` None), or in the format ``wide``."""
+    narrow = np.float64 if precision is DOUBLE else np.float32
+    kind = narrow if wide is None else wide
+    trig: dict[int, tuple[Array, Array]] = {}
+    values: list[Array] = []
+    for node in program.nodes:
+        op, args = node.op, node.args
+        x = [values[arg] for arg in args]
+        if op is Op.INPUT:
+            port, element = node.place
+            values.append(states[port][:, element].astype(kind))
+        elif op is Op.CONST:
+            values.append(_literal(node.number, kind))
+        elif op is Op.ADD:
+            values.append(x[0] + x[1])
+        elif op is Op.SUB:
+            values.append(x[0] - x[1])
+        elif op is Op.MUL:
+            values.append(x[0] * x[1])
+        elif op is Op.DIV:
+            values.append(x[0] / x[1])
+        elif op is Op.NEG:
+            values.append(-x[0])
+        elif op is Op.SQRT:
+            values.append(np.sqrt(x[0]))
+        elif op is Op.SIN or op is Op.COS:
+            if wide is not None:
+                values.append(np.sin(x[0]) if op is Op.SIN else np.cos(x[0]))
+            else:
+                if args[0] not in trig:
+                    trig[args[0]] = kernel(np.asarray(x[0]), precision)
+                values.append(trig[args[0]][op is Op.COS])
+        else:
+            raise ValueError(f"the operation {op.value} has no rounding analysis")
+    return values
+
+
+def _literal(value: Any, kind: type[Any]) -> Array:
+    exact = Fraction(value)
+    if kind is np.float32:
+        return np.asarray(np.float32(float(exact)))
+    high = float(exact)
+    if kind is np.float64:
+        return np.asarray(high)
+    return np.asarray(np.longdouble(high) + np.longdouble(float(exact - Fraction(high))))
+
+
+def kernel(x: Array, precision: Precision) -> tuple[Array, Array]:
+    """Sine and cosine of ``x`` by the emitted kernel, operation by operation."""
+    kind = np.float64 if precision is DOUBLE else np.float32
+    name = precision.name
+
+    def number(text: str) -> Any:
+        return kind(float(text))
+
+    shift = number(ROUNDING[name])
+    turns = (x * number("0.63661977236758134308") + shift) - shift
+    quarter = turns.astype(np.int64)
+    h = [number(text) for text in HALF_PI[name]]
+    r = ((x - turns * h[0]) - turns * h[1]) - turns * h[2]
+    z = r * r
+    s = r + r * z * _horner([number(text) for text in SINE[name]], z)
+    c = (kind(1.0) - kind(0.5) * z) + z * z * _horner([number(text) for text in COSINE[name]], z)
+    sines = np.array([0.0, 1.0, 0.0, -1.0, 0.0], dtype=kind)
+    t0, t1 = sines[quarter & 3], sines[(quarter & 3) + 1]
+    return s * t1 + c * t0, c * t1 - s * t0
+
+
+def _horner(coefficients: Sequence[Any], z: Array) -> Array:
+    value = np.asarray(coefficients[-1])
+    for coefficient in reversed(coefficients[:-1]):
+        value = coefficient + z * value
+    return value

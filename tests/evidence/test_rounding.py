@@ -1,0 +1,257 @@
+"""The rounding bounds: against exact arithmetic at random states, and attempts to break each of the three rules."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rrrgen.derive import derive_once
+from rrrgen.evidence import rounding
+from rrrgen.evidence.boxes import Ranges, box_of
+from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, rounding_bounds
+from rrrgen.evidence.sampling import errors_at, largest_errors
+from rrrgen.evidence.vectors import exact_outputs
+from rrrgen.program import Builder, Op, Port, evaluate
+from rrrgen.program.program import Role
+from rrrgen.robot.file import load_spec
+
+SLACK = 1.001  # the wider format, in which errors are sampled, rounds too
+
+
+def program_of(record, angles=2, values=4):
+    """A program of ``angles`` joint angles and ``values`` rates, from a function of a builder and both lists."""
+    builder = Builder()
+    q = builder.input(Port("q", (angles,), role=Role.POSITION))
+    x = builder.input(Port("x", (values,), role=Role.VELOCITY))
+    outputs = record(builder, q, x)
+    return builder.program("f", [(Port("y", (len(outputs),)), outputs)])
+
+
+def unit_box(angles=2, values=4, reach=math.pi):
+    return {"q": ([-reach] * angles, [reach] * angles), "x": ([-1.0] * values, [1.0] * values)}
+
+
+# -- the rules -------------------------------------------------------------------------------------------------------
+
+
+def enclosure(program, box):
+    """The upper ends of the ranges of the outputs."""
+    analysis = rounding._Analysis(program, box)
+    ranges = rounding._Ranges()
+    for index, node in enumerate(program.nodes):
+        if node.op is Op.INPUT:
+            low, high = analysis.box[index]
+            ranges.append(node, (np.array([low]), np.array([high])))
+        elif node.op is Op.CONST:
+            ranges.append(node, rounding._constant(node.number)[0])
+        else:
+            ranges.append(node, ranges.exact(node))
+    return [float(ranges.ranges[index][1][0]) for index in program.results[0]]
+
+
+def rotations(builder, q, x):
+    """Two rotations about two angles, and a cross product of rotated pairs."""
+    s, c = [builder.sin(v) for v in q], [builder.cos(v) for v in q]
+    a, b = c[0] * x[0] + s[0] * x[1], c[0] * x[1] - s[0] * x[0]
+    d, e = c[1] * a + s[1] * b, c[1] * b - s[1] * a
+    f, g = c[0] * x[2] + s[0] * x[3], c[0] * x[3] - s[0] * x[2]
+    return [a, d, e, d * f + e * g, s[1] * (c[0] * x[2]) + x[0]]
+
+
+def test_rules_hold_at_random_states_and_near_the_worst():
+    """Ranges are never left: 10^5 states, half of them with every rate at a corner, then a search uphill."""
+    program, box = program_of(rotations), unit_box()
+    rng = np.random.default_rng(1)
+    q, x = rng.uniform(-np.pi, np.pi, (100_000, 2)), rng.uniform(-1, 1, (100_000, 4))
+    x[::2] = np.sign(x[::2])
+    (values,) = evaluate(program, q, x)
+    upper = enclosure(program, box)
+    for k, high in enumerate(upper):
+        best = int(np.abs(values[:, k]).argmax())
+        state = q[best], x[best]
+        for step in range(60):
+            trial_q = state[0] + rng.normal(0, 0.3 * 0.9**step, (200, 2))
+            trial = evaluate(program, trial_q, np.clip(state[1] + rng.normal(0, 0.3 * 0.9**step, (200, 4)), -1, 1))[0]
+            best = int(np.abs(trial[:, k]).argmax())
+            assert np.abs(trial[best, k]) <= high
+            state = trial_q[best], state[1]
+        assert np.abs(values[:, k]).max() <= high
+
+
+def test_each_rule_is_tight_where_it_should_be():
+    """Rule 1: a rotated pair keeps its norm; rule 2: through a second rotation; rule 3: in a product of two pairs."""
+    high = enclosure(program_of(rotations), unit_box())
+    root = math.sqrt(2.0)
+    assert high[:3] == pytest.approx([root] * 3, rel=1e-6)
+    assert high[3] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_without_the_rules_ranges_are_wider(monkeypatch):
+    """Plain intervals lose a factor sqrt(2) per rotation: the test above can fail."""
+    monkeypatch.setattr(rounding._Ranges, "_reductions", lambda self, members: [])
+    assert enclosure(program_of(rotations), unit_box())[:2] == pytest.approx([math.sqrt(2.0), 2.0], rel=1e-6)
+    monkeypatch.setattr(rounding._Ranges, "_pairs", lambda self, terms: [])
+    high = enclosure(program_of(rotations), unit_box())
+    assert high[0] == pytest.approx(2.0)
+    assert high[1] > 2.0 * math.sqrt(2.0)
+
+
+def test_signs_that_make_no_rotation_are_not_taken_for_one():
+    """c A + s B and c B + s A are no rotation: their norm reaches sqrt(2) times that of (A, B)."""
+
+    def record(builder, q, x):
+        s, c = builder.sin(q[0]), builder.cos(q[0])
+        u, v = c * x[0] + s * x[1], c * x[1] + s * x[0]
+        return [u * x[2] + v * x[3]]
+
+    program = program_of(record)
+    (high,) = enclosure(program, unit_box())
+    assert high >= 2.0 * math.sqrt(2.0) - 1e-9  # reached at q = pi/4, x = 1
+
+
+# -- bounds of whole programs ----------------------------------------------------------------------------------------
+
+
+@st.composite
+def programs(draw):
+    """Random programs: sums, differences and products of rotated values, constants of any denominator, angle sums."""
+    choices = draw(
+        st.lists(st.tuples(st.integers(0, 4), st.integers(0, 10**6), st.integers(0, 10**6)), min_size=4, max_size=16)
+    )
+    constants = draw(st.lists(st.fractions(-3, 3, max_denominator=97), min_size=2, max_size=2))
+
+    def record(builder, q, x):
+        angle = q[0] + q[1]
+        values = [*x, *(builder.sin(v) for v in (*q, angle)), *(builder.cos(v) for v in (*q, angle))]
+        for kind, i, j in choices:
+            a, b = values[i % len(values)], values[j % len(values)]
+            values.append(
+                [a + b, a - b, a * b, constants[0] * a + constants[1] * b, builder.neg(a) + constants[1]][kind]
+            )
+        return [builder.add(v, 0) for v in values[-3:]]
+
+    return program_of(record)
+
+
+@settings(max_examples=60, deadline=None)
+@given(programs(), st.integers(0, 1000))
+def test_random_programs_stay_within_their_bounds(program, seed):
+    box = unit_box(reach=2.0)
+    bounds = rounding_bounds(program, box, budget=1e5)
+    rng = np.random.default_rng(seed)
+    for precision, stated, kind in ((DOUBLE, bounds.double, np.float64), (FLOAT, bounds.single, np.float32)):
+        states = [rng.uniform(-2, 2, (200, 2)).astype(kind), rng.uniform(-1, 1, (200, 4)).astype(kind)]
+        states[1][::2] = np.sign(states[1][::2])
+        errors = errors_at(program, states, precision)
+        # the wider format rounds too: 2^-11 (2^-29) of the narrower one's errors, more where a bound is zero
+        resolution = 1e-17 if precision is DOUBLE else 1e-13
+        assert (errors.max(axis=1) <= np.array(stated[0]) * SLACK + resolution).all()
+
+
+@pytest.fixture(scope="module")
+def rrr():
+    spec = load_spec("rrr")
+    return spec, derive_once(spec)
+
+
+def nominal_box(spec, model, program):
+    return box_of(program, spec, [float(v) for v in model.beta_nominal], Ranges(speed=10.0, acceleration=60.0))
+
+
+@pytest.mark.parametrize("function", ["forward_kinematics", "mass_matrix", "inverse_dynamics_nominal", "regressor"])
+def test_functions_of_the_rrr_hold_and_are_not_loose(rrr, function):
+    """The ratios of the reference robot: every straight-line function at most 8 times what a search finds."""
+    spec, model = rrr
+    program = model.programs[function]
+    box = nominal_box(spec, model, program)
+    bounds = rounding_bounds(program, {name: each.bounds for name, each in box.items()})
+    for precision, stated in ((DOUBLE, bounds.double), (FLOAT, bounds.single)):
+        flat = np.array(list(itertools.chain.from_iterable(stated)))
+        errors = largest_errors(program, box, precision, 3000, 1)
+        assert (errors <= flat * SLACK).all()
+        assert flat.max() <= 8.0 * errors.max()
+
+
+def test_bounds_hold_against_fifty_digits(rrr):
+    """The compared values share no code with the analysis: mpmath against the compiled C."""
+    import rrrgen
+
+    spec, model = rrr
+    program = model.programs["inverse_dynamics_nominal"]
+    box = nominal_box(spec, model, program)
+    bounds = rounding_bounds(program, {name: each.bounds for name, each in box.items()})
+    compiled = rrrgen.compile("rrr")
+    generator = random.Random(3)
+    for _ in range(50):
+        state = [
+            [generator.uniform(*pair) for pair in zip(*box[port.name].bounds, strict=True)] for port in program.inputs
+        ]
+        (exact,) = exact_outputs(program, state)
+        got = compiled.inverse_dynamics(*state)
+        for value, reference, bound in zip(got.tolist(), exact, bounds.double[0], strict=True):
+            assert abs(mpmath.mpf(value) - reference) <= bound
+
+
+def test_panda_on_the_published_box():
+    """|dq| <= 0.5, |ddq| <= 1: at most 5e-13 N m in double, 4e-4 in float, trigonometry included."""
+    spec = load_spec("panda")
+    program = derive_once(spec).programs["inverse_dynamics_nominal"]
+    box = box_of(program, spec, None, Ranges(speed=0.5, acceleration=1.0))
+    bounds = rounding_bounds(program, {name: each.bounds for name, each in box.items()})
+    assert max(bounds.double[0]) <= 5e-13
+    assert max(bounds.single[0]) <= 4e-4
+
+
+# -- where there is no bound -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("record", "reason"),
+    [
+        (lambda b, q, x: [b.div(1, x[0])], "divisor"),
+        (lambda b, q, x: [b.sqrt(x[0])], "square root"),
+        (lambda b, q, x: [b.tanh(x[0])], "tanh"),
+        (lambda b, q, x: [b.select(x[0], x[1], x[2])], "select"),
+        (lambda b, q, x: [b.sin(x[0] * x[1])], "not linear"),
+    ],
+)
+def test_no_bound_without_a_rule(record, reason):
+    with pytest.raises(NoBoundError, match=reason):
+        rounding_bounds(program_of(record), unit_box())
+
+
+def test_no_bound_outside_the_kernels_range():
+    with pytest.raises(NoBoundError, match="beyond 2000 rad"):
+        rounding_bounds(program_of(lambda b, q, x: [b.sin(q[0])]), unit_box(reach=3000.0))
+
+
+def test_an_input_without_a_range_has_no_bound():
+    with pytest.raises(NoBoundError, match="x has no range"):
+        rounding_bounds(program_of(lambda b, q, x: [x[0] + x[1]]), {"q": unit_box()["q"]})
+
+
+def test_constants_count_with_their_literals():
+    program = program_of(lambda b, q, x: [b.add(b.mul(x[0], 0), Fraction(1, 3)), x[1]])
+    bounds = rounding_bounds(program, unit_box())
+    assert bounds.double[0][0] == pytest.approx(abs(float(Fraction(1, 3) - Fraction(1 / 3))), rel=1e-6)
+    assert bounds.double[0][1] == 0.0
+
+
+def test_a_product_with_a_power_of_two_is_exact():
+    program = program_of(lambda b, q, x: [b.mul(4, x[0])])
+    assert rounding_bounds(program, unit_box()).double[0][0] < 1e-300
+
+
+def test_sums_of_angles_round():
+    """sin(q1 + q2) has the rounding of the sum beside the kernel's error."""
+    alone = rounding_bounds(program_of(lambda b, q, x: [b.sin(q[0])]), unit_box())
+    both = rounding_bounds(program_of(lambda b, q, x: [b.sin(q[0] + q[1])]), unit_box())
+    assert both.double[0][0] > alone.double[0][0] + 4e-16
