@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
-from numpy.typing import NDArray
 
 from rrrgen.base.tables import text_table
 from rrrgen.base.yamltext.units import QUANTITIES
@@ -26,7 +24,7 @@ from rrrgen.cli.html import html_option, read_motions, write_html
 from rrrgen.cli.terminal import progress_bar, say, terminal_width, with_headings
 from rrrgen.derive.parameters.listing import ParameterListing, listing
 from rrrgen.emit.html.robot_facts import data, in_words, measured, not_stated, tables
-from rrrgen.program import count_operations, evaluate
+from rrrgen.program import count_operations, evaluate_floats
 from rrrgen.robot.model.drives import coupling_equations, motor_facts
 from rrrgen.robot.model.mechanism import mechanism_data, mechanism_equations
 
@@ -97,7 +95,7 @@ def as_data(model: DerivedModel, closed_forms: dict[str, Any], inverse: InverseF
         **({} if spec.mechanism is None else {"mechanism": mechanism_data(spec)}),
         **data(spec),
         "units": {"angle": spec.angle_unit, "length": spec.length_unit},
-        "zero_pose": [[float(value) for value in row] for row in zero_pose(model)],
+        "zero_pose": zero_pose(model),
         "link_parameters": parameters.statement,
         "base_parameters": [
             {"name": p.name, "unit": p.unit, "expression": str(p.expression), "nominal": p.nominal}
@@ -125,10 +123,10 @@ def _described_inverse_kinematics(found: InverseForm | str | None) -> dict[str, 
     }
 
 
-def zero_pose(model: DerivedModel) -> NDArray[np.float64]:
+def zero_pose(model: DerivedModel) -> list[list[float]]:
     """The pose (4, 4) of the tip at q = 0 in the base frame, with round-off below 1e-15 set to 0."""
-    (T,) = evaluate(model.programs["forward_kinematics"], np.zeros(model.spec.n))
-    return np.where(np.abs(T) < 1e-15, 0.0, T)
+    (T,) = evaluate_floats(model.programs["forward_kinematics"], [0.0] * model.spec.n)
+    return [[0.0 if abs(x) < 1e-15 else x for x in T[4 * i : 4 * i + 4]] for i in range(4)]
 
 
 def _facts(spec: RobotSpec, width: int | None) -> list[str]:

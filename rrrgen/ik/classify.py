@@ -6,9 +6,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from itertools import product as cartesian
+from random import Random
 from typing import TYPE_CHECKING
 
 from rrrgen.base.errors import DerivationError
+from rrrgen.base.small_matrices import singular_values
 from rrrgen.ik import families
 from rrrgen.ik.geometry.chain import Chain, extended, numeric_chain
 from rrrgen.ik.geometry.mechanism import coupling_of, largest_tilt, solved_chain
@@ -207,24 +209,22 @@ def _redundant_plans(chain: Chain, redundancy: int | None) -> list[tuple[int, So
 
 def generic_ranks(chain: Chain) -> tuple[int, int]:
     """Largest ranks, over three random configurations, of the Jacobians of the tip position and of the tip pose."""
-    import numpy as np
-
-    rng = np.random.default_rng(7)
+    draw = Random(7)
     position = pose = 0
     for _ in range(3):
-        J = chain.jacobian(rng.uniform(-2.0, 2.0, chain.n))
-        scaled = J.copy()
-        for k, joint in enumerate(chain.joints):
-            if joint.revolute:
-                scaled[:3, k] /= chain.reach
-        for rows, what in ((scaled[:3], "position"), (scaled, "pose")):
-            values = np.linalg.svd(rows, compute_uv=False)
-            rank = int(np.sum(values > RANK * max(values[0], 1e-300)))
-            if what == "position":
-                position = max(position, rank)
-            else:
-                pose = max(pose, rank)
+        motion = chain.tip_motion([draw.uniform(-2.0, 2.0) for _ in chain.joints])
+        columns = [
+            [x / chain.reach for x in column[:3]] + column[3:] if joint.revolute else column
+            for joint, column in zip(chain.joints, motion, strict=True)
+        ]
+        position = max(position, _rank([column[:3] for column in columns]))
+        pose = max(pose, _rank(columns))
     return position, pose
+
+
+def _rank(rows: list[list[float]]) -> int:
+    values = singular_values(rows)
+    return sum(value > RANK * max(values[0], 1e-300) for value in values)
 
 
 def _dependent(chain: Chain, rank: int, redundancy: int | None) -> str:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import pi
+from random import Random
+from statistics import median
 from typing import Any
 
 from rrrgen.base.errors import DerivationError, InternalError
-from rrrgen.ik.geometry.chain import Chain, multiply, translation
+from rrrgen.base.small_matrices import singular_values
+from rrrgen.ik.geometry.chain import Chain, arm_angle, multiply, translation
 from rrrgen.ik.geometry.loop import Loop, commuted, straightened
 from rrrgen.ik.geometry.rigid_transforms import Crossing, rigid
 from rrrgen.ik.plan import ARM_ANGLE, Singularity, SolverPlan, record, solving_loop
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.singularities import described
-from rrrgen.ik.solutions.general_6r import MAX_SOLUTIONS, is_general, tables_of
+from rrrgen.ik.solutions.general_6r import MAX_SOLUTIONS, WITHOUT_NUMPY, is_general, may_eliminate, tables_of
 from rrrgen.ik.solutions.parallel import Frame, better
 from rrrgen.ik.solutions.planar import triple_of
 from rrrgen.ik.solutions.position import UNUSABLE, Arm, simplest
@@ -76,17 +80,17 @@ def _steepness(chain: Chain, locked: int) -> float:
     The result is the median, over nine random configurations, of the ratio of the smallest to the largest singular
     value of the pose Jacobian without column ``locked``; lengths are divided by the reach.
     """
-    import numpy as np
-
-    rng = np.random.default_rng(5)
-    scale = np.array([1 / chain.reach if joint.revolute else 1.0 for joint in chain.joints])
+    draw = Random(5)
     ratios = []
     for _ in range(9):
-        J = chain.jacobian(rng.uniform(-np.pi, np.pi, chain.n))
-        J[:3] *= scale
-        values = np.linalg.svd(np.delete(J, locked, axis=1), compute_uv=False)
+        columns = []
+        for k, column in enumerate(chain.tip_motion([draw.uniform(-pi, pi) for _ in chain.joints])):
+            scale = 1 / chain.reach if chain.joints[k].revolute else 1.0
+            if k != locked:
+                columns.append([scale * x for x in column[:3]] + column[3:])
+        values = singular_values(columns)
         ratios.append(values[-1] / values[0])
-    return float(np.median(ratios))
+    return median(ratios)
 
 
 def _structured_plans(chain: Chain, loop: Loop, locked: int | None, commute: tuple[int, int] | None) -> Options:
@@ -139,10 +143,8 @@ def arm_angle_plans(chain: Chain) -> Options:
 
 def structure(chain: Chain, locked: int | None) -> Loop:
     """Build the loop without joint ``locked`` at an arbitrary pose, to classify the arm by its constant links."""
-    import numpy as np
-
     # any pose will do; an irregular one avoids accidental zeros
-    T = chain.forward(0.1 + 0.37 * np.arange(1, 1 + max(j.index for j in chain.joints) + 1))
+    T = chain.tip_pose([0.1 + 0.37 * k for k in range(1, 2 + max(j.index for j in chain.joints))])
     builder = FloatBuilder(T, [0.0] * (chain.n + 1), [], redundancy=0.6180339)
     return solving_loop(builder, chain, locked)
 
@@ -152,9 +154,7 @@ def works(plan: SolverPlan, trials: int) -> bool:
 
     ``trials`` configurations are drawn. For an elimination its own test on sample poses decides.
     """
-    import numpy as np
-
-    chain, rng = plan.solving, np.random.default_rng(11)
+    chain, draw = plan.solving, Random(11)
     if plan.general:
         return _eliminates(chain, plan.locked)
     tool = (0.31 * chain.reach, 0.17 * chain.reach, -0.23 * chain.reach)  # as good as any other
@@ -162,16 +162,16 @@ def works(plan: SolverPlan, trials: int) -> bool:
         chain = replace(chain, tip=multiply(plan.last_link, translation(tool)))
     size = 1 + max(joint.index for joint in chain.joints)
     for _ in range(trials):
-        q = rng.uniform(-1.4, 1.4, size)
+        q = [draw.uniform(-1.4, 1.4) for _ in range(size)]
         for joint in chain.joints:
             if not joint.revolute:
                 q[joint.index] *= chain.reach
             if joint.name.startswith("virtual"):
                 q[joint.index] = 0.0
-        T = chain.forward(q)
+        T = chain.tip_pose(q)
         given = parameter(plan, q)
         # the reference differs from q: otherwise a joint that is only copied from the reference would seem solved
-        elsewhere = rng.uniform(-1.4, 1.4, size)
+        elsewhere = [draw.uniform(-1.4, 1.4) for _ in range(size)]
         rows = every_branch(
             plan.equations.play,
             lambda script, T=T, away=elsewhere, given=given: FloatBuilder(  # type: ignore[misc]
@@ -197,8 +197,6 @@ def parameter(plan: SolverPlan, q: Any) -> float:
 
     It is the value of the prescribed joint (rad or m), or the arm angle (rad); 0 for an arm that has none.
     """
-    from rrrgen.ik.geometry.chain import arm_angle
-
     if plan.locked is None:
         return 0.0
     return arm_angle(plan.solving, q) if plan.locked == ARM_ANGLE else float(q[plan.locked])
@@ -237,6 +235,9 @@ def reason(chain: Chain, rank: int, redundancy: int | None = None) -> str:
             f"the {chain.n} joints move the tip in only {rank} independent directions, and no joint can be prescribed "
             "so that the others fit a family"
         )
+    locked = (None,) if chain.n == 6 else (0, chain.n - 1)
+    if chain.n in (6, 7) and any(is_general(chain, k) for k in locked) and not may_eliminate():
+        return WITHOUT_NUMPY
     if "P" in chain.types and chain.n in (5, 6, 7):
         return (
             f"the joints {chain.types} have no three revolute axes through one point, no planar triple and no rotation "

@@ -1,7 +1,7 @@
 """The one intermediate representation: straight-line, single-assignment programs over scalars."""
 
 from rrrgen.program.builder import Builder, Scalar, Value
-from rrrgen.program.evaluation import evaluate
+from rrrgen.program.evaluation import evaluate, evaluate_floats
 from rrrgen.program.program import (
     REFUSED,
     Domain,
@@ -34,6 +34,7 @@ __all__ = [
     "Value",
     "count_operations",
     "evaluate",
+    "evaluate_floats",
     "nominal_name",
     "specialization",
 ]

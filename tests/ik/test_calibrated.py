@@ -16,7 +16,7 @@ from oracles.newton_euler import Robot
 from rrrgen.emit.c.ik.files import emit, manifest
 from rrrgen.ik.classify import plan
 from rrrgen.ik.interpreter.results import STATUS
-from rrrgen.ik.solutions.general_6r import eliminations
+from rrrgen.ik.solutions.elimination import eliminations
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import MULTIPLE
 from rrrgen.verify.inverse_kinematics import check_inverse_kinematics

@@ -19,7 +19,8 @@ from rrrgen.emit.c.ik.files import emit
 from rrrgen.emit.casadi.inverse_kinematics import branch_function
 from rrrgen.emit.latex.inverse_kinematics import closed_form
 from rrrgen.ik.classify import plan
-from rrrgen.ik.solutions.general_6r import eliminations, general6r_tables, tables_of
+from rrrgen.ik.solutions.elimination import eliminations
+from rrrgen.ik.solutions.general_6r import general6r_tables, tables_of
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import INEXACT, MULTIPLE
 

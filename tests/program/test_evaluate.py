@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import mpmath
 import numpy as np
 import pytest
 
-from rrrgen.program import Builder, OperationCount, Port, Program, count_operations, evaluate
+from rrrgen.program import Builder, OperationCount, Port, Program, count_operations, evaluate, evaluate_floats
 
 
 def two_ports() -> Program:
@@ -87,3 +88,40 @@ def test_counting_operations():
     assert count.total == 5
     assert str(count) == "2 mul, 1 add, 1 div, 1 sqrt, 2 sincos, 1 neg, 2 other"
     assert count.as_dict()["sincos"] == 2
+
+
+def every_operation() -> Program:
+    """Every operation with two inputs, an output each."""
+    b = Builder()
+    x, y = b.input(Port("x", (2,)))
+    values = [x + y, x - y, x * y, x / y, -x, b.sin(x), b.cos(x), b.sqrt(x), b.abs(x), b.sign(x), b.exp(x), b.tanh(x)]
+    values += [b.min(x, y), b.select(x, y, 7), b.nonfinite(x)]
+    return b.program("every", [(Port("z", (len(values),)), values)])
+
+
+def test_floats_give_the_values_of_arrays_in_special_cases_too():
+    numbers = [0.0, -0.0, 1.0, -2.5, 1e-310, 900.0, -900.0, 1e308, np.inf, -np.inf, np.nan]
+    program = every_operation()
+    for x in numbers:
+        for y in numbers:
+            with np.errstate(all="ignore"):
+                expected = evaluate(program, [x, y])[0]
+            np.testing.assert_allclose(evaluate_floats(program, [x, y])[0], expected, rtol=1e-15, err_msg=f"{x}, {y}")
+
+
+def test_functions_of_floats_are_rounded_to_nearest():
+    b = Builder()
+    (x,) = b.input(Port("x", (1,)))
+    functions = {"sin": b.sin, "cos": b.cos, "exp": b.exp, "tanh": b.tanh}
+    program = b.program("f", [(Port("y", (4,)), [function(x) for function in functions.values()])])
+    for angle in np.random.default_rng(3).uniform(-3.0, 3.0, 200):
+        (values,) = evaluate_floats(program, [float(angle)])
+        with mpmath.workdps(60):
+            for value, name in zip(values, functions, strict=True):
+                exact, ulp = getattr(mpmath, name)(mpmath.mpf(float(angle))), float(np.spacing(abs(value)))
+                assert abs(mpmath.mpf(value) - exact) <= 0.5000001 * ulp
+
+
+def test_floats_of_a_wrong_number_are_refused():
+    with pytest.raises(ValueError, match="x must have 2 elements, got 3"):
+        evaluate_floats(two_ports(), [0.1, 0.2, 0.3], [1.0])

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
+from math import fsum
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from rrrgen.base.small_matrices import is_positive_definite
 from rrrgen.base.templates import render
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.emit.c.header_comments import function_name
 from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.interface import Check
-from rrrgen.program import REFUSED, Domain, Op, Port, Program, Role, evaluate, specialization
+from rrrgen.program import REFUSED, Domain, Op, Port, Program, Role, evaluate_floats, specialization
 from rrrgen.robot.identity import Identity
 from rrrgen.robot.model.inertial_parameters import standard_parameters
 
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.robot.spec import RobotSpec
 
-Array = NDArray[np.float64]
+Table = list[list[float]]
+"""Values of an input at several states, one row per state."""
 
 BY_IDENTITY = frozenset(
     {"standard_regressor", "kinematics", "dynamics_terms", "inverse_dynamics_derivatives", "momentum_terms"}
@@ -126,87 +127,89 @@ def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: 
     return {f"{dialect.prefix}_selftest.c": text}
 
 
-def _states(spec: RobotSpec) -> dict[str, Array]:
+def _states(spec: RobotSpec) -> dict[str, Table]:
     """The states of the self-test: rest and motion at zero, right angles, half turns (singular for most), random ones.
 
     All numbers are multiples of 1/64, which are exact in float and double.
     """
     n = spec.n
-    span = np.array([3.0 if joint.is_revolute else 0.5 for joint in spec.joints])
-    turn = np.array([101 / 64 if joint.is_revolute else 0.25 for joint in spec.joints])  # 101/64 is close to pi/2
+    span = [3.0 if joint.is_revolute else 0.5 for joint in spec.joints]
+    turn = [101 / 64 if joint.is_revolute else 0.25 for joint in spec.joints]  # 101/64 is close to pi/2
     scattered = _scattered(4, 4 * n)
-    zero = np.zeros(n)
-    q = [zero, zero, turn, 2 * turn, *(np.round(64 * row[:n] * span) / 64 for row in scattered)]
+    places = [[round(64 * x * most) / 64 for x, most in zip(row, span, strict=False)] for row in scattered]
+    q = [[0.0] * n, [0.0] * n, turn, [2 * x for x in turn], *places]
     moving = [_scattered(1, 3 * n, seed)[0] for seed in (5, 6, 7)]
-    rest = np.zeros(3 * n)
-    others = np.array([rest, *moving, *(row[n:] for row in scattered)])
-    others = np.round(128 * others) / 64  # up to 2 rad/s and rad/s^2
-    return {"q": np.array(q), "dq": others[:, :n], "ddq": others[:, n : 2 * n], "e": others[:, 2 * n :]}
+    others = [[0.0] * (3 * n), *moving, *(row[n:] for row in scattered)]
+    others = [[round(128 * x) / 64 for x in row] for row in others]  # up to 2 rad/s and rad/s^2
+    parts = {name: [row[k * n : (k + 1) * n] for row in others] for k, name in enumerate(STATES[1:])}
+    return {"q": q, **parts}
 
 
-def _scattered(rows: int, columns: int, seed: int = 1) -> Array:
-    """A (rows, columns) array of random numbers in (-1, 1), by a generator of its own, the same with every NumPy."""
+def _scattered(rows: int, columns: int, seed: int = 1) -> Table:
+    """A table of random numbers in (-1, 1), by a linear congruential generator."""
     values, state = [], seed
     for _ in range(rows * columns):
         state = (1103515245 * state + 12345) % 2**31
         values.append(2 * (state >> 16) / 2**15 - 1)
-    return np.array(values).reshape(rows, columns)
+    return [values[k * columns : (k + 1) * columns] for k in range(rows)]
 
 
-def _parameters(model: DerivedModel) -> dict[str, Array]:
+def _parameters(model: DerivedModel) -> dict[str, list[float]]:
     """The parameters phi and beta of the robot file; made up for plausible links if the file states none."""
-    known = [np.array(standard_parameters(link), float) for link in model.spec.links or ()]
-    phi = np.concatenate(known or _plausible(len(model.spec.rows)))
-    K = np.array(model.base_projection, dtype=float).reshape(-1, len(phi))
+    known = [[float(x) for x in standard_parameters(link)] for link in model.spec.links or ()]
+    phi = list(chain.from_iterable(known or _plausible(len(model.spec.rows))))
     nominal = model.beta_nominal
-    beta = K @ phi if nominal is None else np.array([float(x) for x in nominal])
-    drives = np.array([float(value) for value in model.drive_inertia_nominal or ()])
-    parameters = {name: np.concatenate([links, drives]) for name, links in (("phi", phi), ("beta", beta))}
+    if nominal is None:  # beta = K phi
+        beta = [fsum(float(k) * x for k, x in zip(row, phi, strict=True)) for row in model.base_projection]
+    else:
+        beta = [float(x) for x in nominal]
+    drives = [float(value) for value in model.drive_inertia_nominal or ()]
+    parameters = {"phi": phi + drives, "beta": beta + drives}
     if any(program.takes(Role.FRICTION) for program in model.programs.values()):
         stated = [float(value) for _, value in friction_parameters(model.spec)]
-        parameters["friction"] = np.array([value or 0.25 + k / 64 for k, value in enumerate(stated)])
+        parameters["friction"] = [value or 0.25 + k / 64 for k, value in enumerate(stated)]
     if model.spec.gravity_input:
-        parameters["gravity"] = np.array(GRAVITY)
+        parameters["gravity"] = GRAVITY
     for program in _with_golden(model.programs).values():
         for port in program.inputs:
             if (name := _table(port)) not in (*STATES, *parameters):
-                made_up = -np.abs(_some(port)) if port.domain is Domain.LOWER else np.abs(_some(port))
-                parameters[name] = np.array(GIVEN[name]) if name in GIVEN else made_up
+                sign = -1.0 if port.domain is Domain.LOWER else 1.0
+                parameters[name] = GIVEN[name] if name in GIVEN else [sign * abs(x) for x in _some(port)]
     return parameters
 
 
-def _some(port: Port) -> Array:
+def _some(port: Port) -> list[float]:
     """Arbitrary values for an input of any shape: multiples of 1/64, below 1 in magnitude, none of them zero."""
-    return np.asarray((np.round(31 * _scattered(1, port.size, len(port.name))[0]) * 2 + 1) / 64)
+    return [(round(31 * x) * 2 + 1) / 64 for x in _scattered(1, port.size, len(port.name))[0]]
 
 
-def _plausible(n: int) -> list[Array]:
-    """Standard parameters of ``n`` made-up links, (10,) each, none of them zero, for which M is positive definite.
+def _plausible(n: int) -> Table:
+    """Standard parameters of ``n`` made-up links, ten each, none of them zero, for which M is positive definite.
 
     The mass decreases from link to link; the centre of mass of each link lies off all axes of its frame.
     """
     rows = []
     for i in range(n):
-        m, c = 2.0 - i / n, np.array([0.125, -0.0625, 0.03125])
-        tensor = m * (c @ c * np.eye(3) - np.outer(c, c)) + m * np.diag([0.03125, 0.046875, 0.0390625])
-        places = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
-        rows.append(np.array([m, *(m * c), *(tensor[place] for place in places)]))
+        m, (x, y, z) = 2.0 - i / n, (0.125, -0.0625, 0.03125)
+        inertia = (0.03125 + y * y + z * z, -x * y, 0.046875 + x * x + z * z, -x * z, -y * z, 0.0390625 + x * x + y * y)
+        rows.append([m, m * x, m * y, m * z, *(m * entry for entry in inertia)])
     return rows
 
 
-def _golden(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> list[Golden]:
+def _golden(
+    programs: Mapping[str, Program], states: Mapping[str, Table], parameters: Mapping[str, list[float]]
+) -> list[Golden]:
     found = []
     for name, program in _with_golden(programs).items():
         results = []
         values_of = dict(zip(program.outputs, _evaluated(program, states, parameters), strict=True))
         for port in program.data_outputs:
-            values = values_of[port]
-            rows = values.reshape(len(values), -1)
-            scale = max(float(np.abs(rows).max()), 1e-6)
+            rows = values_of[port]
+            scale = max(1e-6, *(abs(x) for row in rows for x in row))
             table, variable = (
                 (f"{name}_{port.name}", f"x_{port.name}") if len(program.data_outputs) > 1 else (name, "result")
             )
-            results.append(GoldenResult(table, variable, rows.shape[1], f"{scale:.3g}", _rows(rows)))
+            results.append(GoldenResult(table, variable, port.size, f"{scale:.3g}", _rows(rows)))
         found.append(Golden(name, ", ".join(_arguments(program)), tuple(results), _is_arithmetic(program)))
     return found
 
@@ -229,19 +232,27 @@ def _never_fails(program: Program) -> bool:
     return program.status is None or program.status.failures == (REFUSED,)
 
 
-def _evaluated(program: Program, states: dict[str, Array], parameters: dict[str, Array]) -> tuple[Any, ...]:
-    known = {**states, **parameters}
-    values = evaluate(program, *(known[_table(port)].reshape(-1, *port.shape) for port in program.inputs))
-    count = len(states["q"])
-    return tuple(np.broadcast_to(v, (count, *port.shape)) for v, port in zip(values, program.outputs, strict=True))
+def _evaluated(
+    program: Program, states: Mapping[str, Table], parameters: Mapping[str, list[float]]
+) -> tuple[Table, ...]:
+    """For every output of a program its flat values at all states."""
+    tables = [_table(port) for port in program.inputs]
+    results = [
+        evaluate_floats(program, *(states[name][k] if name in states else parameters[name] for name in tables))
+        for k in range(len(states["q"]))
+    ]
+    return tuple(map(list, zip(*results, strict=True)))
 
 
-def _is_positive(programs: Mapping[str, Program], states: dict[str, Array], parameters: dict[str, Array]) -> bool:
+def _is_positive(
+    programs: Mapping[str, Program], states: Mapping[str, Table], parameters: Mapping[str, list[float]]
+) -> bool:
     """Whether M is positive definite at all states; it may not be, as unphysical inertias are only warned about."""
     if "mass_matrix" not in programs:
         return False
-    (M,) = _evaluated(programs["mass_matrix"], states, parameters)
-    return bool(np.linalg.eigvalsh(M).min() > 1e-9 * np.abs(M).max())
+    (values,) = _evaluated(programs["mass_matrix"], states, parameters)
+    least, n = 1e-9 * max(abs(x) for M in values for x in M), len(states["q"][0])
+    return all(is_positive_definite([M[n * i : n * (i + 1)] for i in range(n)], least) for M in values)
 
 
 def _specializations(model: DerivedModel, dialect: Dialect) -> list[dict[str, Any]]:
@@ -287,12 +298,12 @@ def _table(port: Port) -> str:
     return port.name if port.name in GIVEN else f"{port.name}_{port.size}"
 
 
-def _rows(table: Array) -> tuple[str, ...]:
+def _rows(table: Table) -> tuple[str, ...]:
     """One C initializer in braces per state, wrapped over lines."""
     return tuple("{" + ",\n     ".join(_lines(row)) + "}" for row in table)
 
 
-def _lines(values: Array, width: int = 108) -> list[str]:
+def _lines(values: Sequence[float], width: int = 108) -> list[str]:
     """Numbers ``R(...)`` joined by commas, as lines of at most ``width`` characters."""
     lines, line = [], ""
     for value in values:

@@ -5,21 +5,18 @@ from __future__ import annotations
 import base64
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi
+from math import dist, fsum, hypot, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
-from rrrgen.emit.html.sketch import origin, zero_pose
-from rrrgen.program import evaluate
+from rrrgen.emit.html.sketch import zero_pose
+from rrrgen.program import evaluate_floats
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from rrrgen.base.arrays import Array
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.ik.inverse_kinematics import InverseKinematics
     from rrrgen.robot.spec import JointSpec, RobotSpec
@@ -54,6 +51,8 @@ class Motion:
 
         Raises InputError if it has no two samples, another number of joints, or times that do not increase.
         """
+        import numpy as np
+
         if self.q.ndim != 2 or self.q.shape[1] != n or len(self.q) != len(self.t):
             raise InputError(f"the motion '{self.name}' is not one of the {n} joints of this robot")
         if len(self.t) < 2 or not np.all(np.diff(self.t) > 0.0) or not np.all(np.isfinite(self.q)):
@@ -125,12 +124,10 @@ def scene(model: DerivedModel) -> dict[str, Any]:
     branches.
     """
     spec = model.spec
-    base, stages, tip = zero_pose(spec)
-    corners = np.array([origin(base), origin(tip), *(point for stage in stages for point in stage.path)])
-    if spec.mechanism is not None:  # the length from base to tip
-        along = [stages[i].path for i in spec.mechanism.path(spec.tip_row)]
-        corners = np.array([origin(base), origin(tip), *(point for path in along for point in path)])
-    reach = float(np.sum(np.linalg.norm(np.diff(corners[2:], axis=0), axis=1))) or 1.0
+    base, stages, _ = zero_pose(spec)
+    along = stages if spec.mechanism is None else [stages[i] for i in spec.mechanism.path(spec.tip_row)]
+    corners = [point for stage in along for point in stage.path]
+    reach = fsum(map(dist, corners, corners[1:])) or 1.0
     ends = [_range(joint, reach) for joint in spec.joints]
     table = [
         dict(zip(("alpha", "a", "d", "theta"), (_short(v) for v in row[1:]), strict=True)) for row in spec.dh_table()
@@ -151,8 +148,8 @@ def scene(model: DerivedModel) -> dict[str, Any]:
     return {
         "name": spec.name,
         "convention": spec.convention,
-        "base": _rows(np.array(base)),
-        "tool": _rows(np.array([[float(spec.nominal(v)) for v in row] for row in spec.tool.matrix().tolist()])),
+        "base": _rows(base),
+        "tool": _rows([[float(spec.nominal(v)) for v in row] for row in spec.tool.matrix().tolist()]),
         "gravity": [_short(float(spec.nominal(v))) for v in spec.gravity],
         "reach": _short(reach),
         "joints": joints,
@@ -193,15 +190,15 @@ def _poses(model: DerivedModel, ends: list[tuple[float, float]]) -> list[list[di
     candidates = []
     for k in range(CANDIDATES):
         parts = [0.15 + 0.7 * ((GOLDEN * (k * len(ends) + i + 1)) % 1.0) for i in range(len(ends))]
-        q = np.array([lower + part * (upper - lower) for part, (lower, upper) in zip(parts, ends, strict=True)])
-        T = np.asarray(evaluate(program, q)[0], float)
-        candidates.append((_short(float(np.linalg.norm(T[:3, 3]))), T, q))
+        q = [lower + part * (upper - lower) for part, (lower, upper) in zip(parts, ends, strict=True)]
+        (T,) = evaluate_floats(program, q)
+        candidates.append((_short(hypot(T[3], T[7], T[11])), [T[4 * i : 4 * i + 4] for i in range(4)], q))
     candidates.sort(key=lambda candidate: -candidate[0])
     found = [_configurations(solver, T, q) for _, T, q in candidates[:POSES]]
     return [pose for pose in found if pose]
 
 
-def _configurations(solver: InverseKinematics, T: NDArray[np.float64], q: NDArray[np.float64]) -> list[dict[str, Any]]:
+def _configurations(solver: InverseKinematics, T: list[list[float]], q: list[float]) -> list[dict[str, Any]]:
     solved = solver.solve(T, q)
     return [
         {"q": [_short(float(v)) for v in row], "branch": _branch(solver, int(branch))}
@@ -214,7 +211,7 @@ def _branch(solver: InverseKinematics, branch: int) -> str:
     return ", ".join(f"{name} {value}" for name, value in solver.branch_names(branch).items())
 
 
-def _rows(matrix: NDArray[np.float64]) -> list[list[float]]:
+def _rows(matrix: Sequence[Sequence[float]]) -> list[list[float]]:
     return [[_short(float(v)) for v in row] for row in matrix]
 
 

@@ -13,9 +13,11 @@ tool. The numbers come from exact SymPy values of the nominal geometry, so a rig
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
+from math import atan2, cos, hypot, sin
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -135,46 +137,52 @@ class Chain:
         before, behind = (0.0, *self.slides), (*self.slides, 0.0)
         return tuple(_slid(matrix, *ends) for matrix, *ends in zip(plain, before, behind, strict=True))
 
-    def forward(self, q: Any) -> Any:
-        """Forward kinematics: the tip pose (4, 4) in the base frame at the joint values ``q`` (n,), rad or m."""
+    def tip_pose(self, q: Sequence[float]) -> Matrix:
+        """Forward kinematics: the 3x4 pose of the tip in the base frame at the joint values ``q`` (n,), rad or m."""
         return self._frames(q)[-1]
 
-    def jacobian(self, q: Any) -> Any:
-        """The geometric Jacobian (6, n) of the tip in the base frame at ``q`` (n,): linear velocity, then angular."""
-        import numpy as np
+    def tip_motion(self, q: Sequence[float]) -> list[list[float]]:
+        """The columns of the geometric Jacobian of the tip at ``q``: velocity and angular velocity, in the base frame.
 
+        One list of six numbers for each joint of the chain: m/s and rad/s for 1 rad/s (1 m/s) of the joint.
+        """
         *frames, tip = self._frames(q)
         columns = []
         for joint, frame in zip(self.joints, frames, strict=True):
-            z = joint.sign * frame[:3, 2]
+            z = [joint.sign * row[2] for row in frame]
             if joint.revolute:
-                columns.append(np.concatenate([np.cross(z, tip[:3, 3] - frame[:3, 3]), z]))
+                x, y, w = (end[3] - row[3] for end, row in zip(tip, frame, strict=True))
+                columns.append([z[1] * w - z[2] * y, z[2] * x - z[0] * w, z[0] * y - z[1] * x, *z])
             else:
-                columns.append(np.concatenate([z, np.zeros(3)]))
-        return np.array(columns).T.reshape(6, self.n)
+                columns.append([*z, 0.0, 0.0, 0.0])
+        return columns
 
-    def _frames(self, q: Any) -> list[Any]:
-        """The frames (4, 4) of the joints in the base frame, each before its own displacement, and that of the tip."""
+    def forward(self, q: Any) -> Any:
+        """:meth:`tip_pose` as an array (4, 4)."""
         import numpy as np
 
-        base, *after_joints = self.transforms
-        T = np.eye(4)
-        T[:3] = np.array(base, dtype=float)
-        frames = [T]
+        return np.array([*self.tip_pose(q), (0.0, 0.0, 0.0, 1.0)])
+
+    def jacobian(self, q: Any) -> Any:
+        """:meth:`tip_motion` as an array (6, n)."""
+        import numpy as np
+
+        return np.array(self.tip_motion(q)).T.reshape(6, self.n)
+
+    def _frames(self, q: Sequence[float]) -> list[Matrix]:
+        """The frames of the joints in the base frame, each before its own displacement, and that of the tip."""
+        base, *after_joints = self._rounded
+        frames = [base]
         for joint, behind in zip(self.joints, after_joints, strict=True):
             x = joint.sign * float(q[joint.index]) + float(joint.offset)
-            J = np.eye(4)
-            if joint.revolute:
-                J[0, 0] = J[1, 1] = np.cos(x)
-                J[1, 0] = np.sin(x)
-                J[0, 1] = -J[1, 0]
-            else:
-                J[2, 3] = x
-            after = np.eye(4)
-            after[:3] = np.array(behind, dtype=float)
-            T = T @ J @ after
-            frames.append(T)
+            moved = turned(frames[-1], cos(x), sin(x)) if joint.revolute else lifted(frames[-1], x)
+            frames.append(multiply(moved, behind))
         return frames
+
+    @cached_property
+    def _rounded(self) -> tuple[Matrix, ...]:
+        """The constant transforms in floats."""
+        return tuple(tuple(tuple(float(x) for x in row) for row in matrix) for matrix in self.transforms)
 
 
 def _slid(matrix: Matrix, before: float, behind: float) -> Matrix:
@@ -202,6 +210,16 @@ def multiply(A: Matrix, B: Matrix) -> Matrix:
         row[3] += A[i][3]
         rows.append(tuple(row))
     return tuple(rows)
+
+
+def turned(A: Matrix, c: Number, s: Number) -> Matrix:
+    """The product ``A Rz(x)`` for the cosine ``c`` and the sine ``s`` of x."""
+    return tuple((row[0] * c + row[1] * s, row[1] * c - row[0] * s, row[2], row[3]) for row in A)
+
+
+def lifted(A: Matrix, x: Number) -> Matrix:
+    """The product ``A Tz(x)``."""
+    return tuple((*row[:3], row[3] + row[2] * x) for row in A)
 
 
 def _trig(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
@@ -276,31 +294,29 @@ def arm_angle(chain: Chain, q: Any) -> float:
     straight, or where the line from shoulder to wrist has the single direction for which there is no reference
     direction.
     """
-    import numpy as np
-
-    T = np.eye(4)
-    frames = []
+    frames: list[Matrix] = [IDENTITY]
     for i, joint in enumerate(chain.joints):
         x = joint.sign * float(q[joint.index]) + float(joint.offset)
-        frames.append(T.copy())
-        turn = np.eye(4)
-        turn[:2, :2] = [[np.cos(x), -np.sin(x)], [np.sin(x), np.cos(x)]]
-        after = np.eye(4)
-        after[:3] = np.array(chain.links[i].matrix() if i < chain.n - 1 else chain.tip, dtype=float)
-        T = T @ turn @ after
-    shoulder = np.array([0.0, 0.0, float(chain.links[0].d)])
-    elbow, wrist = frames[3][:3, 3], frames[5][:3, 3]
-    away = wrist - shoulder
-    size = float(np.linalg.norm(away))
+        after = chain.links[i].matrix() if i < chain.n - 1 else chain.tip
+        frames.append(multiply(turned(frames[-1], cos(x), sin(x)), after))
+    shoulder = (0.0, 0.0, float(chain.links[0].d))
+    away, across = ([float(row[3]) - x for row, x in zip(frames[k], shoulder, strict=True)] for k in (5, 3))
+    size = hypot(*away)
     if size == 0.0:
         return 0.0
-    e = away / size
-    n = np.cross(np.cross(e + np.array([0.0, 0.0, 1.0]), [1.0, 0.0, 0.0]), e)
-    if float(np.linalg.norm(n)) == 0.0:
+    e = [x / size for x in away]
+    # n = ((e + z) x x_axis) x e, the direction from which psi is counted; y its unit vector, w = e x y
+    n = _cross(_cross([e[0], e[1], e[2] + 1.0], [1.0, 0.0, 0.0]), e)
+    length = hypot(*n)
+    if length == 0.0:
         return 0.0
-    y = n / np.linalg.norm(n)
-    across = elbow - shoulder
-    return float(np.arctan2(across @ np.cross(e, y), across @ y))
+    y = [x / length for x in n]
+    w = _cross(e, y)
+    return atan2(*(sum(a * b for a, b in zip(across, v, strict=True)) for v in (w, y)))
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import acos, atan2, cos, hypot, pi, sin
+from random import Random
 
 import sympy as sp
 
@@ -122,17 +123,16 @@ def deviation(chain: Chain, special: Chain) -> float:
 
     It is the angle between the orientations (rad) or the distance of the positions over the reach, whichever is more.
     """
-    import numpy as np
-
-    rng, most = np.random.default_rng(23), 0.0
+    draw, most = Random(23), 0.0
     for _ in range(40):
-        q = rng.uniform(-pi, pi, chain.n)
+        q = [draw.uniform(-pi, pi) for _ in chain.joints]
         for joint in chain.joints:
             if not joint.revolute:
                 q[joint.index] *= chain.reach / pi
-        T, S = chain.forward(q), special.forward(q)
-        angle = acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(T[:3, :3].T @ S[:3, :3])) - 1))))
-        most = max(most, angle, float(np.linalg.norm(T[:3, 3] - S[:3, 3])) / chain.reach)
+        pairs = list(zip(chain.tip_pose(q), special.tip_pose(q), strict=True))  # of rows
+        trace = sum(T[k] * S[k] for T, S in pairs for k in range(3))  # that of R_T' R_S, the sum over its diagonal
+        angle = acos(min(1.0, max(-1.0, 0.5 * (trace - 1))))
+        most = max(most, angle, hypot(*(T[3] - S[3] for T, S in pairs)) / chain.reach)
     return most
 
 

@@ -1,6 +1,6 @@
 """Candidate solutions of a general chain of six joints, found as eigenvalues.
 
-The equations are those of :mod:`rrrgen.ik.solutions.general_6r`, in the same labellings as in the emitted C. There the
+The equations are those of :mod:`rrrgen.ik.solutions.elimination`, in the same labellings as in the emitted C. There the
 kept angle is a root of a determinant. Here the tangent of half of it is an eigenvalue, whose eigenvector gives the two
 eliminated joints, so that the two backends find the roots by methods that share no code.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from rrrgen.ik.interpreter.branches import FREE, TOLERANCE, Row
 from rrrgen.ik.interpreter.refinement import PATIENT, USUAL, Task
 from rrrgen.ik.recording.float_builder import wrapped
-from rrrgen.ik.solutions.general_6r import (
+from rrrgen.ik.solutions.elimination import (
     constant_links,
     doubled,
     features,
@@ -25,12 +25,10 @@ from rrrgen.ik.solutions.general_6r import (
     inverse,
     numbered,
     numbering,
-    passes,
     pencil,
-    shifts,
     spread,
-    tables_of,
 )
+from rrrgen.ik.solutions.general_6r import passes, shifts, tables_of
 from rrrgen.ik.tolerances import elimination
 
 if TYPE_CHECKING:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from cmath import phase
 from collections.abc import Callable, Sequence
 from math import atan2, cos, hypot, pi, sin, sqrt
 from typing import Any
 
+from rrrgen.base.small_matrices import polynomial_roots
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector, dot
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
@@ -105,21 +107,18 @@ class FloatBuilder:
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
         """Solve ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0``; the root that ``script`` selects."""
-        import numpy as np
-
         k0, kc, ks, k2c, k2s = (float(x) for x in k)
-        roots = np.roots([(k2c - 1j * k2s) / 2, (kc - 1j * ks) / 2, k0, (kc + 1j * ks) / 2, (k2c + 1j * k2s) / 2])
-        angles = sorted(float(np.angle(z)) for z in roots if abs(abs(z) - 1) < COMPLEX)
+        ends, middle = complex(k2c, k2s) / 2, complex(kc, ks) / 2
+        roots = polynomial_roots([ends.conjugate(), middle.conjugate(), k0, middle, ends])  # in z = exp(i x)
+        angles = sorted(phase(z) for z in roots if abs(abs(z) - 1) < COMPLEX)
         x = angles[self._choose(len(angles))]
         self._set(joint, x)
         return Turn(cos(x), sin(x))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
         """Solve ``k0 + k1 x + k2 x^2 + ... = 0`` for a displacement; the root that ``script`` selects."""
-        import numpy as np
-
-        roots = np.roots([float(x) for x in reversed(k)])
-        real = sorted(float(z.real) for z in roots if abs(z.imag) < COMPLEX * unit)
+        roots = polynomial_roots([float(x) for x in reversed(k)])
+        real = sorted(z.real for z in roots if abs(z.imag) < COMPLEX * unit)
         if not real:
             raise NoRoot
         x = real[self._choose(len(real))] if len(k) > 2 else real[0]

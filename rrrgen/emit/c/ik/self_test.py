@@ -8,8 +8,9 @@ special arms), the configuration itself must be found.
 from __future__ import annotations
 
 from math import tau
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from rrrgen.base.small_matrices import singular_values
 from rrrgen.base.templates import render
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
@@ -18,6 +19,7 @@ from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrappe
 from rrrgen.ik.tolerances import MEETS, SAME_GOLDEN, SHARP
 
 if TYPE_CHECKING:
+    from rrrgen.ik.geometry.chain import Matrix
     from rrrgen.robot.spec import RobotSpec
 
 TARGETS, TRIED = 3, 40
@@ -92,7 +94,7 @@ def _evaluates(plan: SolverPlan) -> bool:
 def _rows(plan: SolverPlan, q: list[float]) -> list[list[float]]:
     """The distinct solutions, over all branches, that reach the pose of the configuration ``q``."""
     y = _along(plan, q)
-    T, given = plan.chain.forward(y), parameter(plan, y)
+    T, given = plan.chain.tip_pose(y), parameter(plan, y)
     every = every_branch(plan.equations.play, lambda script: FloatBuilder(T, [0.3] * len(y), script, redundancy=given))
     found: list[list[float]] = []
     for values in every:
@@ -111,9 +113,11 @@ def _configurations(plan: SolverPlan, values: list[float]) -> list[list[float]]:
     return [[wrapped(x) if joint.revolute else x for x, joint in zip(values, plan.chain.joints, strict=True)]]
 
 
-def _meets(plan: SolverPlan, row: list[float], T: Any) -> bool:
-    error = abs(plan.chain.forward(_along(plan, row)) - T)[:3]
-    return float((error[:, 3] if plan.task == "position" else error).max()) < MEETS * max(1.0, plan.chain.scale)
+def _meets(plan: SolverPlan, row: list[float], T: Matrix) -> bool:
+    first = 3 if plan.task == "position" else 0
+    rows = zip(plan.chain.tip_pose(_along(plan, row)), T, strict=True)
+    error = max(abs(x - y) for have, want in rows for x, y in zip(have[first:], want[first:], strict=True))
+    return bool(error < MEETS * max(1.0, plan.chain.scale))
 
 
 def _apart(plan: SolverPlan, a: list[float], b: list[float]) -> float:
@@ -125,13 +129,17 @@ def _apart(plan: SolverPlan, a: list[float], b: list[float]) -> float:
 
 
 def _sharpness(plan: SolverPlan, q: list[float]) -> float:
-    import numpy as np
-
-    J = plan.chain.jacobian(_along(plan, q))
-    J[:3] /= plan.chain.reach
-    J = J[:3] if plan.task == "position" else J
-    J = J if plan.coupling is None else J @ np.array(plan.coupling.matrix)
-    return float(np.linalg.svd(J, compute_uv=False)[min(J.shape[1] - (plan.locked is not None), len(J)) - 1])
+    """The smallest singular value of the Jacobian that is not zero by the arm's redundancy; lengths over the reach."""
+    rows = 3 if plan.task == "position" else 6
+    motion = plan.chain.tip_motion(_along(plan, q))
+    columns = [[*(x / plan.chain.reach for x in column[:3]), *column[3:]][:rows] for column in motion]
+    if plan.coupling is not None:  # J S, its columns for the robot's joints
+        S = plan.coupling.matrix
+        columns = [
+            [sum(float(S[k][j]) * column[i] for k, column in enumerate(columns)) for i in range(rows)]
+            for j in range(len(S[0]))
+        ]
+    return singular_values(columns)[min(len(columns) - (plan.locked is not None), rows) - 1]
 
 
 def _row(values: list[float]) -> str:
