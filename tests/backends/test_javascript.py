@@ -130,7 +130,7 @@ def test_arguments_and_results_may_have_any_name(tmp_path):
     model = replace(model, programs=model.programs | {program.name: program for program in programs})
     backend = JavaScriptBackend()
     texts = backend.assemble(model, IDENTITY, [task() for task in backend.tasks(model, IDENTITY, "double")])
-    (tmp_path / "arm.mjs").write_text(*texts.values(), encoding="utf-8")
+    (tmp_path / "arm.mjs").write_text(texts[f"javascript/{model.spec.name}.mjs"], encoding="utf-8")
     calls = [f"arm.f{k}(1), arm.g{k}([1, 2])" for k in range(len(programs) // 2)]
     (tmp_path / "main.mjs").write_text(f'import * as arm from "./arm.mjs";\n{", ".join(calls)};\n', encoding="utf-8")
     run = subprocess.run([NODE, tmp_path / "main.mjs"], capture_output=True, text=True, check=False)

@@ -28,6 +28,7 @@ from rrrgen.emit.printing import (
     with_free_ports,
     wrapped,
 )
+from rrrgen.emit.targets.javascript_ik import module as inverse_kinematics
 from rrrgen.program import Op, Port, Program, Status, count_operations
 from rrrgen.robot.identity import Identity
 
@@ -49,15 +50,17 @@ _MATHS = {Op.SQRT: "Math.sqrt", Op.ABS: "Math.abs", Op.EXP: "Math.exp", Op.TANH:
 
 
 class JavaScriptBackend:
-    """Prints ``<name>.mjs`` in the folder ``javascript``."""
+    """Prints ``<name>.mjs`` and ``<name>_ik.mjs`` in the folder ``javascript``."""
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
         """A single task, which prints the module; ``real`` is of no account, since JavaScript has doubles alone."""
         return [partial(_source, model, identity)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:
-        """The module, a single file."""
-        return {f"javascript/{model.spec.name}.mjs": results[0]}
+        """The module, and beside it that of the inverse kinematics of a serial arm."""
+        files = {f"javascript/{model.spec.name}.mjs": results[0]}
+        inverse = None if model.spec.gravity_input else inverse_kinematics(model.spec, identity)
+        return files if inverse is None else files | {f"javascript/{model.spec.name}_ik.mjs": inverse}
 
 
 BACKEND: Backend = JavaScriptBackend()

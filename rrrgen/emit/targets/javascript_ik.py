@@ -1,0 +1,235 @@
+"""The inverse kinematics as JavaScript: a recorded closed form as nested loops over roots, in a module of its own.
+
+``<name>_ik.mjs`` has no dependencies. Views move an arm by it: all configurations of a tip pose, or the nearest one by
+damped least squares where the pose cannot be reached or the arm has no closed form. The emitted C is what a controller
+uses; it treats round-off at singular configurations with more care.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rrrgen.base.errors import InternalError
+from rrrgen.base.templates import render
+from rrrgen.emit.interface import ATOM, PRODUCT, SUM, UNARY, Text
+from rrrgen.emit.printing import wrapped
+from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
+from rrrgen.ik.recording.scalar import Scalar
+from rrrgen.ik.recording.steps import (
+    Direction,
+    Given,
+    Named,
+    Onto,
+    Pair,
+    Polynomial,
+    Quartic,
+    Residual,
+    SignedRoot,
+    Slide,
+    Step,
+    Target,
+    Wrist,
+)
+from rrrgen.program import Op
+
+if TYPE_CHECKING:
+    from rrrgen.robot.identity import Identity
+    from rrrgen.robot.spec import RobotSpec
+
+
+def module(spec: RobotSpec, identity: Identity) -> str | None:
+    """Print the module of the inverse kinematics; None for a mechanism, whose joint values the C alone distributes."""
+    plan = make_plan(spec)
+    if plan.coupling is not None:
+        return None
+    chain, solver = plan.chain, plan.solver
+    matrices = [[[float(x) for x in row] for row in matrix] for matrix in chain.transforms]
+    joints = [
+        {
+            "name": joint.name,
+            "revolute": joint.revolute,
+            "sign": joint.sign,
+            "offset": float(joint.offset),
+            "lower": joint.lower,
+            "upper": joint.upper,
+        }
+        for joint in chain.joints
+    ]
+    return render(
+        "javascript/ik.mjs.j2",
+        identity=identity,
+        name=spec.name,
+        title=wrapped(f"{plan.title[0].upper()}{plan.title[1:]}."),
+        reason=wrapped(_without(plan)),
+        position=plan.task == "position",
+        joints=[json.dumps(joint) for joint in joints],
+        transforms=[json.dumps(matrix) for matrix in matrices],
+        reach=repr(chain.reach),
+        locked="null" if plan.locked in (None, ARM_ANGLE) else str(plan.locked),
+        arm_angle=plan.locked == ARM_ANGLE,
+        shoulder=float(chain.links[0].d) if plan.locked == ARM_ANGLE else 0.0,
+        redundancy=plan.redundancy,
+        branches=None if solver is None else _Writer(plan).lines(),
+    )
+
+
+def _without(plan: SolverPlan) -> str:
+    """Text that says why there is no closed form; empty where there is one."""
+    if plan.solver is not None:
+        return ""
+    return f"There is no closed form: {plan.reason}." if not plan.solvable else "The C solves it numerically."
+
+
+class _Writer:
+    """Prints the steps of a recorded solver in their order; each choice of a root opens a loop that ends at the end."""
+
+    def __init__(self, plan: SolverPlan) -> None:
+        self._n, self._steps = plan.n, list(plan.equations.live())
+        self._uses: dict[int, int] = {}
+        self._texts: dict[int, Text] = {}
+        self._lines: list[str] = []
+        self._depth = 0
+        self._values: dict[int, str] = {}
+        self._labels: list[tuple[str, str]] = []
+        for step in self._steps:
+            for operand in self._operands(step):
+                self._count(operand)
+
+    def lines(self) -> list[str]:
+        """The statements of the function that collects candidates."""
+        for step in self._steps:
+            self._write(step)
+        labels = ", ".join(f"{json.dumps(label)}: {variable}" for label, variable in self._labels)
+        values = ", ".join(self._values[j] for j in range(self._n))
+        self._line(f"candidates.push({{ q: [{values}], branch: {{ {labels} }} }});".replace("{  }", "{}"))
+        while self._depth:
+            self._depth -= 1
+            self._line("}")
+        return self._lines
+
+    @staticmethod
+    def _operands(step: Step) -> Sequence[Scalar]:
+        return () if isinstance(step, Residual) else step.operands  # a candidate is tried on the forward kinematics
+
+    def _count(self, node: Scalar) -> None:
+        self._uses[id(node)] = self._uses.get(id(node), 0) + 1
+        if self._uses[id(node)] == 1:
+            for arg in node.args:
+                self._count(arg)
+
+    def _line(self, text: str) -> None:
+        self._lines.append("  " * self._depth + text)
+
+    def _write(self, step: Step) -> None:
+        names = [result.text for result in step.results]
+        results = f"[{', '.join(names)}]"
+        if isinstance(step, Residual):
+            return
+        if isinstance(step, Target):
+            entries = [f"T[{i}][{j}]" for i in range(3) for j in range(3)] if len(names) == 12 else []
+            entries += [f"T[{i}][3]" for i in range(3)]
+            self._line(f"const {results} = [{', '.join(entries)}];")
+        elif isinstance(step, Named):
+            self._line(f"const {names[0]} = {self._text(step.value).code};")
+        elif isinstance(step, Slide):
+            self._line(f"const {names[0]} = {self._text(step.value).code};")
+            self._set(step.joint, names[0])
+        elif isinstance(step, Direction):
+            self._line(f"const {results} = direction({self._call(step.c, step.s)}, {self._reference(step.joint)});")
+            self._set(step.joint, *names)
+        elif isinstance(step, Onto):
+            bounds = "" if step.feasible is None else f", [{self._call(*step.feasible)}]"
+            ends = f"[{self._call(*step.v)}], [{self._call(*step.u)}]"
+            self._line(f"const {results} = onto({ends}, {step.unit!r}, {self._reference(step.joint)}{bounds});")
+            self._set(step.joint, *names)
+        elif isinstance(step, Given):
+            self._given(step, names)
+        else:
+            self._choice(step, names)
+
+    def _choice(self, step: Step, names: list[str]) -> None:
+        number = f"choice{len(self._labels) + 1}"
+        if isinstance(step, Pair):
+            better = "null" if step.radicand is None else self._text(step.radicand).code
+            call = (
+                f"pair({self._call(*step.equation)}, {better}, {step.unit!r}, {self._reference(step.joint)}, "
+                f"{step.label.positive})"
+            )
+        elif isinstance(step, SignedRoot):
+            call = f"signedRoot({self._call(step.radicand, step.size)}, {step.unit!r}, {step.label.positive})"
+        elif isinstance(step, Quartic):
+            call = f"quartic([{self._call(*step.k)}])"
+        elif isinstance(step, Polynomial):
+            call = f"polynomial([{self._call(*step.k)}], {step.unit!r})"
+        elif isinstance(step, Wrist):
+            first, last = (f"[{self._call(*column)}]" for column in step.columns)
+            call = f"wrist({first}, {last}, {step.signs[0]}, {step.signs[1]}, {self._reference(step.three[0])})"
+        else:
+            raise InternalError(f"the step '{step.kind}' is not printed in JavaScript")
+        self._line(f"for (const [{', '.join([*names, number])}] of {call}) {{")
+        self._depth += 1
+        self._labels.append((step.stage.label if step.stage else "", number))
+        if isinstance(step, Wrist):
+            for k, joint in enumerate(step.three):
+                self._set(joint, *names[2 * k : 2 * k + 2])
+        elif isinstance(step, Pair | Quartic | Polynomial):
+            self._set(step.joint, *names)
+
+    def _given(self, step: Given, names: list[str]) -> None:
+        joint = step.joint
+        raw = f"{'-' if joint.sign < 0 else ''}given{self._shift(float(joint.offset))}"
+        values = [f"Math.cos({raw})", f"Math.sin({raw})"] if joint.revolute else [raw]
+        self._line(f"const [{', '.join(names)}] = [{', '.join(values)}];")
+        self._values[joint.index] = "given"
+
+    def _set(self, joint: Joint, *names: str) -> None:
+        """Note the expression of the user's value of a joint: from cosine and sine, or from a raw value."""
+        raw = names[0] if len(names) == 1 else f"Math.atan2({names[1]}, {names[0]})"
+        moved = f"{raw}{self._shift(-float(joint.offset))}"
+        value = moved if joint.sign > 0 else f"-({moved})"
+        self._values[joint.index] = f"wrapped({value})" if joint.revolute else value
+
+    def _reference(self, joint: Joint) -> str:
+        """The raw value of a joint at the reference configuration."""
+        if joint.index >= self._n:
+            return repr(float(joint.offset))
+        return f"{'-' if joint.sign < 0 else ''}near[{joint.index}]{self._shift(float(joint.offset))}"
+
+    @staticmethod
+    def _shift(offset: float) -> str:
+        return f" {'-' if offset < 0 else '+'} {abs(offset)!r}" if offset else ""
+
+    def _call(self, *nodes: Scalar) -> str:
+        return ", ".join(self._text(node).code for node in nodes)
+
+    def _text(self, node: Scalar) -> Text:
+        """The expression of a node; one that is used more than once becomes a constant where it is first needed."""
+        if node.op is Op.INPUT:
+            return Text(node.text)
+        if node.is_const:
+            return Text(repr(node.value), ATOM if node.value >= 0 else SUM)
+        if id(node) in self._texts:
+            return self._texts[id(node)]
+        text = self._expression(node)
+        if self._uses[id(node)] > 1 and node.op is not Op.NEG:
+            name = f"_{len(self._texts) + 1}"
+            self._line(f"const {name} = {text.code};")
+            text = self._texts[id(node)] = Text(name)
+        return text
+
+    def _expression(self, node: Scalar) -> Text:
+        args = [self._text(arg) for arg in node.args]
+        if node.op is Op.NEG:
+            return Text(f"-{args[0].within(UNARY)}", SUM)
+        if node.op in (Op.SQRT, Op.ABS):
+            inner = f"Math.max({args[0].code}, 0)" if node.op is Op.SQRT else args[0].code
+            return Text(f"Math.{'sqrt' if node.op is Op.SQRT else 'abs'}({inner})")
+        if node.op in (Op.ADD, Op.SUB):
+            sign = "+" if node.op is Op.ADD else "-"
+            return Text(f"{args[0].within(SUM)} {sign} {args[1].within(PRODUCT)}", SUM)
+        sign = "*" if node.op is Op.MUL else "/"
+        return Text(f"{args[0].within(PRODUCT)}{sign}{args[1].within(UNARY)}", PRODUCT)
