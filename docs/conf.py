@@ -28,7 +28,7 @@ html_css_files = ["pages.css"]
 
 
 def escape_marks(app: object, context: object, lines: list[str]) -> None:
-    """Keep what help texts print literally from being read as markup: ``*.yaml``, `` `rrrgen frf` ``, file:line:col.
+    """Keep what help texts print literally from being read as markup: ``*.yaml``, `` `rrrgen verify` ``, file:line:col.
 
     Lines that a help text indents, such as its examples, become a literal block.
     """

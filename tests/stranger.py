@@ -433,7 +433,7 @@ class Stranger:
             Path("experiment.yaml").write_text(text, encoding="utf-8")
             bounds = ["--experiment", "experiment.yaml"]
         effort = ["--harmonics", harmonics, "--duration", seconds, "--starts", "1"]
-        code, said = self.rrrgen("excite", file, *bounds, *effort, "-o", "excitation", allowed=(0, 3))
+        code, said = self.rrrgen("experiment", "excite", file, *bounds, *effort, "-o", "excitation", allowed=(0, 3))
         if code:
             if "write their angles exactly" not in said or "only to" not in said:  # 1.5708 for a right angle
                 raise Fault(f"excite is refused: {said}")
@@ -442,7 +442,7 @@ class Stranger:
         trajectory = "excitation/results/excitation.json"
         g = np.abs(m.gravity(np.array([[self.rng.uniform(-1, 1) for _ in range(m.n)] for _ in range(20)])))
         noise = max(1e-3, 3e-3 * float(g.max()))
-        following = ["simulate", file, "--trajectory", trajectory, "-o", "experiment"]
+        following = ["experiment", "simulate", file, "--trajectory", trajectory, "-o", "experiment"]
         _, said = self.rrrgen(*following, "--torque-noise", f"{noise:.3g}", "--seed", str(self.rng.randint(0, 99)))
         self.tried.append("excite simulate")
         self.must_follow(m, Path("experiment/results/log.csv"), noise, said)

@@ -2,9 +2,9 @@
 
     python examples/collision/run.py -o runs/collision
 
-The RRR arm moves under computed torque and is recorded without contact; `rrrgen contact-thresholds` makes thresholds of
-the recording. Then a wall stands in the way; when the observer reports the contact, the arm stops where it is. Prints
-contact force and delay, and draws collision.svg and .png.
+The RRR arm moves under computed torque and is recorded without contact; `rrrgen experiment contact-thresholds`
+finds thresholds from the recording. Then a wall stands in the way; when the observer reports the contact, the arm stops
+where it is. Prints contact force and delay, and draws collision.svg and .png.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def learn(model: rrrgen.Model, folder: Path, seconds: float, block: float) -> Th
     table = np.column_stack([free.t, free.q, free.tau])
     np.savetxt(folder / "free.csv", table, fmt="%.9g", delimiter=",", header=",".join(["t", *names]), comments="")
     settings = ("--block", str(block), "--fresh", "-o", folder / "contact")
-    call("contact-thresholds", folder / "arm.yaml", "--log", folder / "free.csv", *settings)
+    call("experiment", "contact-thresholds", folder / "arm.yaml", "--log", folder / "free.csv", *settings)
     found = json.loads((folder / "contact/results/contact.json").read_text(encoding="utf-8"))
     return Thresholds(np.array(found["levels"]), np.array(found["change_levels"]))
 

@@ -62,12 +62,14 @@ def identified(folder: Path) -> tuple[Path, dict[str, Any]]:
     """The robot file identified from an exciting motion, and the payload from the writing task with it."""
     motion = folder / "excitation/results/excitation.json"
     noisy = ("--torque-noise", "0.05", "--fresh", "-o")
-    call("excite", "rrr", "--harmonics", "4", "--starts", "1", "--fresh", "-o", folder / "excitation")
-    call("simulate", "rrr", "--trajectory", motion, *noisy, folder / "empty")
+    call("experiment", "excite", "rrr", "--harmonics", "4", "--starts", "1", "--fresh", "-o", folder / "excitation")
+    call("experiment", "simulate", "rrr", "--trajectory", motion, *noisy, folder / "empty")
     call("identify", "rrr", "--log", folder / "empty/results/log.yaml", "--fresh", "-o", folder / "identified")
     arm = folder / "identified/results/robot.yaml"
-    call("simulate", carrying(folder / "carrying.yaml"), "--writing", *noisy, folder / "carrying")
-    call("payload", arm, "--log", folder / "carrying/results/log.yaml", "--fresh", "-o", folder / "payload")
+    call("experiment", "simulate", carrying(folder / "carrying.yaml"), "--writing", *noisy, folder / "carrying")
+    call(
+        "experiment", "payload", arm, "--log", folder / "carrying/results/log.yaml", "--fresh", "-o", folder / "payload"
+    )
     return arm, json.loads((folder / "payload/results/payload.json").read_text(encoding="utf-8"))
 
 

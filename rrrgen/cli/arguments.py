@@ -50,6 +50,19 @@ def complete_function(ctx: click.Context, param: click.Parameter, incomplete: st
     return [name for name in (*names, "friction", "inverse_kinematics") if name.startswith(incomplete)]
 
 
+def complete_words(
+    known: Iterable[str], more: Callable[[], Iterable[str]]
+) -> Callable[[click.Context, click.Parameter, str], list[CompletionItem]]:
+    """Shell completion of a list of words with commas between them; ``more`` is asked when a word is completed."""
+
+    def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        *before, last = incomplete.split(",")
+        words = [word for word in sorted({*known, *more()}) if word.startswith(last) and word not in before]
+        return [CompletionItem(",".join([*before, word])) for word in words]
+
+    return complete
+
+
 def flag_here(name: str) -> str:
     """The flag of the option ``name`` of the command that runs; the name itself if the command has none."""
     context = click.get_current_context(silent=True)

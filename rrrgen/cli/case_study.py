@@ -1,4 +1,4 @@
-"""The command ``rrrgen case-study``: run the case study on the virtual RRR."""
+"""The command ``rrrgen experiment case-study``: run the case study on the virtual RRR."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ def case_study(
 
     \b
     Examples:
-      rrrgen case-study --quick -o runs/case-study
-      rrrgen case-study -o runs/case-study --jobs 2
+      rrrgen experiment case-study --quick -o runs/case-study
+      rrrgen experiment case-study -o runs/case-study --jobs 2
     """
-    require("rrrgen case-study", "casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")
+    require("rrrgen experiment case-study", "casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")
     from rrrgen.lab.experiment.case_study.case_study import QUICK, CaseStudySettings, run_case_study
 
     with progress_bar() as progress:

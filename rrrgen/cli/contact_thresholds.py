@@ -1,4 +1,4 @@
-"""The command ``rrrgen contact-thresholds``: find thresholds of contact detection from recordings without contact."""
+"""The command ``rrrgen experiment contact-thresholds``: thresholds of contact detection."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def contact_thresholds(
 
     \b
     Example:
-      rrrgen contact-thresholds runs/identified/results/robot.yaml --log work.yaml -o runs/contact
+      rrrgen experiment contact-thresholds runs/identified/results/robot.yaml --log work.yaml -o runs/contact
     """
     from rrrgen.lab.studies.contact_thresholds import contact_thresholds as study
 

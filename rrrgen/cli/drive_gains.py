@@ -1,4 +1,4 @@
-"""The command ``rrrgen drive-gains``: estimate torque constants from recordings with and without a payload."""
+"""The command ``rrrgen experiment drive-gains``: torque constants from a known payload."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def drive_gains(
 
     \b
     Example:
-      rrrgen drive-gains my_arm.yaml --log empty.yaml --loaded carrying.yaml --mass 4.6 --com 0 0 0.05 -o runs/gains
+      rrrgen experiment drive-gains arm.yaml --log empty.yaml --loaded full.yaml --mass 4.6 --com 0 0 0.05 -o runs/gains
     """
     from rrrgen.lab.studies.estimate_drive_gains import estimate_drive_gains
 

@@ -1,4 +1,4 @@
-"""The command ``rrrgen excite``: design an exciting trajectory for identification."""
+"""The command ``rrrgen experiment excite``: design an exciting trajectory for identification."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ from rrrgen.lab.studies.excite import ExciteOptions
 @click.option(
     "--friction",
     metavar="JOINT",
-    help="Move one joint for `rrrgen friction` instead: a fast multisine, then slow reversals; 40 s unless --duration.",
+    help="Move one joint for `rrrgen experiment friction` instead: a fast multisine, then slow reversals; "
+    "40 s unless --duration.",
 )
 @click_options(ExciteOptions)
 @fresh_option
@@ -57,10 +58,10 @@ def excite(
 
     \b
     Examples:
-      rrrgen excite rrr -o runs/excitation --jobs 2
-      rrrgen excite rrr --experiment experiment.yaml -o runs/excitation
-      rrrgen excite rrr --response q1 -o runs/response-excitation
-      rrrgen excite rrr --friction q3 -o runs/friction-motion
+      rrrgen experiment excite rrr -o runs/excitation --jobs 2
+      rrrgen experiment excite rrr --experiment experiment.yaml -o runs/excitation
+      rrrgen experiment excite rrr --response q1 -o runs/plan
+      rrrgen experiment excite rrr --friction q3 -o runs/friction-motion
     """
     if friction is not None:
         return excite_friction(robot, friction, response, options, output, fresh, as_json)

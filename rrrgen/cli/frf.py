@@ -1,4 +1,4 @@
-"""The command ``rrrgen frf``: estimate the frequency response of a joint from closed-loop recordings."""
+"""The command ``rrrgen response frf``: estimate the frequency response of a joint from closed-loop recordings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def frf(log: Path, output: Path, options: FrequencyResponseOptions, fresh: bool,
 
     \b
     Example:
-      rrrgen frf joint1.yaml -o runs/response
+      rrrgen response frf joint1.yaml -o runs/response
     """
     from rrrgen.lab.studies.frequency_response import frequency_response
 

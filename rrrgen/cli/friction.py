@@ -1,4 +1,4 @@
-"""The command ``rrrgen friction``: estimate friction, inertia and gravity of one joint from a recording."""
+"""The command ``rrrgen experiment friction``: estimate friction, inertia and gravity of one joint from a recording."""
 
 from __future__ import annotations
 
@@ -54,7 +54,8 @@ def friction(
 ) -> int:
     """Estimate friction, inertia and gravity of one joint, (14.15).
 
-    In the recording this joint moves and all others stand still; design the motion with `rrrgen excite --friction`.
+    In the recording this joint moves and all others stand still; design the motion with
+    `rrrgen experiment excite --friction`.
     Coulomb-viscous, asymmetric, Stribeck, LuGre and neural laws are estimated by an extended Kalman filter and refined
     by output error. One of them is chosen by its error on windows that were not fitted, and with --controller refined
     in the simulated closed loop. With --presliding, stiffness and damping of the bristles at rest (14.16) are
@@ -63,7 +64,7 @@ def friction(
 
     \b
     Example:
-      rrrgen friction rrr --log runs/joint3/log.yaml --joint q3 -o runs/friction3
+      rrrgen experiment friction rrr --log runs/joint3/log.yaml --joint q3 -o runs/friction3
     """
     from rrrgen.lab.studies.estimate_friction import estimate_friction
 

@@ -1,4 +1,4 @@
-"""The design of the motion of one joint for a friction experiment, by ``rrrgen excite --friction``."""
+"""The design of the motion of one joint for a friction experiment, by ``rrrgen experiment excite --friction``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def excite_friction(
     robot: str, joint: str, response: str | None, options: ExciteOptions, output: Path, fresh: bool, as_json: bool
 ) -> int:
     """Design the friction experiment of the ``joint`` and write it to ``output``."""
-    require("rrrgen excite", "matplotlib")
+    require("rrrgen experiment excite", "matplotlib")
     spec = read_with_warnings(robot)
     experiment = options.of_file(spec.n)
     others = [name for name in OTHERS if getattr(options, name) is not None]

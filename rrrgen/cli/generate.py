@@ -13,6 +13,7 @@ import click
 
 from rrrgen.base.parallel import usual_jobs, without_collection
 from rrrgen.cli.arguments import (
+    complete_words,
     ik_option,
     json_option,
     print_json,
@@ -21,6 +22,7 @@ from rrrgen.cli.arguments import (
     robot_argument,
     words,
 )
+from rrrgen.cli.long_help import LongHelpCommand
 from rrrgen.cli.terminal import progress_bar, say
 from rrrgen.derive import derive
 from rrrgen.robot.file.fields import EMIT, LANGUAGES
@@ -196,12 +198,13 @@ def controller_options(function: F) -> F:
         click.option(
             "--trajectory",
             type=click.Path(path_type=Path, exists=True),
-            help="Also write <name>_trajectory.h/.c, the motion of this excitation.json of `rrrgen excite`.",
+            help="Also write <name>_trajectory.h/.c, the motion of this excitation.json of `rrrgen experiment excite`.",
         ),
         click.option(
             "--tuning",
             type=click.Path(path_type=Path, exists=True),
-            help="Also write <name>_kalman.h/.c, a Kalman filter with this tuning.json of `rrrgen reconstruct`.",
+            help="Also write <name>_kalman.h/.c, a Kalman filter with this tuning.json of "
+            "`rrrgen experiment reconstruct`.",
         ),
         click.option(
             "--rate",
@@ -259,7 +262,7 @@ def _motion(path: Path, joints: int) -> Program:
 
 
 def _kalman(path: Path, rate: float, joints: int) -> Program:
-    """The Kalman filter step at ``rate`` (Hz), with the variances stored by ``rrrgen reconstruct`` in ``path``."""
+    """The Kalman filter step at ``rate`` (Hz), with the variances of a tuning.json at ``path``."""
     from rrrgen.emit.controller.filters import kalman_program
     from rrrgen.lab.data.kalman import kalman_matrices, read_tuning
 
@@ -316,9 +319,8 @@ def code_options(function: F) -> F:
             callback=words(EMIT, _targets),
             multiple=True,
             metavar="WORD,...",
-            help="Also write, besides what the robot file asks for: "
-            + "; ".join(map(": ".join, EMIT.items()))
-            + ". A target of `rrrgen export` gets a folder of its name.",
+            shell_complete=complete_words(EMIT, _targets),
+            help="Also write what the words below name; a target of `rrrgen export` gets a folder of its name.",
         ),
     ]
     for option in reversed(options):
@@ -355,7 +357,11 @@ output_option = click.option(
 )
 
 
-@click.command()
+USUAL = ("output", "real", "further", "only_check", "as_json")
+"""Parameters whose options ``rrrgen generate --help`` describes."""
+
+
+@click.command(cls=LongHelpCommand, usual=USUAL, words=("Words of --with", EMIT))
 @robot_argument
 @output_option
 @code_options
@@ -382,25 +388,14 @@ def generate(
 ) -> int:
     """Derive a robot's kinematics and dynamics and write them as C and CasADi.
 
-    DIR receives <name>.h with its sources (<name>.c; <name>_nominal.c with the numbers of the robot file folded in;
-    <name>_derivatives.c), inverse kinematics, a self-test that runs on the target, CMakeLists.txt, a pkg-config file,
-    README.md on how to build and use them, CasADi functions and manifest.json. The same robot gives the same bytes
-    everywhere.
-
-    Code for a controller comes in groups, --with control,observer,trajectory, and from the results of an experiment:
-    its motion with --trajectory, a Kalman filter with --tuning, friction laws whose parameters are arguments with
-    --friction, and with --estimator online estimators of the base parameters (14.21)-(14.23) and of the drive inertias
-    and the friction that the robot file states.
+    DIR receives C with a self-test, inverse kinematics, CasADi functions, and a README.md on how to build and use them.
 
     \b
     Examples:
       rrrgen generate rrr -o generated/rrr
       rrrgen generate my_robot.yaml -o firmware/model --real float
       rrrgen generate rrr -o generated/rrr --check    # in continuous integration
-      rrrgen generate rrr -o generated/rrr --with rust,cpp
-      rrrgen generate rrr -o generated/rrr --with gravity,control
       rrrgen generate rrr -o firmware --with control,observer --tuning runs/motion/results/tuning.json
-      rrrgen generate rrr -o firmware --estimator rls --fix p4=0 --fix p15=0 --torque-noise 0.2,0.1,0.05
     """
     from rrrgen.base.files import differences, write
 

@@ -75,7 +75,7 @@ def verification(report: Report) -> Verification:
 
 
 def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[Motion]:
-    """The motions of trajectories (.json of `rrrgen excite`) and of recordings or their mapping files.
+    """The motions of trajectories (.json of `rrrgen experiment excite`) and of recordings or their mapping files.
 
     Raises InputError for a file that is neither, or that belongs to another robot.
     """

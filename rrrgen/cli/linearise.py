@@ -1,4 +1,4 @@
-"""The command ``rrrgen linearise``: remove the nonlinear model from recordings before a frequency response."""
+"""The command ``rrrgen response linearise``: remove the nonlinear model from recordings before a frequency response."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rrrgen.cli.terminal import say, working
     "--response",
     required=True,
     type=click.Path(path_type=Path, exists=True),
-    help="The designed experiment: response_excitation.json of `rrrgen excite --response`.",
+    help="The designed experiment: response_excitation.json of `rrrgen experiment excite --response`.",
 )
 @click.option("--run", "runs", multiple=True, metavar="NAME", help="The run of the design in each --log; in order.")
 @output_option
@@ -42,13 +42,13 @@ def linearise(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, *
 
     From the torques of all joints follows the input u = inv(M) (tau - c - g - tau_f) of the linearised arm (14.34),
     with the model and friction of the robot file along the designed motion. The excitation is found in each recording;
-    transients are left out. Writes the recordings and response.yaml for `rrrgen frf` to DIR.
+    transients are left out. Writes the recordings and response.yaml for `rrrgen response frf` to DIR.
 
     \b
     Example:
-      rrrgen linearise my_arm.yaml --log log.yaml --response runs/excitation/results/response_excitation.json -o runs/q1
+      rrrgen response linearise my_arm.yaml --log log.yaml --response runs/plan/results/response_excitation.json -o q1
     """
-    require("rrrgen linearise", "scipy")
+    require("rrrgen response linearise", "scipy")
     from rrrgen.lab.data.recordings import load_stream, open_log
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.data.uniform_stream import LogStream
@@ -84,5 +84,5 @@ def linearise(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, *
         print_json({"responses": [str(path) for path in paths], "recordings": list(names)})
     else:
         for path in paths:
-            say(f"recordings in {path}: now rrrgen frf {path} -o DIR")
+            say(f"recordings in {path}: now rrrgen response frf {path} -o DIR")
     return 0

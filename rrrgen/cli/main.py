@@ -9,7 +9,6 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from typing import Any, NoReturn
 
 import click
@@ -18,12 +17,17 @@ from rrrgen.base.errors import InputError, InternalError, RrrgenError, missing_e
 from rrrgen.base.option_names import options_written
 from rrrgen.base.version import VERSION
 from rrrgen.cli.arguments import flag_here
-from rrrgen.cli.commands import COMMANDS
+from rrrgen.cli.commands import COMMANDS, FURTHER, GROUPS, RENAMED, load_command
 from rrrgen.cli.terminal import Context, failed, fault_text, preference, say_error, usage_text
 
 INTERRUPTED = 130
 
-EPILOG = """\b
+FIRST = """\b
+ROBOT: a file, a bundled name, or -. Example: rrrgen generate rrr -o model
+Also: export, certify, robots, schema, doctor. rrrgen --help-all: everything.
+"""
+
+EVERYTHING = """\b
 Examples:
   rrrgen generate rrr -o rrr_model     C and CasADi code of a bundled robot
   rrrgen verify rrr                    compare it with independent dynamics
@@ -48,34 +52,53 @@ Shell completion:
 
 
 class LazyGroup(click.Group):
-    """A command group that imports a command only when it is called; the one-line helps come from the table."""
+    """A group that imports a command only when it is called; one-line helps and sub-groups come from the table.
+
+    ``prefix`` is the word of a sub-group, "" for the whole command line.
+    """
 
     context_class = Context
 
+    def __init__(self, *args: Any, prefix: str = "", **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self.prefix = prefix
+
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The names of all commands, in the order of the table."""
-        return list(COMMANDS)
+        """The words that may follow, in the order of the table, a group at the place of its first command."""
+        paths = [path.split() for path in COMMANDS]
+        if self.prefix:
+            return [words[1] for words in paths if words[0] == self.prefix]
+        return list(dict.fromkeys(words[0] for words in paths))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command ``cmd_name``; None if there is none of that name."""
-        if cmd_name not in COMMANDS:
+        path = f"{self.prefix} {cmd_name}".strip()
+        if path in GROUPS:
+            return LazyGroup(path, prefix=path, help=GROUPS[path])
+        if path not in COMMANDS:
             return None
-        module, attribute = COMMANDS[cmd_name][0].split(":")
-        command = getattr(import_module(module), attribute)
-        if not isinstance(command, click.Command):
-            raise InternalError(f"{COMMANDS[cmd_name][0]} is no command")
-        command.name = cmd_name  # click names it after its function, which cannot be called "import"
+        command = load_command(path)
         command.context_class = Context
         return command
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command; an unknown name is a usage error with the closest match as a hint."""
-        if args[0] not in COMMANDS and not args[0].startswith("-"):
-            close = difflib.get_close_matches(args[0], COMMANDS, n=1)
-            hint = f" Did you mean '{close[0]}'?" if close else ""
-            ctx.fail(f"No such command '{args[0]}'.{hint}")
+        """Find the command; an unknown name is a usage error with the closest match as a hint.
+
+        The name of a command before it was put into a group still calls it, with the present words on stderr.
+        """
+        word = args[0]
+        if not self.prefix and word in RENAMED:
+            group, name = RENAMED[word].split()
+            say_error(f"rrrgen {word} is now called: rrrgen {group} {name}")
+            return word, LazyGroup(prefix=group).get_command(ctx, name), args[1:]
+        known = self.list_commands(ctx)
+        if word not in known and not word.startswith("-"):
+            everywhere = {word: word for word in known} | ({} if self.prefix else RENAMED)
+            close = difflib.get_close_matches(word, everywhere, n=1)
+            hint = f" Did you mean '{everywhere[close[0]]}'?" if close else ""
+            ctx.fail(f"No such command '{word}'.{hint}")
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -88,18 +111,40 @@ class LazyGroup(click.Group):
             return 0
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list of commands without importing any."""
+        """Write the list of commands without importing any, the further ones left to ``--help-all``."""
+        rows = []
+        for word in self.list_commands(ctx):
+            if self.prefix or word not in FURTHER:
+                rows.append((word, GROUPS.get(word) or COMMANDS[f"{self.prefix} {word}".strip()][1]))
         with formatter.section("Commands"):
-            formatter.write_dl([(name, help_text) for name, (_, help_text) in COMMANDS.items()])
+            formatter.write_dl(rows)
 
 
-@click.group(cls=LazyGroup, epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
+def _show_everything(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    """Print every command with its one-line help, the exit codes and the shell completion, and leave."""
+    if not value:
+        return
+    formatter = ctx.make_formatter()
+    formatter.write_usage(ctx.command_path, "[OPTIONS] COMMAND [ARGS]...")
+    with formatter.section("Commands"):
+        formatter.write_dl([(path, help_text) for path, (_, help_text) in COMMANDS.items()])
+    formatter.write("\n" + EVERYTHING.replace("\b\n", ""))
+    click.echo(formatter.getvalue().rstrip("\n"))
+    ctx.exit()
+
+
+@click.group(cls=LazyGroup, epilog=FIRST, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(VERSION, prog_name="rrrgen")
+@click.option(
+    "--help-all",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_show_everything,
+    help="Show all commands, exit codes, shell completion.",
+)
 def cli() -> None:
-    """Compile a robot's Denavit-Hartenberg table into verified C and CasADi models.
-
-    ROBOT is a robot file (YAML), the name of a bundled robot (see 'rrrgen robots'), or - for the standard input.
-    """
+    """Turn a robot's Denavit-Hartenberg table into verified C and CasADi models."""
 
 
 def main(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: click.Command = cli) -> NoReturn:

@@ -1,4 +1,4 @@
-"""The command ``rrrgen payload``: estimate mass, centre of mass and inertia of a payload."""
+"""The command ``rrrgen experiment payload``: estimate mass, centre of mass and inertia of a payload."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def payload(
 
     \b
     Example:
-      rrrgen payload runs/identified/results/robot.yaml --log carrying.yaml -o runs/payload
+      rrrgen experiment payload runs/identified/results/robot.yaml --log carrying.yaml -o runs/payload
     """
     from rrrgen.lab.studies.estimate_payload import estimate_payload
 

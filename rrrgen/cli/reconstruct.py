@@ -1,4 +1,4 @@
-"""The command ``rrrgen reconstruct``: reconstruct positions, speeds and accelerations from a recording."""
+"""The command ``rrrgen experiment reconstruct``: reconstruct positions, speeds and accelerations from a recording."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def reconstruct(
 
     \b
     Example:
-      rrrgen reconstruct runs/experiment/results/log.yaml --method kalman -o runs/motion
+      rrrgen experiment reconstruct runs/experiment/results/log.yaml --method kalman -o runs/motion
     """
     from rrrgen.lab.studies.reconstruct import reconstruct as study
 

@@ -26,7 +26,7 @@ OTHERS = ("harmonics", "starts", "cluster", "duration", "bandwidth", "control")
 
 def excite_response(robot: str, joint: str, options: ExciteOptions, output: Path, fresh: bool, as_json: bool) -> int:
     """Design the response experiment of the ``joint`` and write it to ``output``."""
-    require("rrrgen excite", "matplotlib")
+    require("rrrgen experiment excite", "matplotlib")
     spec = read_with_warnings(robot)
     experiment = options.of_file(spec.n)
     _refuse(options)
@@ -77,7 +77,7 @@ def simulate_response_runs(
     robot: str, response: Path, options: SimulateOptions, output: Path, fresh: bool, as_json: bool
 ) -> int:
     """Run the designed experiment of the file ``response`` on the virtual robot and write its recordings."""
-    require("rrrgen simulate", "scipy")
+    require("rrrgen experiment simulate", "scipy")
     spec = read_with_warnings(robot)
     experiment = options.of_file(spec.n)
     _refuse(options)
@@ -126,12 +126,12 @@ def simulate_response_runs(
         )
     else:
         for path in paths:
-            say(f"recordings in {path}: now rrrgen frf {path} -o DIR")
+            say(f"recordings in {path}: now rrrgen response frf {path} -o DIR")
     return 1 if margin.unstable else 0
 
 
 def read_response_design(path: Path) -> ResponseDesign:
-    """The design that ``rrrgen excite --response`` wrote; raises InputError for another file."""
+    """The design that ``rrrgen experiment excite --response`` wrote; raises InputError for another file."""
     from rrrgen.base.errors import InputError
     from rrrgen.lab.design.plan import ResponseDesign
 

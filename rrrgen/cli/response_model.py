@@ -1,4 +1,4 @@
-"""The command ``rrrgen response-model``: fit a linear model with resonances to a recording or frequency response."""
+"""The command ``rrrgen response model``: fit a linear model with resonances to a recording or frequency response."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ def response_model(
     fresh: bool,
     as_json: bool,
 ) -> int:
-    """Fit a linear model with its resonances to a recording (response file) or to a frf.json of `rrrgen frf`.
+    """Fit a linear model with its resonances to a recording (response file) or to a frf.json of `rrrgen response frf`.
 
     auto fits modes to the frequency response where the recording has an excitation beside the input (a closed loop),
     and otherwise a difference equation: ARX, ARMAX or output error. Orders are chosen within the rows to fit. Several
     postures get a model each. Writes results/response_model.json, C of one step of the model in state space, and
     figures. Exits with 1 where the response of a posture cannot be trusted.
 
-    --robot and --experiment, the file that `rrrgen simulate --response` reads, print the resonances that the mass
-    matrix of the robot and the elastic joints and base of the experiment lead to beside the measured ones.
+    --robot and --experiment, the file that `rrrgen experiment simulate --response` reads, print the resonances that the
+    mass matrix of the robot and the elastic joints and base of the experiment lead to beside the measured ones.
 
     \b
     Example:
-      rrrgen response-model runs/response/results/frf.json -o runs/model
-      rrrgen response-model arm.yaml --fit-rows 1:512 -o runs/model
+      rrrgen response model runs/response/results/frf.json -o runs/model
+      rrrgen response model arm.yaml --fit-rows 1:512 -o runs/model
     """
     from rrrgen.lab.studies.fit_response import fit_response
 

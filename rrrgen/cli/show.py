@@ -274,7 +274,7 @@ INVERSE = "inverse_kinematics"
     "motions",
     multiple=True,
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
-    help="With --html: trajectory of `rrrgen excite`, or recording, to be played; repeat for several.",
+    help="With --html: trajectory of `rrrgen experiment excite`, or recording, to be played; repeat for several.",
 )
 @click.option(
     "--run",

@@ -1,4 +1,4 @@
-"""The command ``rrrgen simulate``: simulate an experiment."""
+"""The command ``rrrgen experiment simulate``: simulate an experiment."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rrrgen.lab.studies.simulate import SimulateOptions
 @click.option(
     "--trajectory",
     type=click.Path(path_type=Path, exists=True),
-    help="Motion to follow: excitation.json or friction_motion.json of `rrrgen excite`.",
+    help="Motion to follow: excitation.json or friction_motion.json of `rrrgen experiment excite`.",
 )
 @click.option(
     "--reference",
@@ -38,7 +38,7 @@ from rrrgen.lab.studies.simulate import SimulateOptions
 @click.option(
     "--response",
     type=click.Path(path_type=Path, exists=True),
-    help="Frequency response of a joint: response_excitation.json of `rrrgen excite --response`.",
+    help="Frequency response of a joint: response_excitation.json of `rrrgen experiment excite --response`.",
 )
 @output_option
 @click_options(SimulateOptions)
@@ -61,15 +61,15 @@ def simulate(
     other friction laws, flexible joints, a flexible base, noise and the gains of the controller. Gains and observer
     are otherwise designed from the arm, with a modulus margin of 0.5 in all postures along the motion. Writes log.csv,
     the recording, and log.yaml, its mapping file for `rrrgen identify`, to DIR; with --response the recordings under
-    feedback linearisation (14.34), (14.36), and response.yaml for `rrrgen frf`. Exits with 1 if the arm does not follow
-    the motion or its loop oscillates.
+    feedback linearisation (14.34), (14.36), and response.yaml for `rrrgen response frf`. Exits with 1 if the
+    arm does not follow the motion or its loop oscillates.
 
     \b
     Examples:
-      rrrgen simulate rrr --trajectory runs/excitation/results/excitation.json --torque-noise 0.05 -o runs/experiment
-      rrrgen simulate rrr --writing --experiment experiment.yaml -o runs/writing
-      rrrgen simulate runs/identified/results/robot.yaml --reference log.yaml -o runs/replayed
-      rrrgen simulate rrr --response runs/response-excitation/results/response_excitation.json --base-mode 28 -o runs/q1
+      rrrgen experiment simulate rrr --trajectory runs/excitation/results/excitation.json --torque-noise .05 -o runs/log
+      rrrgen experiment simulate rrr --writing --experiment experiment.yaml -o runs/writing
+      rrrgen experiment simulate runs/identified/results/robot.yaml --reference log.yaml -o runs/replayed
+      rrrgen experiment simulate rrr --response runs/plan/results/response_excitation.json --base-mode 28 -o runs/q1
     """
     if [*(file is not None for file in (trajectory, reference, response)), writing].count(True) != 1:
         follow = "--trajectory FILE, --reference LOG, --writing or --response FILE"

@@ -1,4 +1,4 @@
-"""The command ``rrrgen validate``: compare the torques of a robot file with recorded ones."""
+"""The command ``rrrgen experiment validate``: compare the torques of a robot file with recorded ones."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def validate(
 
     \b
     Example:
-      rrrgen validate runs/identified/results/robot.yaml --log runs/writing/results/log.yaml -o runs/validated
+      rrrgen experiment validate runs/identified/results/robot.yaml --log runs/writing/results/log.yaml -o validated
     """
     from rrrgen.lab.studies.validate import validate as study
 

@@ -1,4 +1,4 @@
-"""The command ``rrrgen vibration``: design input shapers and notch filters against measured vibrations."""
+"""The command ``rrrgen response vibration``: design input shapers and notch filters against measured vibrations."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ..
 def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -> int:
     """Design input shapers and notch filters against measured vibrations, and write them as C.
 
-    MODEL is a response_model.json of `rrrgen response-model`, which has every mode with its range over the postures;
+    MODEL is a response_model.json of `rrrgen response model`, which has every mode with its range over the postures;
     without it, state the modes by --mode and --rate. The default shaper is the shortest one, ZV or EI, that leaves less
     than the tolerance in all postures; a notch is as narrow as the postures and --peak allow. Writes
     vibration_shaper.h/.c, whose state the caller keeps, vibration_notch.h/.c, vibration.json and a figure. Exits with 1
@@ -105,10 +105,10 @@ def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -
 
     \b
     Example:
-      rrrgen vibration runs/model/results/response_model.json --shaper ei -o runs/vibration
-      rrrgen vibration --mode 28:0.1 --mode 96:0.02 --rate 1000 -o runs/vibration
+      rrrgen response vibration runs/model/results/response_model.json --shaper ei -o runs/vibration
+      rrrgen response vibration --mode 28:0.1 --mode 96:0.02 --rate 1000 -o runs/vibration
     """
-    require("rrrgen vibration", "scipy", "matplotlib")
+    require("rrrgen response vibration", "scipy", "matplotlib")
     from rrrgen.lab.data.run_folder import RunFolder, plain
     from rrrgen.lab.vibration import design_notches, design_shaper, plot_vibration
 

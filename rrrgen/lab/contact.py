@@ -145,7 +145,7 @@ def contact_header(name: str, found: ContactFindings) -> str:
     macro = name.upper()
     limits, covariance = found.thresholds, np.ravel(found.covariance.matrix)
     return (
-        f"/* {name}_contact.h: thresholds of contact detection, by rrrgen contact-thresholds.\n *\n"
+        f"/* {name}_contact.h: thresholds of contact detection, by rrrgen experiment contact-thresholds.\n *\n"
         f" *     static const {name}_real threshold[{macro}_N] = {macro}_CONTACT_THRESHOLDS;\n"
         f" *     static const {name}_real change_threshold[{macro}_N] = {macro}_CONTACT_CHANGE_THRESHOLDS;\n"
         f" *     static const {name}_real covariance[{macro}_N * {macro}_N] = {macro}_CONTACT_COVARIANCE;\n *\n"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.cli.commands import COMMANDS
+from rrrgen.cli.commands import COMMANDS, FURTHER, GROUPS, RENAMED
 from rrrgen.cli.main import LazyGroup, cli, run
 from rrrgen.robot.file import bundled_names, load_spec
 
@@ -56,12 +56,36 @@ def test_help_lists_every_command_with_examples_and_exit_codes(rrrgen):
     before, rest = out.split("Commands:\n")
     commands, after = rest.split("\n\n", 1)
     golden("help.txt", before + after)  # the list of commands is the table's own
-    assert [line.split()[0] for line in commands.splitlines() if line[2] != " "] == list(COMMANDS)
+    shown = [line.split()[0] for line in commands.splitlines() if line[2] != " "]
+    assert shown == [path for path in COMMANDS if " " not in path and path not in FURTHER] + list(GROUPS)
+
+
+def test_the_first_help_fits_24_lines_of_80_columns(rrrgen, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = rrrgen("--help")[1].splitlines()
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+
+
+def test_the_whole_help_names_every_command(rrrgen):
+    code, out, err = rrrgen("--help-all")
+    assert (code, err) == (0, "")
+    for path, (_, text) in COMMANDS.items():
+        assert re.search(rf"^  {path} +{re.escape(text[:20])}", out, re.M)
+    golden("help-all.txt", out.split("\n\n", 2)[2])
+
+
+@pytest.mark.parametrize("old", RENAMED)
+def test_old_names_of_grouped_commands_still_work_and_name_the_new_words(old, rrrgen):
+    code, out, err = rrrgen(old, "--help")
+    assert code == 0
+    assert err == f"rrrgen {old} is now called: rrrgen {RENAMED[old]}\n"
+    assert rrrgen(*RENAMED[old].split(), "--help")[1].partition("\n")[2] == out.partition("\n")[2]
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_help_with_an_example(name, rrrgen):
-    code, out, _ = rrrgen(name, "--help")
+    code, out, _ = rrrgen(*name.split(), "--help")
     assert code == 0
     assert re.search(r"Examples?:\n +rrrgen", out) or "Commands:" in out
     assert COMMANDS[name][1].endswith(".")
@@ -95,14 +119,21 @@ def test_processes_end_without_a_word(command, tmp_path):
 
 def test_the_table_of_commands_points_at_commands():
     assert isinstance(cli, LazyGroup)
-    for name in COMMANDS:
-        assert cli.get_command(None, name) is not None
+    for path in COMMANDS:
+        *groups, name = path.split()
+        group = cli
+        for word in groups:
+            group = group.get_command(None, word)
+        assert group.get_command(None, name) is not None
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["generat"], "No such command 'generat'. Did you mean 'generate'?"),
+        (["exite"], "No such command 'exite'. Did you mean 'experiment excite'?"),
+        (["experiment", "exite"], "No such command 'exite'. Did you mean 'excite'?"),
+        (["experiment", "frf"], "No such command 'frf'."),
         (["xyz"], "No such command 'xyz'."),
         (["generate"], "Missing argument 'ROBOT'."),
         (["generate", "rrr"], "Missing option '-o' / '--output'"),

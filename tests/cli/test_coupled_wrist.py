@@ -60,7 +60,8 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def recorded(folder):
-    done = run("simulate", folder / "wrist.yaml", "--trajectory", folder / "motion.json", "--torque-noise", NOISE,
+    done = run("experiment", "simulate", folder / "wrist.yaml", "--trajectory", folder / "motion.json",
+               "--torque-noise", NOISE,
                "--rate", 500, "--bandwidth", 4, "--seed", 2, "-o", folder / "recording")  # fmt: skip
     assert done.return_value == 0, done.output
     return folder / "recording" / "results" / "log.yaml"
@@ -115,7 +116,9 @@ def test_the_estimates_lie_within_their_deviations(folder, identified):
 
 def test_a_validation_of_the_written_file_passes(folder, recorded, identified):
     written = folder / "identified" / "results" / "robot.yaml"
-    done = run("validate", written, "--log", recorded, "--relative-error", 0.05, "-o", folder / "validated")
+    done = run(
+        "experiment", "validate", written, "--log", recorded, "--relative-error", 0.05, "-o", folder / "validated"
+    )
     assert done.return_value == 0, done.output
 
 

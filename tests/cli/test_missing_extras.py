@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import EXTRAS, MissingExtraError
-from rrrgen.cli.commands import COMMANDS
+from rrrgen.cli.commands import COMMANDS, GROUPS
 from rrrgen.cli.main import run
 from rrrgen.lab.data.mapping import FileSource
 from rrrgen.lab.data.recordings import Log
@@ -50,9 +50,12 @@ def folder(tmp_path_factory):
 
 
 USES = {
-    "excite": (["pendulum", "-o", "x"], ("casadi", "matplotlib")),
-    "excite in parallel": (["pendulum", "--jobs", "2", "-o", "x"], ("joblib",)),
-    "excite on a cluster": (["pendulum", "--cluster", "tcp://localhost:1", "-o", "x"], ("dask", "distributed")),
+    "experiment excite": (["pendulum", "-o", "x"], ("casadi", "matplotlib")),
+    "experiment excite in parallel": (["pendulum", "--jobs", "2", "-o", "x"], ("joblib",)),
+    "experiment excite on a cluster": (
+        ["pendulum", "--cluster", "tcp://localhost:1", "-o", "x"],
+        ("dask", "distributed"),
+    ),
     "identify": (
         ["pendulum", "--log", "log.csv", "-o", "x"],
         ("scipy", "matplotlib", "cvxpy", "clarabel"),
@@ -61,22 +64,31 @@ USES = {
         ["pendulum", "--log", "log.csv", "--cluster", "tcp://localhost:1", "-o", "x"],
         ("dask", "distributed"),
     ),
-    "validate": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "matplotlib")),
-    "simulate": (["pendulum", "--trajectory", "motion.json", "-o", "x"], ("scipy",)),
-    "reconstruct": (["log.csv", "-o", "x"], ("scipy", "matplotlib")),
-    "friction": (["pendulum", "--log", "log.csv", "--joint", "q1", "-o", "x"], ("scipy", "matplotlib")),
-    "payload": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "cvxpy", "clarabel")),
-    "drive-gains": (["pendulum", "--log", "log.csv", "--loaded", "l.csv", "--mass", "1", "-o", "x"], ("scipy",)),
-    "contact-thresholds": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy",)),
-    "linearise": (["pendulum", "--log", "log.csv", "--response", "motion.json", "-o", "x"], ("scipy",)),
+    "experiment validate": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "matplotlib")),
+    "experiment simulate": (["pendulum", "--trajectory", "motion.json", "-o", "x"], ("scipy",)),
+    "experiment reconstruct": (["log.csv", "-o", "x"], ("scipy", "matplotlib")),
+    "experiment friction": (["pendulum", "--log", "log.csv", "--joint", "q1", "-o", "x"], ("scipy", "matplotlib")),
+    "experiment payload": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy", "cvxpy", "clarabel")),
+    "experiment drive-gains": (
+        ["pendulum", "--log", "log.csv", "--loaded", "l.csv", "--mass", "1", "-o", "x"],
+        ("scipy",),
+    ),
+    "experiment contact-thresholds": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy",)),
+    "response linearise": (["pendulum", "--log", "log.csv", "--response", "motion.json", "-o", "x"], ("scipy",)),
     "calibrate": (["planar2r", "--poses", "motion.json", "--figure", "x", "-o", "x"], ("matplotlib",)),
-    "frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
-    "response-model": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
-    "vibration": (["--mode", "28:0.1", "--rate", "1000", "-o", "x"], ("scipy", "matplotlib")),
-    "case-study": (["-o", "x"], ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")),
+    "response frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
+    "response model": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
+    "response vibration": (["--mode", "28:0.1", "--rate", "1000", "-o", "x"], ("scipy", "matplotlib")),
+    "experiment case-study": (["-o", "x"], ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")),
     "generate": (["pendulum", "--casadi-files", "-o", "x"], ("casadi",)),
     "generate with a filter": (["pendulum", "--no-casadi-files", "--tuning", "tuning.json", "-o", "x"], ("scipy",)),
 }
+
+
+def words_of(use: str) -> list[str]:
+    """The words that call the command of a use, such as "experiment excite in parallel"."""
+    words = use.split()
+    return words[:2] if words[0] in GROUPS else words[:1]
 
 
 CASES = [(use, package) for use, (_, packages) in USES.items() for package in packages]
@@ -86,8 +98,7 @@ CASES = [(use, package) for use, (_, packages) in USES.items() for package in pa
 def test_a_command_names_the_extra_that_it_lacks(use, package, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     hide(monkeypatch, package)
-    command = use.split()[0]
-    code, message = run([command, *USES[use][0]]), capsys.readouterr().err
+    code, message = run([*words_of(use), *USES[use][0]]), capsys.readouterr().err
     assert code == 5, message
     assert package in message
     extra = "casadi" if use == "generate" else EXTRAS[package]
@@ -112,7 +123,7 @@ PLAIN = {
 
 
 def test_every_command_is_tried():
-    assert set(PLAIN) | {use.split()[0] for use in USES} == set(COMMANDS)
+    assert set(PLAIN) | {" ".join(words_of(use)) for use in USES} == set(COMMANDS)
 
 
 @pytest.mark.parametrize("command", PLAIN)

@@ -6,16 +6,16 @@ import io
 import re
 import sys
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import click
 import pytest
 from click.shell_completion import ShellComplete
 
-from rrrgen.cli.commands import COMMANDS
+from rrrgen.cli.commands import COMMANDS, load_command
 from rrrgen.cli.main import cli, run
 from rrrgen.robot.file import bundled_path
+from rrrgen.robot.file.fields import EMIT
 from rrrgen.verify.report import Report, Row
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,11 +26,7 @@ SHORT = {"--jobs": "-j", "--verbose": "-v", "--output": "-o", "--function": "-f"
 
 
 def commands() -> dict[str, click.Command]:
-    found = {}
-    for name, (place, _) in COMMANDS.items():
-        module, attribute = place.split(":")
-        found[name] = getattr(import_module(module), attribute)
-    return found
+    return {path: load_command(path) for path in COMMANDS}
 
 
 @pytest.fixture
@@ -92,15 +88,36 @@ def test_output_that_cannot_be_written_is_no_bad_input(arguments, rrrgen):
 def test_exit_codes_are_documented_alike():
     """Every exit code of an error, the check that fails, usage and the interrupt stand in the help and in README."""
     from rrrgen.base import errors
-    from rrrgen.cli.main import EPILOG, INTERRUPTED
+    from rrrgen.cli.main import EVERYTHING, INTERRUPTED
 
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.RrrgenError)]
     codes = {0, 1, 2, INTERRUPTED, *(kind.exit_code for kind in kinds)}
-    for text in (EPILOG, README):
+    for text in (EVERYTHING, README):
         listed = " ".join(re.search(r"[Ee]xit codes: ([^.]*)\.", text)[1].split())
         assert {int(number) for number in re.findall(r"(?:^|, )(\d+) ", listed)} == codes
     table = (ROOT / "docs/installation.md").read_text(encoding="utf-8")
     assert {int(number) for number in re.findall(r"^\| (\d+) \|", table, re.M)} == codes
+
+
+def test_the_help_of_generate_fits_one_screen_and_the_long_one_describes_every_option(rrrgen, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    short, whole = (rrrgen("generate", flag)[1] for flag in ("--help", "--help-all"))
+    assert len(short.splitlines()) <= 40
+    flags = {
+        max(option.opts, key=len) for option in load_command("generate").params if isinstance(option, click.Option)
+    }
+    assert all(re.search(rf"^  (?:-\w, )?{flag}\b", whole, re.M) for flag in flags)
+    assert all(flag in short.replace("-\n  ", "-") for flag in flags)
+    assert all(re.search(rf"^  {word} +\S", short, re.M) for word in EMIT)
+
+
+def test_words_after_commas_are_completed():
+    (context,) = [ShellComplete(cli, {}, "rrrgen", "_RRRGEN_COMPLETE")]
+    words = ["generate", "rrr", "--with"]
+    assert [item.value for item in context.get_completions(words, "control,gra")] == ["control,gravity"]
+    every = {item.value for item in context.get_completions(words, "rust,")}
+    assert {"rust,cpp", "rust,urdf"} <= every
+    assert "rust,rust" not in every
 
 
 def test_functions_are_completed():

@@ -107,7 +107,7 @@ def recorded(folder, robot, joints, amplitude, noise, rate, seed, control="pd"):
     path.write_text(json.dumps(motion.to_json()))
     out = folder / f"recording{seed}"
     settings = ["--torque-noise", noise, "--rate", rate, "--bandwidth", 3, "--seed", seed, "--control", control]
-    result = run("simulate", robot, "--trajectory", path, *settings, "-o", out)
+    result = run("experiment", "simulate", robot, "--trajectory", path, *settings, "-o", out)
     assert result.return_value == 0, result.output
     return out / "results" / "log.yaml"
 
@@ -138,7 +138,7 @@ def test_a_prismatic_drive(tmp_path):
     fitted = tmp_path / "found" / "results" / "robot.yaml"
     for log, label in ((second, "held-out data"), (first, "its own data")):  # the mapping files are alike, the data not
         out = tmp_path / f"validated {label}"
-        result = run("validate", fitted, "--log", log, "--relative-error", 0.02, "-o", out)
+        result = run("experiment", "validate", fitted, "--log", log, "--relative-error", 0.02, "-o", out)
         assert result.return_value == 0, result.output
         assert f"scored on {label} (" in result.output
 
@@ -194,7 +194,7 @@ def test_a_seven_joint_arm_in_standard_parameters_from_matlab(tmp_path, no_figur
     )
     assert run("identify", robot, "--log", first, "-o", tmp_path / "found").return_value == 0
     result = run(
-        *("validate", tmp_path / "found" / "results" / "robot.yaml", "--log", second),
+        *("experiment", "validate", tmp_path / "found" / "results" / "robot.yaml", "--log", second),
         *("--relative-error", 0.03, "--require-held-out", "-o", tmp_path / "validated"),
     )
     assert result.return_value == 0, result.output

@@ -26,7 +26,7 @@ def experiment(tmp_path_factory):
     trajectory = folder / "trajectory.json"
     trajectory.write_text(json.dumps(motion.to_json()))
     noise = ["--torque-noise", 0.01, "--rate", 500]
-    result = run("simulate", "planar2r", "--trajectory", trajectory, *noise, "-o", folder / "experiment")
+    result = run("experiment", "simulate", "planar2r", "--trajectory", trajectory, *noise, "-o", folder / "experiment")
     assert result.return_value == 0, result.output
     return folder
 
@@ -45,14 +45,16 @@ def test_simulate_writes_a_recording_that_identify_takes(experiment):
 
 def test_validate_passes_the_true_robot_and_fails_a_wrong_one(experiment, tmp_path):
     log = experiment / "experiment" / "results" / "log.yaml"
-    good = run("validate", "planar2r", "--log", log, "-o", tmp_path / "good")
+    good = run("experiment", "validate", "planar2r", "--log", log, "-o", tmp_path / "good")
     assert good.return_value == 0, good.output
     assert "scored on data of unknown origin; passed" in good.output  # nothing says what the bundled robot comes from
     record = json.loads((tmp_path / "good" / "results" / "validation.json").read_text())
     # the figure that the limit holds for is printed with the rows that it is of
     assert f"relative error {100 * record['relative_error']:.3g} %, of {record['measured_on']}" in good.output
     assert f"{100 * record['share']:.0f} % of the rows" in record["measured_on"]
-    strict = run("validate", "planar2r", "--log", log, "--relative-error", 1e-6, "-o", tmp_path / "strict")
+    strict = run(
+        "experiment", "validate", "planar2r", "--log", log, "--relative-error", 1e-6, "-o", tmp_path / "strict"
+    )
     assert strict.return_value == 1
     assert "FAILED" in strict.output
 
@@ -72,7 +74,19 @@ virtual_robot:
 def test_simulate_writes_letters_with_the_virtual_robot_of_an_experiment_file(tmp_path):
     file = tmp_path / "experiment.yaml"
     file.write_text(WRITING)
-    result = run("simulate", "rrr", "--writing", "--experiment", file, "--seed", 3, "-o", tmp_path / "run", "--json")
+    result = run(
+        "experiment",
+        "simulate",
+        "rrr",
+        "--writing",
+        "--experiment",
+        file,
+        "--seed",
+        3,
+        "-o",
+        tmp_path / "run",
+        "--json",
+    )
     assert result.return_value == 0, result.output
     assert json.loads(result.output)["samples"] == 1375
     record = json.loads((tmp_path / "run" / "run.json").read_text())
@@ -86,12 +100,12 @@ def test_simulate_writes_letters_with_the_virtual_robot_of_an_experiment_file(tm
 
 def test_simulate_must_know_what_to_follow():
     with pytest.raises(click.UsageError, match="--trajectory FILE, --reference LOG, --writing"):
-        run("simulate", "rrr", "-o", "nowhere")
+        run("experiment", "simulate", "rrr", "-o", "nowhere")
 
 
 def test_reconstruct_writes_the_motion(experiment, tmp_path):
     log = experiment / "experiment" / "results" / "log.yaml"
-    result = run("reconstruct", log, "--method", "butterworth", "--cutoff", 20, "-o", tmp_path / "motion")
+    result = run("experiment", "reconstruct", log, "--method", "butterworth", "--cutoff", 20, "-o", tmp_path / "motion")
     assert result.return_value == 0, result.output
     with (tmp_path / "motion" / "results" / "motion.csv").open() as file:
         rows = list(csv.reader(file))

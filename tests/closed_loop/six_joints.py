@@ -75,6 +75,7 @@ def main() -> int:
         (folder / "experiment.yaml").write_text(EXPERIMENT)
         path = reference(folder, [joint.name for joint in model.spec.joints], seconds)
         words = [
+            "experiment",
             "simulate",
             robot,
             "--reference",

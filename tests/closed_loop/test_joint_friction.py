@@ -67,9 +67,9 @@ def refined(tmp_path_factory):
     np.savetxt(folder / "log.csv", rows, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
     for name, text in (("robot", ROBOT), ("log", LOG), ("controller", CONTROLLER)):
         (folder / f"{name}.yaml").write_text(text)
-    words = ("friction", "robot.yaml", "--log", "log.yaml", "--controller", "controller.yaml", "-o", "out")
+    words = ("robot.yaml", "--log", "log.yaml", "--controller", "controller.yaml", "-o", "out")
     words = tuple(str(folder / word) if "." in word or word == "out" else word for word in words)
-    done = CliRunner().invoke(cli, [*words, "--joint", "q", "--law", "stribeck"])
+    done = CliRunner().invoke(cli, ["experiment", "friction", *words, "--joint", "q", "--law", "stribeck"])
     assert done.exit_code == 0, done.output
     return folder / "out/results", done.output
 

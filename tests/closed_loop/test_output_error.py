@@ -111,11 +111,13 @@ def test_a_feedforward_torque_may_be_recorded_in_the_test_alone(drive, fitted, t
     bare = folder / "without.yaml"
     bare.write_text("".join(line for line in log.read_text().splitlines(True) if "feedforward" not in line))
     robot = fitted[0] / "results/robot.yaml"
-    done = run("validate", robot, "--log", bare, "--controller", controller, "-o", tmp_path / "bare")
+    done = run("experiment", "validate", robot, "--log", bare, "--controller", controller, "-o", tmp_path / "bare")
     assert done.exit_code == 0, done.output
     assert "no feed-forward torque is recorded" in done.output
     limited = ("--relative-error", 1e-7)
-    done = run("validate", robot, "--log", test, "--controller", controller, *limited, "-o", tmp_path / "test")
+    done = run(
+        "experiment", "validate", robot, "--log", test, "--controller", controller, *limited, "-o", tmp_path / "test"
+    )
     assert "the limit holds for the simulated loop" in done.output
     assert "; FAILED: relative error of the simulated loop" in done.output  # not of inverse dynamics without pulses
 
@@ -188,7 +190,7 @@ def test_the_virtual_arm_writes_its_controller(tmp_path):
     robot.write_text(first + "".join(rows))
     (tmp_path / "experiment.yaml").write_text(EXPERIMENT)
     to = ("--writing", "--experiment", tmp_path / "experiment.yaml", "--duration", 0.5, "-o", tmp_path / "sim")
-    assert run("simulate", robot, *to).exit_code == 0
+    assert run("experiment", "simulate", robot, *to).exit_code == 0
     results = tmp_path / "sim/results"
     log = LogStream(open_log(results / "log.yaml"))
     controller = load_controller(results / "log_controller.yaml")

@@ -169,7 +169,15 @@ def test_the_command(tmp_path, capsys):
     joint = m.joint_names[0]
     rows = np.column_stack([t, q + 1e-6 * rng.normal(size=len(t)), tau])
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=f"t,q_{joint},tau_{joint}", comments="")
-    arguments = ["contact-thresholds", "pendulum", "--log", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run")]
+    arguments = [
+        "experiment",
+        "contact-thresholds",
+        "pendulum",
+        "--log",
+        str(tmp_path / "log.csv"),
+        "-o",
+        str(tmp_path / "run"),
+    ]
     assert run([*arguments, "--gain", "20"]) == 0
     said = capsys.readouterr().out
     assert "one false alarm in 3600 s" in said

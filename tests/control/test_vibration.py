@@ -123,7 +123,7 @@ def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("filters")
     modes = ["--mode", "28:0.1", "--mode", "96.3:0.02", "--rate", "1000", "--shaper", "ei"]
     for real in ("double", "float"):
-        assert run(["vibration", *modes, "--real", real, "-o", str(folder / real)]) == 0
+        assert run(["response", "vibration", *modes, "--real", real, "-o", str(folder / real)]) == 0
     return folder
 
 
@@ -167,7 +167,7 @@ def test_models_of_postures_lead_to_filters(tmp_path, capsys):
     text = json.dumps(record, default=lambda value: value.tolist())
     (tmp_path / "model.json").write_text(text)
     model = str(tmp_path / "model.json")
-    assert run(["vibration", model, "--crossover", "10", "-o", str(tmp_path / "run")]) == 0
+    assert run(["response", "vibration", model, "--crossover", "10", "-o", str(tmp_path / "run")]) == 0
     told = capsys.readouterr().out
     assert "90 to 97 Hz in 2 postures" in told
     assert "40 Hz is left out" in told
@@ -176,11 +176,11 @@ def test_models_of_postures_lead_to_filters(tmp_path, capsys):
     assert found["vibrations"][0]["left"] < 0.05
     assert found["left_out"] == [40.0]
     assert (tmp_path / "run/figures/vibration.png").is_file()
-    assert run(["vibration", model, "--against", "antiresonances", "-o", str(tmp_path / "zeros")]) == 0
+    assert run(["response", "vibration", model, "--against", "antiresonances", "-o", str(tmp_path / "zeros")]) == 0
     assert capsys.readouterr().out.startswith("70.02 Hz")  # of the continuous pole: damped, a little above 70
     # the shaper is told, written, and judged: one that leaves too much ends with 1
-    assert run(["vibration", model, "--shaper", "zv", "-o", str(tmp_path / "zv")]) == 1
-    assert run(["vibration", model, "--band", "10", "20", "-o", str(tmp_path / "none")]) == 4
+    assert run(["response", "vibration", model, "--shaper", "zv", "-o", str(tmp_path / "zv")]) == 1
+    assert run(["response", "vibration", model, "--band", "10", "20", "-o", str(tmp_path / "none")]) == 4
     assert "it has 93.5 Hz" in capsys.readouterr().err
     assert not (tmp_path / "none").exists()
 
@@ -198,7 +198,7 @@ def test_models_of_postures_lead_to_filters(tmp_path, capsys):
     ],
 )
 def test_what_cannot_be_designed_is_refused(tmp_path, capsys, options, code, message):
-    assert run(["vibration", *options, "-o", str(tmp_path / "run")]) == code
+    assert run(["response", "vibration", *options, "-o", str(tmp_path / "run")]) == code
     assert message in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 

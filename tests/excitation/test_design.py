@@ -432,7 +432,7 @@ def test_an_interrupted_and_resumed_excite_gives_the_same_bytes(tmp_path, monkey
     (tmp_path / "experiment.yaml").write_text(SMALL)
 
     def excite(folder: str) -> None:
-        words = ["excite", "planar2r", "--experiment", str(tmp_path / "experiment.yaml"), "--starts", "2"]
+        words = ["experiment", "excite", "planar2r", "--experiment", str(tmp_path / "experiment.yaml"), "--starts", "2"]
         CliRunner().invoke(cli, [*words, "-o", str(tmp_path / folder)], standalone_mode=False, catch_exceptions=False)
 
     def disturbed(problem, seed):

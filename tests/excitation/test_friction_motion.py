@@ -14,7 +14,10 @@ from rrrgen.robot.file import load_spec
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("friction")
-    assert run(["excite", "rrr", "--friction", "q3", "--duration", "30", "--rate", "500", "-o", str(place)]) == 0
+    assert (
+        run(["experiment", "excite", "rrr", "--friction", "q3", "--duration", "30", "--rate", "500", "-o", str(place)])
+        == 0
+    )
     return place
 
 
@@ -59,7 +62,7 @@ def test_the_virtual_robot_holds_the_joints_that_stand(folder, tmp_path, control
     """The observer of a joint without reference motion used to be so slow that its loop was unstable."""
     motion = str(folder / "results" / "friction_motion.json")
     words = ["--duration", "2.5", "--rate", "500", "--control", control]
-    assert run(["simulate", "rrr", "--trajectory", motion, *words, "-o", str(tmp_path)]) == 0
+    assert run(["experiment", "simulate", "rrr", "--trajectory", motion, *words, "-o", str(tmp_path)]) == 0
     table = np.genfromtxt(tmp_path / "results" / "log.csv", delimiter=",", names=True)
     assert np.abs(table["tau_q1"]).max() < 30.0
     assert np.abs(table["q_q1"]).max() < 0.1  # under PD control without gravity the others give way a little
@@ -67,9 +70,9 @@ def test_the_virtual_robot_holds_the_joints_that_stand(folder, tmp_path, control
 
 
 def test_an_unknown_joint_and_a_short_experiment_are_refused(tmp_path, capsys):
-    assert run(["excite", "rrr", "--friction", "elbow", "-o", str(tmp_path / "a")]) == 3
+    assert run(["experiment", "excite", "rrr", "--friction", "elbow", "-o", str(tmp_path / "a")]) == 3
     assert "q1, q2, q3" in capsys.readouterr().err
-    assert run(["excite", "rrr", "--friction", "q3", "--duration", "5", "-o", str(tmp_path / "b")]) == 3
+    assert run(["experiment", "excite", "rrr", "--friction", "q3", "--duration", "5", "-o", str(tmp_path / "b")]) == 3
     assert "too short" in capsys.readouterr().err
     assert not (tmp_path / "a" / "results").exists()
 

@@ -134,13 +134,13 @@ def test_feedforward_is_recorded_and_known_to_the_controller_file(demo, trajecto
     fed = tmp_path / "fed.yaml"
     fed.write_text("schema: rrrgen-experiment/1\ncontrol: {bandwidth: [2, 2, 3], feedforward: true}\n")
     arguments = ["--trajectory", trajectory, "--experiment", fed, "--torque-noise", 0.01, "-o", tmp_path / "recorded"]
-    simulated = run("simulate", demo, *arguments)
+    simulated = run("experiment", "simulate", demo, *arguments)
     assert simulated.return_value == 0, simulated.output
     assert "PD control of 2, 2, 3 Hz with the torques of the model fed forward" in simulated.output
     results = tmp_path / "recorded" / "results"
     assert "feedforward: {column: ff_q1, unit: N*m}" in (results / "log.yaml").read_text()
     options = ["--log", results / "log.yaml", "--controller", results / "log_controller.yaml"]
-    validated = run("validate", demo, *options, "-o", tmp_path / "validated", "--json")
+    validated = run("experiment", "validate", demo, *options, "-o", tmp_path / "validated", "--json")
     assert validated.return_value == 0, validated.output
 
 
@@ -168,16 +168,16 @@ def test_stated_gains_are_kept(demo) -> None:
 
 
 def test_simulate_exits_with_one_where_the_loop_oscillates(demo, trajectory, tmp_path) -> None:
-    good = run("simulate", demo, "--trajectory", trajectory, "--duration", 1, "-o", tmp_path / "good")
+    good = run("experiment", "simulate", demo, "--trajectory", trajectory, "--duration", 1, "-o", tmp_path / "good")
     assert good.return_value == 0, good.output
     assert "modulus margin 0.5" in good.output
     fast = ["--rate", 200, "--bandwidth", 5, "--duration", 2]
-    bad = run("simulate", demo, "--trajectory", trajectory, *fast, "-o", tmp_path / "bad")
+    bad = run("experiment", "simulate", demo, "--trajectory", trajectory, *fast, "-o", tmp_path / "bad")
     assert bad.return_value == 1
     assert "--bandwidth: warning: `bandwidth` makes a loop that is not robust: unstable" in bad.stderr
     assert "FAIL q3 oscillates at" in bad.stderr
     assert "FAIL q3 does not follow the motion" in bad.stderr
-    told = run("simulate", demo, "--trajectory", trajectory, *fast, "-o", tmp_path / "bad", "--json")
+    told = run("experiment", "simulate", demo, "--trajectory", trajectory, *fast, "-o", tmp_path / "bad", "--json")
     assert told.return_value == 1
     content = json.loads(told.stdout)
     assert content["loop"]["stable"] is False
@@ -192,7 +192,7 @@ def test_every_second_row_of_a_recording_tells_the_same_friction(demo, trajector
     rows.insert(place, "    friction: {viscous: 0.8, coulomb: 2.0}")
     robot.write_text("\n".join(rows).replace("theta: 0,\n", "theta: 0, friction: {viscous: 0.5, coulomb: 1.2},\n"))
     noise = ["--torque-noise", 0.1, "-o", tmp_path / "recorded"]
-    assert run("simulate", robot, "--trajectory", trajectory, *noise).return_value == 0
+    assert run("experiment", "simulate", robot, "--trajectory", trajectory, *noise).return_value == 0
     results = tmp_path / "recorded" / "results"
     lines = (results / "log.csv").read_text().splitlines()
     (results / "log.csv").write_text("\n".join([lines[0], *lines[1::2]]) + "\n")
@@ -212,7 +212,7 @@ def test_every_second_row_of_a_recording_tells_the_same_friction(demo, trajector
 def test_a_loop_that_runs_away_is_a_failed_check(demo, trajectory, tmp_path) -> None:
     wild = tmp_path / "wild.yaml"
     wild.write_text("schema: rrrgen-experiment/1\ncontrol: {kp: 1e9, kd: 1e7}\n")
-    arguments = [str(a) for a in ("simulate", demo, "--trajectory", trajectory, "--experiment", wild)]
+    arguments = [str(a) for a in ("experiment", "simulate", demo, "--trajectory", trajectory, "--experiment", wild)]
     from rrrgen.base.errors import UnstableLoopError
 
     with pytest.raises(UnstableLoopError, match="ran away") as caught, np.errstate(all="ignore"):
@@ -230,7 +230,7 @@ def test_identification_says_that_the_loop_of_a_recording_oscillates(
     control = "" if stable else "control: {bandwidth: 4, jerk: 20}\n"
     slow.write_text(f"schema: rrrgen-experiment/1\n{control}")
     options = ["--trajectory", trajectory, "--experiment", slow, "--duration", 4, "-o", tmp_path / "recorded"]
-    assert run("simulate", demo, *options).return_value == (0 if stable else 1)
+    assert run("experiment", "simulate", demo, *options).return_value == (0 if stable else 1)
     mapping = tmp_path / "recorded" / "results" / "log.yaml"
     if not reference:
         lines = mapping.read_text().splitlines()
@@ -251,7 +251,7 @@ def recorded(robot, folder, record: str, noise: float):
     experiment.write_text(f"schema: rrrgen-experiment/1\nperiod: 2 ms\n{virtual}\n")
     motion.write_text(json.dumps(motion_of(2).to_json()))
     options = ["--trajectory", motion, "--experiment", experiment, "-o", folder / record]
-    assert run("simulate", robot, *options).return_value == 0
+    assert run("experiment", "simulate", robot, *options).return_value == 0
     return folder / record / "results" / "log.yaml"
 
 

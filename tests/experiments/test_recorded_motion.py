@@ -48,7 +48,15 @@ def test_simulate_follows_a_recording(tmp_path, monkeypatch):
     monkeypatch.setattr(load, "compile", partial(load.compile, backend="numpy"))
     recording, (q, _, _) = log(1.0)
     write_log(tmp_path / "log.csv", recording)
-    words = ["simulate", "planar2r", "--reference", str(tmp_path / "log.csv"), "--control", "computed-torque"]
+    words = [
+        "experiment",
+        "simulate",
+        "planar2r",
+        "--reference",
+        str(tmp_path / "log.csv"),
+        "--control",
+        "computed-torque",
+    ]
     assert run([*words, "--rate", "200", "-o", str(tmp_path / "run")]) == 0
     found = np.genfromtxt(tmp_path / "run" / "results" / "log.csv", delimiter=",", names=True)
     followed = np.column_stack([found["q_q1"], found["q_q2"]])

@@ -150,14 +150,14 @@ def test_commands_lead_from_the_excitation_to_the_resonances(tmp_path):
         assert result.return_value == 0, result.output
         return result.output
 
-    run("excite", "rrr", "--response", "q1", "--experiment", file, "-o", tmp_path / "excitation")
+    run("experiment", "excite", "rrr", "--response", "q1", "--experiment", file, "-o", tmp_path / "excitation")
     designed = tmp_path / "excitation/results/response_excitation.json"
     assert (tmp_path / "excitation/figures/response_excitation.png").is_file()
     rows = np.loadtxt(tmp_path / "excitation/results/q1_posture1_realisation1.csv", delimiter=",", skiprows=1)
     assert rows.shape == (9000, 8)
-    run("simulate", "rrr", "--response", designed, "--experiment", file, "-o", tmp_path / "arm")
-    run("frf", tmp_path / "arm/results/response.yaml", "-o", tmp_path / "frf")
-    run("response-model", tmp_path / "frf/results/frf.json", "-o", tmp_path / "model")
+    run("experiment", "simulate", "rrr", "--response", designed, "--experiment", file, "-o", tmp_path / "arm")
+    run("response", "frf", tmp_path / "arm/results/response.yaml", "-o", tmp_path / "frf")
+    run("response", "model", tmp_path / "frf/results/frf.json", "-o", tmp_path / "model")
     model = json.loads((tmp_path / "model/results/response_model.json").read_text())
     found = [each["frequency"] for each in model["resonances"]]
     assert min(abs(f - 28.0) for f in found) < 0.5
@@ -166,11 +166,11 @@ def test_commands_lead_from_the_excitation_to_the_resonances(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [
-        (("excite", "rrr", "--response", "q9", "-o", "out"), InputError.exit_code),
-        (("excite", "rrr", "--response", "-", "-o", "out"), InputError.exit_code),
-        (("excite", "rrr", "--response", "q1", "--harmonics", "3", "-o", "out"), 2),
-        (("simulate", "rrr", "--response", "other.json", "-o", "out"), InputError.exit_code),
-        (("simulate", "rrr", "--response", "other.json", "--writing", "-o", "out"), 2),
+        (("experiment", "excite", "rrr", "--response", "q9", "-o", "out"), InputError.exit_code),
+        (("experiment", "excite", "rrr", "--response", "-", "-o", "out"), InputError.exit_code),
+        (("experiment", "excite", "rrr", "--response", "q1", "--harmonics", "3", "-o", "out"), 2),
+        (("experiment", "simulate", "rrr", "--response", "other.json", "-o", "out"), InputError.exit_code),
+        (("experiment", "simulate", "rrr", "--response", "other.json", "--writing", "-o", "out"), 2),
     ],
 )
 def test_experiments_that_cannot_be_are_refused(tmp_path, monkeypatch, arguments, code):
@@ -234,7 +234,7 @@ def test_a_recording_of_torques_gives_the_input_that_the_controller_computed(log
 def test_the_command_writes_a_recording_that_frf_reads(logged, tmp_path):
     folder, _, _ = logged
     arguments = ["--log", folder / "log.yaml", "--response", folder / "design.json", "-o", tmp_path / "run"]
-    result = CliRunner().invoke(cli, ["linearise", "rrr", *map(str, arguments)], standalone_mode=False)
+    result = CliRunner().invoke(cli, ["response", "linearise", "rrr", *map(str, arguments)], standalone_mode=False)
     assert result.return_value == 0, result.output
     (response,) = estimate_responses(load_response(tmp_path / "run/results/response.yaml"))
     assert response.findings == ()
@@ -256,7 +256,7 @@ def test_a_recording_of_something_else_is_refused(logged, tmp_path):
     with pytest.raises(InputError, match="no torques"):
         linearised_log(model, replace(log, tau=None), design, design.runs[0])
     options = ["--log", str(folder / "log.yaml"), "--response", str(folder / "design.json"), "--run", "q9"]
-    assert run_command(["linearise", "rrr", *options, "-o", str(tmp_path / "out")]) == 2
+    assert run_command(["response", "linearise", "rrr", *options, "-o", str(tmp_path / "out")]) == 2
 
 
 @pytest.mark.parametrize("delay", [1, 30])

@@ -1,4 +1,4 @@
-"""`rrrgen friction` on recordings of an independent plant with known truth, parameter by parameter against the limits.
+"""The friction study on recordings of an independent plant with known truth, each parameter against its limit.
 
     python tests/friction_estimation/independent.py --case "stribeck, degrees" --seeds 3
 
@@ -40,7 +40,19 @@ def run_case(case: Case, seed: int, folder: Path, options: tuple[str, ...] = ())
     from rrrgen.cli.main import run
 
     log = write(folder, case, simulate(case.joint, case.loop, reference(case, seed), seed))
-    command = ["friction", case.robot, "--log", log, "--joint", case.moving, "-o", folder / "run", "--json", *options]
+    command = [
+        "experiment",
+        "friction",
+        case.robot,
+        "--log",
+        log,
+        "--joint",
+        case.moving,
+        "-o",
+        folder / "run",
+        "--json",
+        *options,
+    ]
     with redirect_stdout(StringIO()) as printed, redirect_stderr(StringIO()) as complaint:
         code = run([str(word) for word in command])
     if code:

@@ -35,7 +35,10 @@ def test_a_hidden_joint_is_found(tmp_path, capsys):
     for level in (0.15, 0.3):
         laws += ["--presliding", str(write_log(tmp_path / f"rest{level}.csv", below_break_away(level)))]
     log = write_log(tmp_path / "log.csv", found)
-    assert run(["friction", "rrr", "--log", str(log), "--joint", "q3", "-o", str(tmp_path / "run"), *laws]) == 0
+    assert (
+        run(["experiment", "friction", "rrr", "--log", str(log), "--joint", "q3", "-o", str(tmp_path / "run"), *laws])
+        == 0
+    )
     found = json.loads((tmp_path / "run" / "results" / "friction.json").read_text())
     assert found["chosen"] == truth.law
     model = found["models"][truth.law]
@@ -74,7 +77,7 @@ def moving():
 
 def refused(tmp_path, capsys, found, joint="q3"):
     log = write_log(tmp_path / "log.csv", found)
-    code = run(["friction", "rrr", "--log", str(log), "--joint", joint, "-o", str(tmp_path / "run")])
+    code = run(["experiment", "friction", "rrr", "--log", str(log), "--joint", joint, "-o", str(tmp_path / "run")])
     assert not (tmp_path / "run" / "results").exists()
     return code, capsys.readouterr().err
 
@@ -127,7 +130,7 @@ def test_another_joint_that_moves_is_refused(moving, tmp_path, capsys):
     table = np.genfromtxt(log, delimiter=",", names=True)
     table["q_q1"] = np.sin(table["t"])
     np.savetxt(log, table, delimiter=",", header=",".join(table.dtype.names), comments="")
-    code = run(["friction", "rrr", "--log", str(log), "--joint", "q3", "-o", str(tmp_path / "run")])
+    code = run(["experiment", "friction", "rrr", "--log", str(log), "--joint", "q3", "-o", str(tmp_path / "run")])
     assert code == 4
     assert "joint 'q1' moves" in capsys.readouterr().err
 

@@ -1,4 +1,4 @@
-"""`rrrgen friction` on files recorded from the independent plant of the oracles: units, signs, columns, truth."""
+"""The friction study on files recorded from the independent plant of the oracles: units, signs, columns, truth."""
 
 from dataclasses import replace
 

@@ -253,6 +253,8 @@ def test_the_command_line_uses_one_rule_and_stores_it(tmp_path):
     filters = [score["torque"] for score in record["scores"]]
     assert filters == [f"filtered at {band['torque_cutoff']:.3g} Hz", "unfiltered"]
     words = ("--cutoff", 20, "--decimate", 10)
-    validated = run("validate", "planar2r", "--log", tmp_path / "log.csv", *words, "-o", tmp_path / "validated")
+    validated = run(
+        "experiment", "validate", "planar2r", "--log", tmp_path / "log.csv", *words, "-o", tmp_path / "validated"
+    )
     assert "cut-off 20 Hz (as named)" in validated
     assert "a row for 10 samples" in validated

@@ -221,16 +221,25 @@ def test_validate_knows_by_itself_what_was_fitted(tmp_path):
         ]
     ):
         out = tmp_path / f"out{number}"
-        result = run("validate", robot, "--log", tmp_path / log, *words, "-o", out)
+        result = run("experiment", "validate", robot, "--log", tmp_path / log, *words, "-o", out)
         assert result.return_value == code, result.output
         assert f"scored on {label} (" in result.output
         record = json.loads((out / "results" / "validation.json").read_text())
         assert record["scored_on"] == label
         assert record["share_of_own_data"] == (0.0 if label == "held-out data" else 1.0)
-    unknown = run("validate", "planar2r", "--log", tmp_path / "1.csv", "--require-held-out", "-o", tmp_path / "unknown")
+    unknown = run(
+        "experiment",
+        "validate",
+        "planar2r",
+        "--log",
+        tmp_path / "1.csv",
+        "--require-held-out",
+        "-o",
+        tmp_path / "unknown",
+    )
     assert unknown.return_value == 1
     assert "data of unknown origin" in unknown.output
     words = ("--require-held-out", "--fitted-on", "none")
-    said = run("validate", "planar2r", "--log", tmp_path / "1.csv", *words, "-o", tmp_path / "said")
+    said = run("experiment", "validate", "planar2r", "--log", tmp_path / "1.csv", *words, "-o", tmp_path / "said")
     assert said.return_value == 0
     assert "scored on held-out data; passed" in said.output

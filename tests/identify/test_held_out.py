@@ -149,13 +149,15 @@ def test_the_commands(tmp_path, arm, monkeypatch, capsys):
     assert run("identify", robot, "--cross-validate", 4, "--split", "first:0.5", "-o", tmp_path / "no")[0] == 2
     assert run("identify", robot, "--split", "first:0.5", "-o", tmp_path / "half")[0] == 0
     fitted = tmp_path / "half" / "results" / "robot.yaml"
-    code, text = run("validate", fitted, "--split", "first:0.5", "--require-held-out", "-o", tmp_path / "v1")
+    code, text = run(
+        "experiment", "validate", fitted, "--split", "first:0.5", "--require-held-out", "-o", tmp_path / "v1"
+    )
     assert code == 0, text
     assert "scored on held-out data" in text
     record = json.loads((tmp_path / "half" / "results" / "identification.json").read_text())
     scored = json.loads((tmp_path / "v1" / "results" / "validation.json").read_text())
     own = [each for each in record["scores"] if (each["data"], each["estimate"]) == ("held out", "consistent")]
     assert scored["scores"][0]["relative_error"] == pytest.approx(own[0]["relative_error"], rel=0.02)
-    code, text = run("validate", fitted, "--require-held-out", "-o", tmp_path / "v2")
+    code, text = run("experiment", "validate", fitted, "--require-held-out", "-o", tmp_path / "v2")
     assert code == 1, text
-    assert run("validate", fitted, "--split", "last:0.5", "-o", tmp_path / "v3")[0] in (2, 3)
+    assert run("experiment", "validate", fitted, "--split", "last:0.5", "-o", tmp_path / "v3")[0] in (2, 3)

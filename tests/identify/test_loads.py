@@ -157,16 +157,16 @@ def test_the_commands(tmp_path, planar, monkeypatch, capsys):
     write_log(tmp_path / "empty.csv", recording(planar, 7, carried=False))
     write_log(tmp_path / "carrying.csv", recording(planar, 8))
     empty, carrying = str(tmp_path / "empty.csv"), str(tmp_path / "carrying.csv")
-    assert run(["payload", "planar2r", "--log", carrying, "-o", str(tmp_path / "p")]) == 0
+    assert run(["experiment", "payload", "planar2r", "--log", carrying, "-o", str(tmp_path / "p")]) == 0
     assert "mass kg" in capsys.readouterr().out
     record = json.loads((tmp_path / "p" / "results" / "payload.json").read_text())
     assert record["values"]["mass"] == pytest.approx(MASS, rel=0.02)
     loaded = str(tmp_path / "p" / "results" / "robot.yaml")
-    assert run(["validate", loaded, "--log", carrying, "-o", str(tmp_path / "v")]) == 0
-    assert run(["payload", "planar2r", "--log", empty, "-o", str(tmp_path / "none")]) == 4
+    assert run(["experiment", "validate", loaded, "--log", carrying, "-o", str(tmp_path / "v")]) == 0
+    assert run(["experiment", "payload", "planar2r", "--log", empty, "-o", str(tmp_path / "none")]) == 4
     words = ["--log", empty, "--loaded", carrying, "--mass", "2.3", "--com", "0.03", "-0.02", "0.09"]
     tensor = ["--inertia", *(str(v) for v in TENSOR)]
-    assert run(["drive-gains", "planar2r", *words, *tensor, "-o", str(tmp_path / "g")]) == 0
+    assert run(["experiment", "drive-gains", "planar2r", *words, *tensor, "-o", str(tmp_path / "g")]) == 0
     gains = json.loads((tmp_path / "g" / "results" / "drive_gains.json").read_text())["gain"]
     assert list(gains.values()) == pytest.approx([1.0, 1.0], rel=0.05)
-    assert run(["drive-gains", "planar2r", "--log", empty, "-o", str(tmp_path / "h")]) == 2
+    assert run(["experiment", "drive-gains", "planar2r", "--log", empty, "-o", str(tmp_path / "h")]) == 2

@@ -95,8 +95,8 @@ def test_commands_print_store_and_warn(clean, tmp_path, command):
     out = tmp_path / "out"
     arguments = {
         "identify": ["identify", "planar2r", "--log", log, "--no-consistent", "-o", out],
-        "validate": ["validate", "planar2r", "--log", log, "-o", out],
-        "reconstruct": ["reconstruct", log, "-o", out],
+        "validate": ["experiment", "validate", "planar2r", "--log", log, "-o", out],
+        "reconstruct": ["experiment", "reconstruct", log, "-o", out],
     }[command]
     result = CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
     assert "35 torques are missing" in result.stdout

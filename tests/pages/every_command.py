@@ -25,8 +25,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
-from pages.test_pages import PAGES, ROOT, blocks, command
-from rrrgen.cli.commands import COMMANDS
+from pages.test_pages import PAGES, ROOT, blocks
+from rrrgen.cli.commands import COMMANDS, load_command
 from rrrgen.cli.main import run
 from rrrgen.lab.data import figure_style as figures
 
@@ -39,12 +39,12 @@ ELSEWHERE = {
     "examples/tx40": "needs measured data, which examples/README.md says where to get",
     "examples/emps": "needs measured data, which examples/README.md says where to get",
     "examples/flexible_arm": "needs measured data, which examples/README.md says where to get",
-    "rrrgen case-study": "tests/experiments/test_case_study.py",
+    "rrrgen experiment case-study": "tests/experiments/test_case_study.py",
     "--presliding": "tests/friction_estimation/test_estimation.py",
-    "rrrgen friction": "tests/friction_estimation/test_estimation.py, with the other joints locked",
+    "rrrgen experiment friction": "tests/friction_estimation/test_estimation.py, with the other joints locked",
     "RX90.par": "tests/robotfile/test_import_symoro.py",
     "panda_link8": "tests/robotfile/importers/test_real_urdf.py, with a URDF of the Panda",
-    "rrrgen linearise": "tests/experiments/test_response_experiment.py",
+    "rrrgen response linearise": "tests/experiments/test_response_experiment.py",
     "make-robot": "tests/cli/test_cli.py",
 }
 """Words of commands that are not run here, and why."""
@@ -53,20 +53,20 @@ ROBOTS = ROOT / "rrrgen/robot/robots"
 FEW = "--harmonics 3 --starts 1 --duration 5"
 FOLLOW = "--trajectory runs/excitation/results/excitation.json --torque-noise 0.05"
 BEFORE = f"""
-rrrgen excite my_arm.yaml {FEW} -o runs/excitation
-rrrgen simulate my_arm.yaml {FOLLOW} -o runs/experiment
-rrrgen simulate my_arm.yaml {FOLLOW} --seed 1 -o s/other
-rrrgen simulate my_arm.yaml {FOLLOW} --duration 32 -o s/work
-rrrgen simulate loaded.yaml {FOLLOW} -o s/carrying
-rrrgen simulate my_arm.yaml --writing --torque-noise 0.05 -o runs/writing
+rrrgen experiment excite my_arm.yaml {FEW} -o runs/excitation
+rrrgen experiment simulate my_arm.yaml {FOLLOW} -o runs/experiment
+rrrgen experiment simulate my_arm.yaml {FOLLOW} --seed 1 -o s/other
+rrrgen experiment simulate my_arm.yaml {FOLLOW} --duration 32 -o s/work
+rrrgen experiment simulate loaded.yaml {FOLLOW} -o s/carrying
+rrrgen experiment simulate my_arm.yaml --writing --torque-noise 0.05 -o runs/writing
 rrrgen identify my_arm.yaml --log runs/experiment/results/log.yaml -o runs/identified
-rrrgen reconstruct runs/experiment/results/log.yaml --method kalman -o runs/motion
-rrrgen excite rrr --friction q3 -o runs/friction-motion
-rrrgen simulate rrr --trajectory runs/friction-motion/results/friction_motion.json --torque-noise 0.02 -o runs/joint3
-rrrgen excite rrr --response q1 -o runs/response-excitation
-rrrgen simulate rrr --response runs/response-excitation/results/response_excitation.json --base-mode 28 -o s/q1
-rrrgen frf s/q1/results/response.yaml -o runs/response
-rrrgen response-model runs/response/results/frf.json -o runs/model
+rrrgen experiment reconstruct runs/experiment/results/log.yaml --method kalman -o runs/motion
+rrrgen experiment excite rrr --friction q3 -o runs/slow
+rrrgen experiment simulate rrr --trajectory runs/slow/results/friction_motion.json --torque-noise 0.02 -o runs/joint3
+rrrgen experiment excite rrr --response q1 -o runs/plan
+rrrgen experiment simulate rrr --response runs/plan/results/response_excitation.json --base-mode 28 -o s/q1
+rrrgen response frf s/q1/results/response.yaml -o runs/response
+rrrgen response model runs/response/results/frf.json -o runs/model
 rrrgen generate rrr -o generated/rrr
 """
 """Commands that make what the pages presuppose: recordings, run folders and files of other programs."""
@@ -191,7 +191,7 @@ def sources() -> dict[str, list[str]]:
         if lines and not name.startswith(TESTED):
             found[name] = lines
     for name in COMMANDS:
-        examples = (command(name).help or "").partition("\b\n")[2]
+        examples = (load_command(name).help or "").partition("\b\n")[2]
         found[f"rrrgen {name} --help"] = [line.strip() for line in examples.splitlines() if "rrrgen " in line]
     return found
 

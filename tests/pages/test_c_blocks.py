@@ -50,7 +50,7 @@ def written(folder: Path) -> None:
     of_friction = ("--rate", "1000", "--friction", "neural")
     assert run(["generate", "pendulum", "-o", str(folder), *groups, *estimation, *of_friction]) == 0
     modes = ("--mode", "28:0.1", "--mode", "96:0.02", "--rate", "1000")
-    assert run(["vibration", *modes, "-o", str(folder / "vibration")]) == 0
+    assert run(["response", "vibration", *modes, "-o", str(folder / "vibration")]) == 0
     lists = [f"#define PENDULUM_CONTACT_{name} {{1.0}}\n" for name in ("THRESHOLDS", "CHANGE_THRESHOLDS")]
     text = "".join([*lists, "#define PENDULUM_CONTACT_GAIN 50.0\n"])
     (folder / "pendulum_contact.h").write_text(text, encoding="utf-8")

@@ -7,13 +7,12 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 
 import click
 import pytest
 
-from rrrgen.cli.commands import COMMANDS
+from rrrgen.cli.commands import COMMANDS, GROUPS, load_command
 from rrrgen.robot.file import load_spec
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,13 +39,6 @@ def blocks(text: str, *languages: str) -> Iterator[str]:
             yield match[2]
 
 
-def command(name: str) -> click.Command:
-    module, _, attribute = COMMANDS[name][0].partition(":")
-    found = getattr(import_module(module), attribute)
-    assert isinstance(found, click.Command)
-    return found
-
-
 def calls(text: str) -> Iterator[list[str]]:
     """The words of every line that calls rrrgen, continued lines joined."""
     for line in text.replace("\\\n", " ").splitlines():
@@ -60,9 +52,11 @@ def check_call(words: list[str]) -> None:
     words = words[: min((words.index(end) for end in ("|", ">", "&&", ";") if end in words), default=len(words))]
     if not words or words[0].startswith("-"):
         return
-    assert words[0] in COMMANDS, f"rrrgen {words[0]}: no such command"
-    found = command(words[0])
-    found.make_parser(click.Context(found, info_name=words[0])).parse_args(list(words[1:]))
+    length = 2 if words[0] in GROUPS else 1
+    path, words = " ".join(words[:length]), words[length:]
+    assert path in COMMANDS, f"rrrgen {path}: no such command"
+    command = load_command(path)
+    command.make_parser(click.Context(command, info_name=path)).parse_args(words)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
@@ -74,7 +68,7 @@ def test_commands_on_the_pages_exist_with_their_options(page):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_examples_in_the_help_exist_with_their_options(name):
-    found = list(calls(command(name).help or ""))
+    found = list(calls(load_command(name).help or ""))
     assert found, "a command without an example"
     for words in found:
         check_call([word for word in words if not word.startswith("(")])

@@ -101,7 +101,7 @@ def folders(tmp_path_factory):
     }
     for name, words in robots.items():
         call(*words, "--no-casadi-files", "-o", root / name)
-    call("vibration", "--mode", "28:0.1", "--mode", "96:0.02", "--rate", 1000, "-o", root / "run")
+    call("response", "vibration", "--mode", "28:0.1", "--mode", "96:0.02", "--rate", 1000, "-o", root / "run")
     (root / "vibration").mkdir()
     for path in (root / "run").rglob("vibration_*.[hc]"):
         shutil.copy(path, root / "vibration")

@@ -94,7 +94,7 @@ def test_the_option_of_the_commands(tmp_path):
     path.write_bytes(path.read_bytes()[:-45])
 
     def reconstruct(*words):
-        arguments = ["reconstruct", str(path), *words, "-o", str(tmp_path / "out")]
+        arguments = ["experiment", "reconstruct", str(path), *words, "-o", str(tmp_path / "out")]
         return CliRunner().invoke(cli, arguments, standalone_mode=False)
 
     assert "--skip-truncated-line" in str(reconstruct().exception)

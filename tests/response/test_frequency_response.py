@@ -276,7 +276,7 @@ def write(folder, recording, extra="", columns=("1", "2", "3")):
 
 def test_command_writes_the_response_and_its_figure(periodic, tmp_path):
     log = write(tmp_path, periodic)
-    told = CliRunner().invoke(cli, ["frf", str(log), "-o", str(tmp_path / "run")], standalone_mode=False)
+    told = CliRunner().invoke(cli, ["response", "frf", str(log), "-o", str(tmp_path / "run")], standalone_mode=False)
     assert told.return_value == 0, told.output
     assert "trusted" in told.output
     found = json.loads((tmp_path / "run/results/frf.json").read_text())
@@ -299,7 +299,7 @@ def test_postures_stand_beside_one_another(periodic, noisy, tmp_path):
         "input: 3\noutput: 4\nrecordings: postures\n"
     )
     (tmp_path / "response.yaml").write_text(text)
-    assert run(["frf", str(tmp_path / "response.yaml"), "-o", str(tmp_path / "run")]) == 0
+    assert run(["response", "frf", str(tmp_path / "response.yaml"), "-o", str(tmp_path / "run")]) == 0
     found = json.loads((tmp_path / "run/results/frf.json").read_text())
     assert [each["name"] for each in found["postures"]] == ["left", "right"]
 
@@ -317,7 +317,7 @@ def test_postures_stand_beside_one_another(periodic, noisy, tmp_path):
 )
 def test_too_little_data_is_refused(periodic, tmp_path, capsys, samples, extra, message):
     part = type(periodic)("cut", PERIOD, periodic.n[:samples], periodic.u[:samples], periodic.q[:samples])
-    assert run(["frf", str(write(tmp_path, part, extra)), "-o", str(tmp_path / "run")]) == 4
+    assert run(["response", "frf", str(write(tmp_path, part, extra)), "-o", str(tmp_path / "run")]) == 4
     assert message in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 

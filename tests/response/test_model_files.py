@@ -1,4 +1,4 @@
-"""What `rrrgen response-model` writes: postures, C of a step, the export to python-control; a measured arm."""
+"""What `rrrgen response model` writes: postures, C of a step, the export to python-control; a measured arm."""
 
 import json
 import subprocess
@@ -51,9 +51,9 @@ def recorded(tmp_path_factory):
         "schema: rrrgen-response/1\nfiles: [up.npy, stretched.npy]\ntime: {rate: 1 kHz}\nexcitation: {column: 1}\n"
         "input: {column: 2}\noutput: {column: 3}\nrecordings: postures\n"
     )
-    assert run(["frf", str(folder / "log.yaml"), "-o", str(folder / "frf")]) == 0
+    assert run(["response", "frf", str(folder / "log.yaml"), "-o", str(folder / "frf")]) == 0
     log = str(folder / "frf/results/frf.json")
-    assert run(["response-model", log, "-o", str(folder / "model")]) == 0
+    assert run(["response", "model", log, "-o", str(folder / "model")]) == 0
     return folder
 
 
@@ -83,7 +83,7 @@ def test_resonances_of_every_posture(recorded):
 
 @pytest.mark.usefixtures("no_figures")
 def test_recordings_of_postures_need_no_frf_before(recorded, tmp_path):
-    assert run(["response-model", str(recorded / "log.yaml"), "-o", str(tmp_path / "run")]) == 0
+    assert run(["response", "model", str(recorded / "log.yaml"), "-o", str(tmp_path / "run")]) == 0
     direct = json.loads((tmp_path / "run/results/response_model.json").read_text())
     before = json.loads((recorded / "model/results/response_model.json").read_text())
     assert direct["resonances_over_postures"] == before["resonances_over_postures"]
@@ -96,7 +96,7 @@ def test_a_posture_that_is_not_trusted_is_named(recorded, tmp_path, capsys):
         {"kind": "friction", "measure": 9.0, "limit": 5.0, "message": "the velocity changes sign"}
     ]
     (tmp_path / "frf.json").write_text(json.dumps(frf))
-    assert run(["response-model", str(tmp_path / "frf.json"), "-o", str(tmp_path / "run")]) == 1
+    assert run(["response", "model", str(tmp_path / "frf.json"), "-o", str(tmp_path / "run")]) == 1
     assert "no model of stretched" in capsys.readouterr().out
     found = json.loads((tmp_path / "run/results/response_model.json").read_text())
     assert [each["name"] for each in found["postures"]] == ["up"]
@@ -111,7 +111,7 @@ def test_modes_of_an_elastic_robot_stand_beside_the_measured_ones(recorded, tmp_
         "response: {joint: q1, postures: [[0, 0, 1.5], [0, 0, 0]]}\n"
     )
     log, elastic = str(recorded / "frf/results/frf.json"), str(tmp_path / "elastic.yaml")
-    run_at = ["response-model", log, "--robot", "rrr", "--experiment", elastic, "-o", str(tmp_path / "run")]
+    run_at = ["response", "model", log, "--robot", "rrr", "--experiment", elastic, "-o", str(tmp_path / "run")]
     assert run(run_at) == 0
     assert "M(q) and stiffness give 27.9 Hz" in capsys.readouterr().out
     rows = json.loads((tmp_path / "run/results/response_model.json").read_text())["elastic_model"]
@@ -216,7 +216,7 @@ def test_files_that_are_no_model_are_refused(recorded, tmp_path):
 def test_measured_arm_at_its_own_order(tmp_path, capsys):
     """DaISy: fitted on rows 1..512, scored on the others; the order is chosen within the former."""
     log = str(Path(__file__).resolve().parents[2] / "examples/flexible_arm/response.yaml")
-    assert run(["response-model", log, "--fit-rows", "1:512", "-o", str(tmp_path / "run")]) == 0
+    assert run(["response", "model", log, "--fit-rows", "1:512", "-o", str(tmp_path / "run")]) == 0
     found = json.loads((tmp_path / "run/results/response_model.json").read_text())
     fit = found["fit"]
     assert fit["scored_rows"] == [513, 1024]

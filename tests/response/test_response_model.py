@@ -85,7 +85,7 @@ def write_loop(folder, recording):
 def test_rows_of_a_closed_loop_are_fitted_and_the_others_test_the_model(tmp_path):
     rng = np.random.default_rng(2)
     log = write_loop(tmp_path, record(rng, multisine(rng, 16000)))
-    assert run(["response-model", log, "--fit-rows", "1:10000", "-o", str(tmp_path / "run")]) == 0
+    assert run(["response", "model", log, "--fit-rows", "1:10000", "-o", str(tmp_path / "run")]) == 0
     found = json.loads((tmp_path / "run/results/response_model.json").read_text())
     assert found["method"] == "modes"
     assert (found["fit"]["fitted_rows"], found["fit"]["scored_rows"]) == ([1, 10000], [10001, 16000])
@@ -94,7 +94,7 @@ def test_rows_of_a_closed_loop_are_fitted_and_the_others_test_the_model(tmp_path
     for mode, (frequency, damping, _) in zip(found["resonances"], MODES, strict=True):
         assert mode["frequency"] == pytest.approx(frequency, rel=5e-3)
         assert mode["damping"] == pytest.approx(damping, rel=0.1)
-    assert run(["response-model", log, "--fit-rows", "1:99999", "-o", str(tmp_path / "no")]) == 3
+    assert run(["response", "model", log, "--fit-rows", "1:99999", "-o", str(tmp_path / "no")]) == 3
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -102,7 +102,7 @@ def test_resonances_that_a_difference_equation_does_not_have_are_told(tmp_path, 
     """Least squares of a joint that moves freely, with an encoder of 1e-5 rad: they are sure of no mode."""
     rng = np.random.default_rng(2)
     log = write_loop(tmp_path, record(rng, multisine(rng, 8000)))
-    assert run(["response-model", log, "--method", "arx", "-o", str(tmp_path / "run")]) == 0
+    assert run(["response", "model", log, "--method", "arx", "-o", str(tmp_path / "run")]) == 0
     found = json.loads((tmp_path / "run/results/response_model.json").read_text())
     certain = [mode["frequency"] for mode in found["resonances"] if not mode["uncertain"]]
     assert found["overlooked"][0]["frequency"] == pytest.approx(MODES[0][0], rel=5e-3)
@@ -215,7 +215,7 @@ def write(folder, recording):
 @pytest.mark.filterwarnings("error:.*encountered:RuntimeWarning")
 def test_command_writes_model_figure_and_c(swinging, tmp_path, capsys):
     log, out = write(tmp_path, swinging[0]), tmp_path / "run"
-    assert run(["response-model", log, "--method", "output_error", "--fit-rows", "1:800", "-o", str(out)]) == 0
+    assert run(["response", "model", log, "--method", "output_error", "--fit-rows", "1:800", "-o", str(out)]) == 0
     found = json.loads((out / "results/response_model.json").read_text())
     assert found["fit"]["value"] > 85.0
     assert found["overlooked"] == []
@@ -224,9 +224,9 @@ def test_command_writes_model_figure_and_c(swinging, tmp_path, capsys):
     assert "response_model_step" in (out / "results/response_model.c").read_text()
     assert "resonance" in capsys.readouterr().out
     # the frequency response of the same recording leads to the same modes
-    assert run(["frf", log, "-o", str(tmp_path / "frf")]) == 0
+    assert run(["response", "frf", log, "-o", str(tmp_path / "frf")]) == 0
     frf = str(tmp_path / "frf/results/frf.json")
-    assert run(["response-model", frf, "-o", str(tmp_path / "modes")]) == 0
+    assert run(["response", "model", frf, "-o", str(tmp_path / "modes")]) == 0
     modes = json.loads((tmp_path / "modes/results/response_model.json").read_text())["resonances"]
     for mode, other in zip(modes, found["resonances"], strict=False):
         assert mode["frequency"] == pytest.approx(other["frequency"], rel=0.01)
@@ -242,14 +242,14 @@ def test_command_writes_model_figure_and_c(swinging, tmp_path, capsys):
     ],
 )
 def test_what_cannot_be_fitted_is_refused(swinging, tmp_path, capsys, options, code, message):
-    assert run(["response-model", write(tmp_path, swinging[0]), *options, "-o", str(tmp_path / "run")]) == code
+    assert run(["response", "model", write(tmp_path, swinging[0]), *options, "-o", str(tmp_path / "run")]) == code
     assert message in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
 
 
 def test_files_that_are_no_response_are_refused(tmp_path, capsys):
     (tmp_path / "frf.json").write_text("{}")
-    assert run(["response-model", str(tmp_path / "frf.json"), "-o", str(tmp_path / "run")]) == 3
+    assert run(["response", "model", str(tmp_path / "frf.json"), "-o", str(tmp_path / "run")]) == 3
     assert "no frequency response" in capsys.readouterr().err
 
 

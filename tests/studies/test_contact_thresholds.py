@@ -19,7 +19,7 @@ def test_arrays_give_the_numbers_of_the_command(arrays, tmp_path, capsys):
     result = rrrgen.contact_thresholds("planar2r", arrays, block=0.2, force=5)
     write_log(tmp_path / "log.csv", Log(joints=("q1", "q2"), **arrays))
     words = ["--block", 0.2, "--force", 5, "--log", tmp_path / "log.csv", "-o", tmp_path / "run"]
-    assert printed_json(capsys, "contact-thresholds", "planar2r", *words) == (0, result.to_json())
+    assert printed_json(capsys, "experiment", "contact-thresholds", "planar2r", *words) == (0, result.to_json())
     result.save(tmp_path / "saved")
     assert_same_files(tmp_path / "run", tmp_path / "saved", but=("run.json",))
     assert (tmp_path / "run/results/planar2r_contact.h").is_file()

@@ -25,7 +25,7 @@ def test_arrays_give_the_numbers_of_the_command(recordings, tmp_path, capsys):
     for flag, arrays in zip(("--log", "--loaded"), recordings, strict=True):
         write_log(tmp_path / f"{flag}.csv", Log(joints=("q1", "q2"), **arrays))
         words += [flag, tmp_path / f"{flag}.csv"]
-    assert printed_json(capsys, "drive-gains", "planar2r", *words) == (0, result.to_json())
+    assert printed_json(capsys, "experiment", "drive-gains", "planar2r", *words) == (0, result.to_json())
     result.save(tmp_path / "saved")
     assert_same_files(tmp_path / "run", tmp_path / "saved", but=("run.json",))
     # the filters cost a permille of the torques

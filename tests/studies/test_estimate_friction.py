@@ -21,7 +21,7 @@ def test_arrays_give_the_numbers_of_the_command(arrays, tmp_path, capsys):
     result = rrrgen.estimate_friction("pendulum", arrays, joint="q1", laws="coulomb_viscous", seed=2)
     write_log(tmp_path / "log.csv", Log(joints=("q1",), **arrays))
     words = ["--joint", "q1", "--law", "coulomb_viscous", "--seed", 2, "-o", tmp_path / "run"]
-    code = printed_json(capsys, "friction", "pendulum", "--log", tmp_path / "log.csv", *words)
+    code = printed_json(capsys, "experiment", "friction", "pendulum", "--log", tmp_path / "log.csv", *words)
     assert code == (0, result.to_json())
     result.save(tmp_path / "saved")
     assert_same_files(tmp_path / "run", tmp_path / "saved", but=("run.json",))

@@ -26,7 +26,16 @@ def test_arrays_give_the_numbers_of_the_command(tmp_path, capsys):
     arrays = recording(carried=True)
     result = rrrgen.estimate_payload("planar2r", arrays, keep_friction=True)
     write_log(tmp_path / "log.csv", Log(joints=("q1", "q2"), **arrays))
-    command = ["payload", "planar2r", "--log", tmp_path / "log.csv", "-o", tmp_path / "run", "--keep-friction"]
+    command = [
+        "experiment",
+        "payload",
+        "planar2r",
+        "--log",
+        tmp_path / "log.csv",
+        "-o",
+        tmp_path / "run",
+        "--keep-friction",
+    ]
     assert printed_json(capsys, *command) == (0, result.to_json())
     result.save(tmp_path / "saved")
     assert_same_files(tmp_path / "run", tmp_path / "saved", but=("run.json",))

@@ -19,7 +19,10 @@ def result():
 @pytest.mark.usefixtures("no_figures")
 def test_the_numbers_and_files_of_the_command(result, tmp_path, capsys):
     words = [word for name, value in OPTIONS.items() for word in (f"--{name}", value)]
-    assert printed_json(capsys, "excite", "planar2r", *words, "-o", tmp_path / "run") == (0, result.to_json())
+    assert printed_json(capsys, "experiment", "excite", "planar2r", *words, "-o", tmp_path / "run") == (
+        0,
+        result.to_json(),
+    )
     result.save(tmp_path / "saved")
     for name in ("excitation.json", "excitation.csv"):
         run, saved = (tmp_path / folder / "results" / name for folder in ("run", "saved"))

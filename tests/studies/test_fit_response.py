@@ -29,7 +29,7 @@ def result(response):
 def test_a_response_gives_the_numbers_and_files_of_the_command(response, result, tmp_path, capsys):
     response.save(tmp_path / "response")
     log = tmp_path / "response/results/frf.json"
-    assert printed_json(capsys, "response-model", log, "-o", tmp_path / "run") == (0, result.to_json())
+    assert printed_json(capsys, "response", "model", log, "-o", tmp_path / "run") == (0, result.to_json())
     result.save(tmp_path / "saved")
     assert_same_files(tmp_path / "run", tmp_path / "saved", but=("run.json",))
     again = rrrgen.fit_response(log, folder=tmp_path / "run")  # the same run

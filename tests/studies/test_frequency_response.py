@@ -28,7 +28,7 @@ def written(recording, folder):
 def test_arrays_give_the_numbers_and_files_of_the_command(recordings, tmp_path, capsys):
     result = rrrgen.frequency_response(recordings[0])
     file = written(recordings[0], tmp_path)
-    assert printed_json(capsys, "frf", file, "-o", tmp_path / "run") == (0, result.to_json())
+    assert printed_json(capsys, "response", "frf", file, "-o", tmp_path / "run") == (0, result.to_json())
     result.save(tmp_path / "saved")
     assert_same_files(tmp_path / "run", tmp_path / "saved", but=("run.json",))
 

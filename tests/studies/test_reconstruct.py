@@ -27,7 +27,7 @@ def result(motion):
 def test_arrays_give_the_motion_of_the_command(motion, result, tmp_path):
     t, q, _, _ = motion
     write_log(tmp_path / "log.csv", Log(joints=("q1", "q2"), t=t, q=q, tau=np.ones_like(q)))
-    command = ["reconstruct", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run"), "--json"]
+    command = ["experiment", "reconstruct", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run"), "--json"]
     run = CliRunner().invoke(cli, command, standalone_mode=False, catch_exceptions=False)
     assert run.return_value == 0, run.output
     assert json.loads(run.stdout) == result.to_json()

@@ -24,7 +24,7 @@ def test_the_recording_of_the_command(motion, result, tmp_path, capsys):
 
     (tmp_path / "motion.json").write_text(json.dumps(motion.to_json()))
     words = ["--trajectory", tmp_path / "motion.json", "--torque-noise", 0.01, "--seed", 2]
-    code, printed = printed_json(capsys, "simulate", "planar2r", *words, "-o", tmp_path / "run")
+    code, printed = printed_json(capsys, "experiment", "simulate", "planar2r", *words, "-o", tmp_path / "run")
     assert code == 0
     assert printed.pop("log") == str(tmp_path / "run/results/log.yaml")
     assert printed == result.to_json()

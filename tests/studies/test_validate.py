@@ -40,7 +40,9 @@ def result(arrays):
 def test_arrays_give_the_numbers_of_the_command(arrays, result, tmp_path):
     write_log(tmp_path / "log.csv", Log(joints=("q1", "q2"), **arrays))
     given = ["--log", str(tmp_path / "log.csv"), "-o", str(tmp_path / "run"), "--decimate", "4", "--json"]
-    run = CliRunner().invoke(cli, ["validate", "planar2r", *given], standalone_mode=False, catch_exceptions=False)
+    run = CliRunner().invoke(
+        cli, ["experiment", "validate", "planar2r", *given], standalone_mode=False, catch_exceptions=False
+    )
     assert run.return_value == 0, run.output
     own, wanted = result.to_json(), json.loads(run.stdout)
     own["repairs"][0].pop("recording"), wanted["repairs"][0].pop("recording")  # the name of the file

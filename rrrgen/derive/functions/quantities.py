@@ -64,7 +64,7 @@ _SHARED = (
         "n n",
         "(N m)^2 | N^2",
         "of the errors of r",
-        note=", of ``rrrgen contact-thresholds``",
+        note=", of ``contact-thresholds``",
         constant=True,
     ),
     Quantity("d3q_d", "n", "rad/s^3 | m/s^3", "desired third derivatives"),

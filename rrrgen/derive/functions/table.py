@@ -680,7 +680,7 @@ TABLE = (
                 "n",
                 "N m | N",
                 "thresholds of r",
-                note=", of ``rrrgen contact-thresholds``; inf for none",
+                note=", of ``contact-thresholds``; inf for none",
                 constant=True,
             ),
             Quantity(

@@ -1,4 +1,4 @@
-"""Closed-loop output error of one joint: refines the inertia, gravity and friction that `rrrgen friction` estimated.
+"""Closed-loop output error of one joint: refines the estimates of `rrrgen experiment friction`.
 
 That estimate is by multiple shooting: it simulates short windows that each start from the measured state and use the
 recorded torque. The refinement simulates controller and joint over the whole recording from the reference alone,

@@ -356,12 +356,14 @@ def _recursion(A: Array, drive: Array, first: Array) -> Array:
 
 
 def read_tuning(path: Path, joints: int) -> list[tuple[float, float]]:
-    """Variances of position noise and jerk of every joint, as `rrrgen reconstruct` stores them in ``path``."""
+    """Variances of position noise and jerk of every joint, from the tuning.json at ``path``."""
     try:
         tuning = json.loads(path.read_text(encoding="utf-8"))
         pairs = [(float(eta), float(xi)) for eta, xi in zip(tuning["var_eta"], tuning["var_xi"], strict=True)]
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no tuning of a Kalman filter by `rrrgen reconstruct`: {error!r}") from None
+        raise InputError(
+            f"{path} is no tuning of a Kalman filter by `rrrgen experiment reconstruct`: {error!r}"
+        ) from None
     if not all(math.isfinite(value) and value > 0.0 for pair in pairs for value in pair):
         raise InputError(f"{path} is no tuning of a Kalman filter: variances are positive numbers")
     if len(pairs) != joints:

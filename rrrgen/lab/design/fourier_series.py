@@ -163,5 +163,5 @@ def read_trajectory(path: Path) -> FourierTrajectory:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except (ValueError, AttributeError, TypeError) as error:
-        raise InputError(f"{path} is no trajectory of `rrrgen excite`: {error}") from None
+        raise InputError(f"{path} is no trajectory of `rrrgen experiment excite`: {error}") from None
     return FourierTrajectory.from_json(coefficients)

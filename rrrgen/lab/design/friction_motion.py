@@ -109,7 +109,7 @@ class FrictionMotion:
             )
             return cls(int(data["joint"]), str(data["name"]), tuple(float(v) for v in data["centre"]), parts)
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"this is no motion of `rrrgen excite --friction`: {error!r}") from None
+            raise InputError(f"this is no motion of `rrrgen experiment excite --friction`: {error!r}") from None
 
 
 def read_friction_motion(path: Path) -> FrictionMotion | None:

@@ -128,7 +128,9 @@ class ResponseDesign:
     def from_json(cls, data: Mapping[str, Any]) -> ResponseDesign:
         """Restore a design from the data of :meth:`to_json`; raises :class:`InputError` for other data."""
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
-            raise InputError(f"this is no response excitation of `rrrgen excite --response` (schema {SCHEMA})")
+            raise InputError(
+                f"this is no response excitation of `rrrgen experiment excite --response` (schema {SCHEMA})"
+            )
         try:
             runs = tuple(
                 ResponseRun(

@@ -525,5 +525,6 @@ def _check(chosen: LawEstimate, data: JointData) -> None:
     if not relative < LARGEST_INERTIA_STD:
         raise DerivationError(
             f"the motion of joint '{data.name}' does not tell its inertia (standard deviation {100 * relative:.0f} %): "
-            "it accelerates too little; add a fast multisine before the slow reversals (`rrrgen excite --friction`)"
+            "it accelerates too little; add a fast multisine before the slow reversals "
+            "(`rrrgen experiment excite --friction`)"
         )

@@ -261,7 +261,8 @@ def joint_data(log: Any, joint: str, resolution: float | None = None) -> JointDa
     if count * period < SHORTEST:
         raise DerivationError(
             f"{count * period:.3g} s of recording without a gap are too little to tell inertia, gravity and friction "
-            f"of joint '{joint}' apart: record {SHORTEST:g} s at least, better 40 s (`rrrgen excite --friction`)"
+            f"of joint '{joint}' apart: record {SHORTEST:g} s at least, better 40 s "
+            "(`rrrgen experiment excite --friction`)"
         )
     q, u, usable = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     if not usable.any() or float(np.ptp(u[usable])) == 0.0:
@@ -330,5 +331,5 @@ def _check_motion(data: JointData) -> None:
             raise DerivationError(
                 f"joint '{data.name}' slides {name} for {seconds:.2g} s only: friction needs motion in both "
                 f"directions, {LEAST_SLIDING:g} s each at least, better a multisine and slow reversals "
-                "(`rrrgen excite --friction`)"
+                "(`rrrgen experiment excite --friction`)"
             )

@@ -159,7 +159,7 @@ def _mapping_text(
 
 
 # ------------------------------------------------------------------------------------------------------------------
-# Writes recordings of a response experiment, with the response files by which `rrrgen frf` reads them.
+# Writes recordings of a response experiment, with the response files by which `rrrgen response frf` reads them.
 # ------------------------------------------------------------------------------------------------------------------
 
 COLUMNS = ("t", "n", "u", "q", "q_r")

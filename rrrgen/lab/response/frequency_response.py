@@ -106,7 +106,7 @@ class FrequencyResponse:
 
 
 def read_responses(path: Path) -> list[FrequencyResponse]:
-    """Read the responses, one for every posture, from a ``frf.json`` of `rrrgen frf`.
+    """Read the responses, one for every posture, from a ``frf.json`` of `rrrgen response frf`.
 
     Raises :class:`InputError` for any other file.
     """
@@ -116,7 +116,7 @@ def read_responses(path: Path) -> list[FrequencyResponse]:
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path} is no frequency response of `rrrgen frf`: {error!r}") from None
+        raise InputError(f"{path} is no frequency response of `rrrgen response frf`: {error!r}") from None
 
 
 def _of_json(found: dict[str, Any]) -> FrequencyResponse:

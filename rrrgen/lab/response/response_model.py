@@ -245,19 +245,19 @@ def _candidates(table: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 
 
 def read_response_models(path: str | Path) -> list[ResponseModel]:
-    """Read the models, one for every posture, from a ``response_model.json`` of `rrrgen response-model`.
+    """Read the models, one for every posture, from a ``response_model.json`` of `rrrgen response model`.
 
     Raises :class:`InputError` for any other file.
     """
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))
         if found["schema"] != SCHEMA:
-            raise InputError(f"{path} is no response model of `rrrgen response-model`: schema {found['schema']!r}")
+            raise InputError(f"{path} is no response model of `rrrgen response model`: schema {found['schema']!r}")
         return [_of_json(each) for each in found.get("postures", [found])]
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no response model of `rrrgen response-model`: {error!r}") from None
+        raise InputError(f"{path} is no response model of `rrrgen response model`: {error!r}") from None
 
 
 def _of_json(found: dict[str, Any]) -> ResponseModel:

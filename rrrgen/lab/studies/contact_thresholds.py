@@ -31,7 +31,8 @@ class ContactOptions(StudyOptions):
 
     tuning: Path | None = option(
         None,
-        "tuning.json of `rrrgen reconstruct`, for the Kalman filter of the speeds; default: tuned by the recordings.",
+        "tuning.json of `rrrgen experiment reconstruct`, for the Kalman filter of the speeds; "
+        "default: tuned by the recordings.",
         recorded=False,
     )
     gain: float = option(50.0, "Pole of the momentum observer, 1/s.", above=0, shown=True)
@@ -130,7 +131,7 @@ def contact_thresholds(
         InputError: robot, recordings or options cannot be used; an OptionError for the options.
     """
     chosen = with_changes(ContactOptions, options, changes)
-    require("rrrgen contact-thresholds", "scipy")
+    require("rrrgen experiment contact-thresholds", "scipy")
     from rrrgen.lab.studies.sources import ignore, recording_inputs, robot_input
 
     findings, progress = findings or ignore, progress or ignore

@@ -102,7 +102,7 @@ def estimate_drive_gains(
         DerivationError: the payload tells no gain.
     """
     chosen = with_changes(DriveGainsOptions, options, changes)
-    require("rrrgen drive-gains", "scipy")
+    require("rrrgen experiment drive-gains", "scipy")
     import numpy as np
 
     from rrrgen.lab.identify.rows import standard_of

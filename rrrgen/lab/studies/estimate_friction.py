@@ -170,7 +170,7 @@ def estimate_friction(
         DerivationError: the motion does not determine inertia or friction.
     """
     chosen = with_changes(FrictionOptions, options, changes)
-    require("rrrgen friction", "scipy", "matplotlib")
+    require("rrrgen experiment friction", "scipy", "matplotlib")
     from rrrgen.lab.closed_loop.controller import load_controller
     from rrrgen.lab.friction.joint_recording import recorded_joint
     from rrrgen.lab.studies.sources import as_list, ignore, recording_inputs, robot_input

@@ -103,7 +103,7 @@ def estimate_payload(
         DerivationError: the motion does not determine the mass.
     """
     chosen = with_changes(PayloadOptions, options, changes)
-    require("rrrgen payload", "scipy", "cvxpy", "clarabel")
+    require("rrrgen experiment payload", "scipy", "cvxpy", "clarabel")
     from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input
 
     findings, progress = findings or ignore, progress or ignore

@@ -134,7 +134,7 @@ def excite(
         DerivationError: no start meets every limit.
     """
     chosen = with_changes(ExciteOptions, options, changes)
-    require("rrrgen excite", "casadi", "matplotlib", *parallel_packages(chosen.jobs, chosen.cluster))
+    require("rrrgen experiment excite", "casadi", "matplotlib", *parallel_packages(chosen.jobs, chosen.cluster))
     from rrrgen.lab.design.robot import limits_of
     from rrrgen.lab.studies.sources import ignore, robot_input
 

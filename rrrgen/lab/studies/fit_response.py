@@ -198,7 +198,7 @@ def fit_response(
     """
     chosen = with_changes(FitResponseOptions, options, changes)
     settings = chosen.settings()
-    require("rrrgen response-model", "scipy", "matplotlib")
+    require("rrrgen response model", "scipy", "matplotlib")
     from rrrgen.lab.experiment.experiment_file import load_experiment
     from rrrgen.lab.experiment.response import beside, expected_modes
     from rrrgen.lab.response.fitting import fit_recordings, fit_responses

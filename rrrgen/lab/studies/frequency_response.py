@@ -127,7 +127,7 @@ def frequency_response(
         DerivationError: the recording is too short, or the excitation does not show in it.
     """
     chosen = with_changes(FrequencyResponseOptions, options, changes)
-    require("rrrgen frf", "scipy", "matplotlib")
+    require("rrrgen response frf", "scipy", "matplotlib")
     from rrrgen.lab.response.estimation import estimate_responses
     from rrrgen.lab.studies.response_sources import response_input
     from rrrgen.lab.studies.sources import ignore

@@ -120,7 +120,7 @@ def reconstruct(
         InputError: recording or options cannot be used; an OptionError for the options.
     """
     chosen = with_changes(MotionOptions, options, changes)
-    require("rrrgen reconstruct", "scipy", "matplotlib")
+    require("rrrgen experiment reconstruct", "scipy", "matplotlib")
     from rrrgen.lab.studies.sources import chosen_processing, ignore, single_recording
 
     log = single_recording(recording, skip_truncated_line=skip_truncated_line)

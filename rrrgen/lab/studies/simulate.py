@@ -218,7 +218,7 @@ def simulate(
         InputError: robot, motion or options cannot be used; an OptionError for the options.
     """
     chosen = with_changes(SimulateOptions, options, changes)
-    require("rrrgen simulate", "scipy")
+    require("rrrgen experiment simulate", "scipy")
     from rrrgen.lab.experiment.loop_design import design_loop
     from rrrgen.lab.experiment.setup import arm_of
     from rrrgen.lab.studies.sources import ignore, robot_input

@@ -210,7 +210,7 @@ def validate(
         InputError: robot, recordings or options cannot be used; an OptionError for the options.
     """
     chosen = with_changes(ValidateOptions, options, changes)
-    require("rrrgen validate", "scipy", "matplotlib")
+    require("rrrgen experiment validate", "scipy", "matplotlib")
     from rrrgen.lab.identify.held_out_data import Split
     from rrrgen.lab.studies.loop_inputs import read_loop
     from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input

@@ -11,9 +11,9 @@ MAX_FITS = 50
 HASH_DIGITS = 12  # hexadecimal, of one hash of recorded samples
 
 LANGUAGES = {
-    "cpp": "a header of the functions for C++17 with std::array and matrices, Eigen maps on request",
-    "javascript": "a module for browsers and Node without dependencies, in double precision",
-    "rust": "a crate without dependencies and standard library; closed-form inverse kinematics is in the C alone",
+    "cpp": "a header for C++17 with std::array, Eigen maps on request",
+    "javascript": "a module for browsers and Node, without dependencies",
+    "rust": "a crate without std; inverse kinematics is in the C alone",
 }
 """Languages in which the model can be printed besides C and CasADi: for every word a module of that name in the room
 ``backends``, with the constant ``BACKEND``, and what it prints."""
@@ -21,13 +21,12 @@ LANGUAGES = {
 EMIT = dict(
     sorted(
         {
-            "control": "control laws (PD with gravity, feed-forward, computed torque, adaptive, operational space)"
-            " and terms",
+            "control": "control laws: PD with gravity, computed torque, adaptive, ..",
             "elastic": "dynamics and control laws with elastic joints",
-            "gravity": "<name>_any_gravity.h and .c, the model with gravity as an input",
-            "observer": "the momentum observer of external torques, contact and its wrench",
-            "points": "velocities, Jacobians and wrenches at any link or point, tools, null space, manipulability",
-            "timing": "time-optimal timing of a path within limits of torque, speed and acceleration",
+            "gravity": "the model with gravity as an input: <name>_any_gravity.h",
+            "observer": "momentum observer of external torques, contact, wrench",
+            "points": "Jacobians and wrenches at any point, tools, null space",
+            "timing": "time-optimal timing of a path within limits",
             "trajectory": "quintic and trapezoidal motions",
             **LANGUAGES,
         }.items()

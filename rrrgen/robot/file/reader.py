@@ -29,7 +29,7 @@ from rrrgen.robot.spec import Convention, FitSpec, FixedTransform, JointSpec, Li
 # ------------------------------------------------------------------------------------------------------------------
 # The section ``provenance`` of a robot file: which recorded samples its parameters were fitted to.
 #
-# It is written by ``rrrgen identify`` and used by ``rrrgen validate`` only.
+# It is written by ``rrrgen identify`` and used by ``rrrgen experiment validate`` only.
 # ------------------------------------------------------------------------------------------------------------------
 
 _KEYS = {key.name: key for key in FIT}

@@ -1553,7 +1553,7 @@ class TableFunctions(Calls):
             change_last: change of the last tick, (..., n), N m or N; zero at the start.
             gain: pole of the momentum observer, (...), 1/s.
             Ts: the period, (...), s.
-            threshold: thresholds of r, (n,) or (..., n), N m or N, of ``rrrgen contact-thresholds``; inf for none.
+            threshold: thresholds of r, (n,) or (..., n), N m or N, of ``contact-thresholds``; inf for none.
             change_threshold: thresholds of the change, (n,) or (..., n), N m or N, of the same command; inf for none.
             with_status: return ``(result, status)`` instead of raising ValueError.
 
@@ -1608,7 +1608,7 @@ class TableFunctions(Calls):
         Args:
             J: Jacobian of the tip or of the point where it acts, (..., 6, n), SI units, linear rows first.
             r: estimated torques of the environment, (..., n), N m or N, of :meth:`momentum_observer`.
-            covariance: of the errors of r, (n, n) or (..., n, n), (N m)^2 or N^2, of ``rrrgen contact-thresholds``.
+            covariance: of the errors of r, (n, n) or (..., n, n), (N m)^2 or N^2, of ``contact-thresholds``.
             with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
 
         Returns:
@@ -1656,7 +1656,7 @@ class TableFunctions(Calls):
         Args:
             J: Jacobian of the tip or of the point where it acts, (..., 6, n), SI units, linear rows first.
             r: estimated torques of the environment, (..., n), N m or N, of :meth:`momentum_observer`.
-            covariance: of the errors of r, (n, n) or (..., n, n), (N m)^2 or N^2, of ``rrrgen contact-thresholds``.
+            covariance: of the errors of r, (n, n) or (..., n, n), (N m)^2 or N^2, of ``contact-thresholds``.
             with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
 
         Returns:
