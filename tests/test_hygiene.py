@@ -19,7 +19,7 @@ TEXT = [path for path in SOURCES if path.suffix in {".py", ".j2", ".c", ".h", ".
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK|raise NotImplementedError)\b")
 # by click and Jinja
 CALLED_BY_LIBRARIES = {
-    *("list_commands", "get_command", "format_commands", "format_epilog", "write_heading"),  # click
+    *("list_commands", "get_command", "format_commands", "format_options", "format_epilog", "write_heading"),  # click
     *("load_bytecode", "dump_bytecode"),  # Jinja
     *("_repr_html_", "_repr_latex_"),  # notebooks
 }
