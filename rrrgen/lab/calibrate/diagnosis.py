@@ -19,7 +19,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, Fault, InputError
 from rrrgen.base.option_names import option_name
-from rrrgen.lab.calibrate.estimation import USED, Calibration, calibrate, fitted_ends, largest_consensus
+from rrrgen.lab.calibrate.estimation import USED, Calibration, calibrate, fit_ends, largest_consensus
 from rrrgen.lab.calibrate.geometry import Geometry, rotation, rotation_vectors
 from rrrgen.lab.calibrate.measurements import ANGLES, POSITION, QUATERNION, Measurements, MeasurementTable
 from rrrgen.lab.calibrate.minimal_set import UnreachableError
@@ -306,7 +306,7 @@ def _reading(nominal: Geometry, measured: Measurements, steps: int = STEPS) -> R
     Residuals count relative to how far the tip moves, too: where units are mistaken such that nothing moves, base and
     tool fit anything.
     """
-    residuals, count = fitted_ends(nominal, measured, steps)
+    residuals, count = fit_ends(nominal, measured, steps)
     T = nominal.forward(measured.q)
     p, R = T[:, :3, 3], T[:, :3, :3]
     moved = 2 * float(np.sqrt(np.mean(np.sum((p - p.mean(axis=0)) ** 2, axis=1))))

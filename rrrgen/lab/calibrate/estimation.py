@@ -12,10 +12,12 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.lab.calibrate.geometry import RIGID, ROW, Entry, Geometry, rotation_vectors
 from rrrgen.lab.calibrate.measurements import Measurements
 from rrrgen.lab.calibrate.minimal_set import MinimalSet, minimal_set
+from rrrgen.lab.estimate.linear import solve
+from rrrgen.lab.estimate.search import Search, search
 
 _Law = Callable[[Array], Array]
 STEPS = 50
-CONVERGED = 1e-10  # of the standard deviations: a step this small ends the iteration
+SMALL_GAIN = 1e-15  # relative decrease of the cost that ends a search: a step of 3e-8 standard deviations of the fit
 HUBER = 1.345  # tuning constant of Huber's weights: 95 % efficiency for normal errors
 TUKEY = 4.685
 REWEIGHTED = 30
@@ -27,6 +29,7 @@ FOLLOWED, TRIMMED, GROUP_STEPS = 3, 15, 5
 SUSPICIOUS = 3.0  # stated deviations; a larger scale of most residuals may be that of outliers
 USED = 0.1  # least weight of a measurement that counts; the others are outliers
 STILL = 0.01  # rad or m: the range of a joint that has not moved
+ENDS_RANK = 1e-6  # measurements may not determine base and tool: scaled singular values below this are zero
 WORST_CONDITION = 1e8  # of the scaled derivative; beyond it some parameter is not determined by these poses
 
 
@@ -39,8 +42,8 @@ class Calibration:
     ``residuals`` and ``before`` (N, components) are measured minus computed values after and before the calibration.
     ``weights`` (N,) are those of robust estimation (1 without it). ``chi2_per_dof`` is near 1 where the stated noise is
     right. ``condition`` is the condition number, and ``observability`` the geometric mean of the singular values over
-    sqrt(N), of the derivative of the measurements by the parameters, scaled by the noise. ``steps`` counts those of the
-    first least squares.
+    sqrt(N), of the derivative of the measurements by the parameters, scaled by the noise. ``steps`` counts the accepted
+    ones of the first least squares.
     """
 
     geometry: Geometry
@@ -93,26 +96,26 @@ def calibrate(nominal: Geometry, measured: Measurements, robust: bool = False, s
     steps are made from each set of weights. Raises :class:`DerivationError` if there are fewer measured numbers than
     parameters, or if the poses do not determine the parameters.
     """
-    start = measured.with_fixtures(_aligned(nominal, measured))
+    start = measured.with_fixtures(_align(nominal, measured))
     chosen = minimal_set(start, measured)
     count = measured.residuals(start).size
     if count <= len(chosen.kept):
-        each = count // len(measured.q)
-        needed, better = len(chosen.kept) // each + 1, -(-3 * len(chosen.kept) // each)
+        components = count // len(measured.q)
+        needed, better = len(chosen.kept) // components + 1, -(-3 * len(chosen.kept) // components)
         raise DerivationError(
             f"{len(measured.q)} measurements ({measured.kind}) are {count} numbers, for {len(chosen.kept)} parameters: "
             f"at least {needed} measurements are needed, and {better} or more are advisable"
         )
     ones: Array = np.ones(len(measured.q))
-    geometry, made = _solve(start, measured, chosen.kept, ones, steps)
-    weights = ones
+    plain = _fit(start, measured, chosen.kept, ones, steps)
+    geometry, weights = plain.state, ones
     if robust:
-        geometry, weights = _reweighted(geometry, measured, chosen.kept, steps, (_huber, _tukey))
+        geometry, weights = _reweight(geometry, measured, chosen.kept, steps, (_huber, _tukey))
         if measured.kind in FEW and _scale(geometry, measured) > SUSPICIOUS:
             other = trimmed_fit(nominal, measured, chosen.kept, HALF)
             if _trimmed_square(other, measured, HALF) < _trimmed_square(geometry, measured, HALF):
-                geometry, weights = _reweighted(other, measured, chosen.kept, steps, (_tukey,))
-    return _judged(measured.with_fixtures(nominal), geometry, measured, chosen, weights, made)
+                geometry, weights = _reweight(other, measured, chosen.kept, steps, (_tukey,))
+    return _assess(measured.with_fixtures(nominal), geometry, measured, chosen, weights, plain.steps)
 
 
 _MEDIAN = {1: 1.0, 3: 1.538 * 1.4826, 6: 2.313 * 1.4826}
@@ -121,7 +124,7 @@ For 3 and 6 the value is multiplied by 1.4826, because the code divides by that 
 number."""
 
 
-def _reweighted(
+def _reweight(
     geometry: Geometry, measured: Measurements, entries: tuple[Entry, ...], steps: int, laws: Sequence[_Law]
 ) -> tuple[Geometry, Array]:
     """Least squares with weights by one law after the other, each until nothing moves: geometry and weights (N,)."""
@@ -129,7 +132,7 @@ def _reweighted(
     for law in laws:
         for _ in range(REWEIGHTED):
             weights = law(_sizes(geometry, measured) / max(_scale(geometry, measured), 1e-12))
-            following, _ = _solve(geometry, measured, entries, weights, steps)
+            following = _fit(geometry, measured, entries, weights, steps).state
             moved = np.abs(following.forward(measured.q) - geometry.forward(measured.q)).max()
             geometry = following
             if moved < 1e-9:
@@ -149,16 +152,16 @@ def trimmed_fit(nominal: Geometry, measured: Measurements, entries: tuple[Entry,
     ``entries`` are fitted to the share that fits best, until it stays the same (Rousseeuw, Van Driessen 2006).
     ``measured`` are poses or points.
     """
-    random, found = np.random.default_rng(0), []
+    random, fits = np.random.default_rng(0), []
     ends = tuple(entry for entry in nominal.entries() if entry.place in ("base", "tool"))
     few = FEW[measured.kind]
     for _ in range(GROUPS):
         rows = random.choice(len(measured.q), few, replace=False)
         group = measured.of(rows, measured.q[rows])
-        found.append(_solve(_aligned(nominal, group), group, ends, np.ones(few), GROUP_STEPS)[0])
-    found.sort(key=lambda each: _trimmed_square(each, measured, share))
+        fits.append(_fit(_align(nominal, group), group, ends, np.ones(few), GROUP_STEPS).state)
+    fits.sort(key=lambda fit: _trimmed_square(fit, measured, share))
     ended = []
-    for geometry in found[:FOLLOWED]:
+    for geometry in fits[:FOLLOWED]:
         for fitted in (ends, entries):
             kept: Array = np.zeros(len(measured.q))
             for _ in range(TRIMMED):
@@ -167,9 +170,9 @@ def trimmed_fit(nominal: Geometry, measured: Measurements, entries: tuple[Entry,
                 if np.array_equal(nearest, kept):
                     break
                 kept = nearest
-                geometry, _ = _solve(geometry, measured, fitted, kept, GROUP_STEPS)
+                geometry = _fit(geometry, measured, fitted, kept, GROUP_STEPS).state
         ended.append(geometry)
-    return min(ended, key=lambda each: _trimmed_square(each, measured, share))
+    return min(ended, key=lambda fit: _trimmed_square(fit, measured, share))
 
 
 def _trimmed_square(geometry: Geometry, measured: Measurements, share: float) -> float:
@@ -208,7 +211,7 @@ def _tukey(size: Array) -> Array:
     return np.asarray(np.where(size < TUKEY * 2, (1 - (size / (TUKEY * 2)) ** 2) ** 2, 0.0))
 
 
-def _aligned(nominal: Geometry, measured: Measurements) -> Geometry:
+def _align(nominal: Geometry, measured: Measurements) -> Geometry:
     """Move the base of the nominal geometry so that it fits the measured positions best (Kabsch's algorithm).
 
     Where no positions are measured, the nominal geometry is returned.
@@ -224,69 +227,60 @@ def _aligned(nominal: Geometry, measured: Measurements) -> Geometry:
     return nominal if len(p) < 3 else replace(nominal, base=T @ nominal.base)
 
 
-def fitted_ends(nominal: Geometry, measured: Measurements, steps: int) -> tuple[Array, int]:
+def fit_ends(nominal: Geometry, measured: Measurements, steps: int) -> tuple[Array, int]:
     """Fit base, tool and fixtures alone: the residuals (N, components) that stay, and the number of parameters.
 
-    Where no positions are measured the base stays. At most ``steps`` Gauss-Newton steps are made, of least norm, since
-    the measurements need not determine base and tool.
+    Where no positions are measured the base stays. At most ``steps`` damped steps are tried; the measurements
+    need not determine base and tool.
     """
-    start = measured.with_fixtures(_aligned(nominal, measured))
+    start = measured.with_fixtures(_align(nominal, measured))
     places = ("base", "tool") if measured.kind in ("pose", "point") else ("fixture", "tool")
     entries = tuple(entry for entry in start.entries() if entry.place in places)
     ones: Array = np.ones(len(measured.q))
-    geometry, _ = _solve(start, measured, entries, ones, steps)
-    A, _ = _system(geometry, measured, entries, ones)
-    rank = int(np.linalg.matrix_rank(A / np.maximum(np.linalg.norm(A, axis=0), 1e-12), tol=1e-6))
-    return measured.residuals(geometry), rank
+    end = _fit(start, measured, entries, ones, steps)
+    return measured.residuals(end.state), solve(end.J, end.r, ENDS_RANK).rank
 
 
-def _system(
+def _linearise(
     geometry: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array
 ) -> tuple[Array, Array]:
-    """Derivatives (m, p) of all measured numbers by the parameters ``entries``, and residuals (m,), both weighted.
+    """Residuals (m,) of all measured numbers and their derivatives (m, p) by the parameters ``entries``, both weighted.
 
     The weights are those of the measured components times the root of ``weights`` (N,), those of the measurements.
     """
-    J = measured.jacobian(geometry, entries)
     scale = measured.weights[None, :] * np.sqrt(weights)[:, None]
-    return (J * scale[..., None]).reshape(-1, len(entries)), (measured.residuals(geometry) * scale).ravel()
+    J = measured.jacobian(geometry, entries)  # of the computed numbers; residuals are measured minus computed ones
+    return (measured.residuals(geometry) * scale).ravel(), -(J * scale[..., None]).reshape(-1, len(entries))
 
 
-def _solve(
+def _fit(
     start: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array, steps: int
-) -> tuple[Geometry, int]:
-    """Minimize the weighted squared residuals from ``start`` by Levenberg-Marquardt steps; returns their number too."""
-    geometry, damping = start, 1e-6
-    A, r = _system(geometry, measured, entries, weights)
-    for number in range(1, steps + 1):
-        scale = np.maximum(np.linalg.norm(A, axis=0), 1e-12)
-        U, s, Vt = np.linalg.svd(A / scale, full_matrices=False)
-        step = Vt.T @ (s / (s * s + damping * s[0] ** 2) * (U.T @ r))
-        trial = geometry.moved(entries, step / scale)
-        B, after = _system(trial, measured, entries, weights)
-        if after @ after <= r @ r * (1 + 1e-12):
-            geometry, A, r, damping = trial, B, after, max(damping / 30, 1e-15)
-            if float(np.linalg.norm(step)) < CONVERGED * max(1.0, float(np.linalg.norm(r))):
-                return geometry, number
-        elif damping < 1e6:
-            damping = max(damping, 1e-12) * 30
-        else:
-            return geometry, number
-    return geometry, steps
+) -> Search[Geometry]:
+    """Minimize the weighted squared residuals from ``start`` over the parameters ``entries``, with ``steps`` trials."""
+    scale = measured.weights[None, :] * np.sqrt(weights)[:, None]
+    return search(
+        start,
+        lambda geometry: _linearise(geometry, measured, entries, weights),
+        moved=lambda geometry, step: geometry.moved(entries, step),
+        cost=lambda geometry: float(np.sum((measured.residuals(geometry) * scale) ** 2)),
+        trials=steps,
+        small_gain=SMALL_GAIN,
+        damping=1e-6,
+        less=30.0,
+        more=30.0,
+    )
 
 
-def _judged(
+def _assess(
     nominal: Geometry, geometry: Geometry, measured: Measurements, chosen: MinimalSet, weights: Array, steps: int
 ) -> Calibration:
-    A, _ = _system(geometry, measured, chosen.kept, weights)
-    scale = np.linalg.norm(A, axis=0)
-    _, s, Vt = np.linalg.svd(A / np.maximum(scale, 1e-300), full_matrices=False)
-    condition = float(s[0] / max(s[-1], 1e-300))
-    if condition > WORST_CONDITION:
-        worst = int(np.argmax(np.abs(Vt[-1])))
-        name = chosen.kept[worst].name
+    """The calibration with the fitted ``geometry``: covariance, misfit and how well the poses determine it."""
+    r, J = _linearise(geometry, measured, chosen.kept, weights)
+    fit = solve(J, r, 1.0 / WORST_CONDITION)
+    if len(fit.weak):
+        name = chosen.kept[int(np.argmax(np.abs(fit.weak[-1])))].name
+        condition = fit.singular[0] / max(float(fit.singular[-1]), 1e-300)
         raise DerivationError(f"these poses do not determine {name}: condition {condition:.0e}; {_why(measured)}")
-    covariance = (Vt.T / s**2) @ Vt / np.outer(scale, scale)
     residuals = measured.residuals(geometry)
     used = weights >= USED
     squares = float(np.sum((residuals * measured.weights)[used] ** 2))
@@ -295,13 +289,13 @@ def _judged(
         geometry=geometry,
         chosen=chosen,
         change=_changes(nominal, geometry, chosen.kept),
-        covariance=covariance,
+        covariance=fit.covariance,
         residuals=residuals,
-        before=measured.residuals(measured.with_fixtures(_aligned(nominal, measured))),
+        before=measured.residuals(measured.with_fixtures(_align(nominal, measured))),
         weights=weights,
         chi2_per_dof=squares / max(dof, 1),
-        condition=condition,
-        observability=float(np.exp(np.mean(np.log(s)))) / float(np.sqrt(len(measured.q))),
+        condition=fit.condition,
+        observability=float(np.exp(np.mean(np.log(fit.singular)))) / float(np.sqrt(len(measured.q))),
         steps=steps,
     )
 
@@ -321,7 +315,7 @@ def _why(measured: Measurements) -> str:
 
 def _changes(nominal: Geometry, geometry: Geometry, entries: tuple[Entry, ...]) -> Array:
     """Estimated minus nominal values of the parameters (p,); for base and tool relative to the nominal pose."""
-    moved = {"base": _step(nominal.base, geometry.base), "tool": _step(nominal.tool, geometry.tool)}
+    moved = {"base": _motion(nominal.base, geometry.base), "tool": _motion(nominal.tool, geometry.tool)}
     touched = [after.change_from(start) for start, after in zip(nominal.fixtures, geometry.fixtures, strict=True)]
     rows, gains = geometry.rows - nominal.rows, None
     if geometry.gains is not None and nominal.gains is not None:
@@ -339,6 +333,7 @@ def _changes(nominal: Geometry, geometry: Geometry, entries: tuple[Entry, ...]) 
     return np.array([change(entry) for entry in entries])
 
 
-def _step(before: Array, after: Array) -> Array:
+def _motion(before: Array, after: Array) -> Array:
+    """Translation and rotation vector (6,) that move the frame ``before`` to ``after``, in axes of ``before``."""
     T = np.linalg.solve(before, after)
     return np.concatenate([T[:3, 3], rotation_vectors(T[None, :3, :3])[0]])
