@@ -18,6 +18,9 @@ from rrrgen.base.arrays import Array
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.estimate.statistics import confidence_factor
+from rrrgen.lab.identify.diagnosis.causes import Wording
+from rrrgen.lab.identify.diagnosis.hypotheses import Comparison
+from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, linear_stand_ins, sample_of
 from rrrgen.lab.identify.identification import Identification, Options, identify
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
@@ -102,7 +105,89 @@ def coverage(sets: int, robot: str) -> Iterator[str]:
             )
 
 
-STUDIES: dict[str, Callable[[int, str], Iterator[str]]] = {"coverage": coverage}
+def comparison(given: Case) -> Comparison:
+    """The comparison of hypotheses for a set, with all drive terms in the model."""
+    regressor = AllTerms(given.model, linear_stand_ins(given.regressor.columns))
+    sample = sample_of(given.log, PROCESSING)
+    assert sample is not None
+    return Comparison(regressor, sample, range(len(regressor.names)))
+
+
+def words_of(given: Case) -> Wording:
+    """The wording of causes for a set."""
+    joints = given.model.spec.joints
+    return Wording(tuple(j.name for j in joints), tuple(j.is_revolute for j in joints))
+
+
+MISTAKES = (
+    *("gain 3 2", "gain 3 1.1", "zero 2 90", "zero 2 5", "delay 0 30", "delay 0 5", "delay 2 10", "tilt 0 2"),
+    *("drift 0 -35", "drift 2 -35", "zero 4 20", "zero 3 5", "gain 5 1.2", "gain 2 0.8"),
+)
+
+
+def verdict(given: Case, mistake: str) -> tuple[str, float, str]:
+    """Whether a mistake is named, possible, silent or wrong, its gain, and the first cause in words."""
+    found = comparison(given)
+    findings = found.findings()
+    if not findings:
+        return "silent", 0.0, ""
+    first = findings[0]
+    kind, joint, _ = mistake.split()
+    hypothesis = first.outcome.hypothesis
+    right = hypothesis.subject == kind and (kind == "tilt" or hypothesis.joint == int(joint) - 1)
+    cause = found.cause(first, words_of(given))
+    text = f"{cause.cause}: {cause.evidence[0]}"
+    what = ("named" if first.named else "possible") if right else f"WRONG {'named' if first.named else 'possible'}"
+    more = "" if len(findings) == 1 else f" (+ {len(findings) - 1})"
+    return what, first.outcome.gain, text + more
+
+
+def detection(sets: int, robot: str) -> Iterator[str]:
+    """What is said of single mistakes, and of sound sets."""
+    model = model_of(robot)
+    counts: dict[str, int] = {}
+    for seed in range(sets):
+        given = case(model, 100 + seed, 30.0, 0.1, noise=0.01)
+        findings = comparison(given).findings()
+        counts["false alarms"] = counts.get("false alarms", 0) + bool(findings)
+        if findings:
+            yield f"sound set {seed}: {findings[0].outcome.hypothesis} {findings[0].outcome.gain:.3f}"
+        for mistake in MISTAKES:
+            what, gain, text = verdict(mistaken(given, mistake), mistake)
+            counts[what] = counts.get(what, 0) + 1
+            yield f"{mistake}: {what}, gain {gain:.2f}; {text}"
+    yield f"{robot}: {counts}"
+
+
+def mistaken(given: Case, mistake: str) -> Case:
+    """The set with a mistake, such as ``zero 2 90`` (joint, deg), ``gain 3 2``, ``delay 0 30`` (ms; joint 0 is all).
+
+    There are also ``tilt 0 2`` (deg) and ``drift 2 -35`` (%, viscous friction from beginning to end; joint 0 is all).
+    """
+    log, (kind, joint, size) = given.log, mistake.split()
+    at = [int(joint) - 1] if joint != "0" else list(range(given.model.n))
+    value = float(size)
+    q, tau = log.q.copy(), np.asarray(log.tau).copy()
+    if kind == "zero":
+        q[:, at] -= np.radians(value)
+    elif kind == "gain":
+        tau[:, at] *= value
+    elif kind == "delay":
+        for j in at:
+            tau[:, j] = np.interp(log.t - 1e-3 * value, log.t, tau[:, j])
+    elif kind == "tilt":
+        beta = given.theta[: len(given.model.beta)]
+        tau += np.radians(value) * comparison(given)._gravity(0, q, beta)
+    elif kind == "drift":
+        s = (log.t - log.t[0]) / (log.t[-1] - log.t[0]) - 0.5
+        dq = np.gradient(q, PERIOD, axis=0)
+        names = list(given.regressor.names)
+        for j in at:
+            tau[:, j] += 0.01 * value * given.theta[names.index(f"fv{j + 1}")] * s * dq[:, j]
+    return replace(given, log=replace(log, q=q, tau=tau))
+
+
+STUDIES: dict[str, Callable[[int, str], Iterator[str]]] = {"coverage": coverage, "detection": detection}
 
 
 @click.command()

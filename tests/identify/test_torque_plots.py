@@ -100,7 +100,7 @@ def test_friction_stands_over_speed_with_its_cloud():
     W[:, :, 0], W[:, 1, 1], W[:, 1, 2] = rng.normal(size=(300, 2)), dq[:, 1], np.sign(dq[:, 1])
     theta = np.array([3.0, 0.5, 2.0])
     noise = 0.01 * rng.normal(size=(300, 2))
-    sample = Sample(dq, dq, dq, W @ theta + noise, np.ones((300, 2), bool))
+    sample = Sample(dq, dq, dq, W @ theta + noise, np.ones((300, 2), bool), np.arange(300.0), np.zeros(300, np.int64))
     axis = plot_friction(sample, W, columns, theta, ("a", "b"), (True, False)).axes[1]
     cloud, *law = axis.lines
     np.testing.assert_allclose(cloud.get_ydata(), 0.5 * dq[:, 1] + 2.0 * np.sign(dq[:, 1]) + noise[:, 1], atol=1e-12)

@@ -8,7 +8,8 @@ import pytest
 
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.mapping import load_mapping, loads_mapping
-from rrrgen.lab.data.recordings import check_robot
+from rrrgen.lab.data.recordings import check_robot, open_log
+from rrrgen.lab.data.uniform_stream import LogStream
 from rrrgen.robot.file import load_spec
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -124,3 +125,36 @@ def test_one_file_with_its_separator_and_references_in_the_unit_of_positions():
     channel = mapping.joints[0]
     assert channel.reference.factor == channel.position.factor
     assert channel.feedforward.factor == channel.torque.factor
+
+
+GAINS = """
+schema: rrrgen-log/1
+files: log.csv
+time: {rate: 100 Hz}
+units: {position: rad, torque: N*m}
+joints:
+  - {name: a, position: q_a, torque: {column: tau_a, gain: 0.5, delay: 30 ms}}
+  - {name: b, position: q_b, torque: tau_b}
+"""
+
+
+def test_a_torque_constant_and_a_delay_are_corrected_by_the_mapping(tmp_path):
+    (tmp_path / "log.yaml").write_text(GAINS)
+    t = np.arange(200) / 100.0
+    tau = np.column_stack([np.sin(t), np.cos(t)])
+    recorded = np.column_stack([2.0 * np.sin(t - 0.03), tau[:, 1]])
+    table = np.column_stack([t, t, recorded])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="q_a,q_b,tau_a,tau_b", comments="")
+    (part,) = LogStream(open_log(tmp_path / "log.yaml")).parts()
+    aligned = part.aligned()
+    inside = aligned.valid.all(axis=1)
+    assert inside.sum() == len(t) - 3
+    np.testing.assert_allclose(aligned.tau[inside], tau[inside], atol=1e-12)
+    faulty = GAINS.replace("gain: 0.5", "gain: -1").replace("position: q_b", "position: {column: q_b, delay: 1 ms}")
+    with pytest.raises(InputError) as caught:
+        loads_mapping(faulty)
+    messages = [fault.message for fault in caught.value.faults]
+    assert messages == [
+        "joints[0].torque.gain is -1, not positive",
+        "joints[1].position has a delay, which only a torque has",
+    ]

@@ -71,6 +71,8 @@ class Channel:
     wraps: float | None = None
     unit: str = ""
     limit: float | None = None  # torque at which the drive saturates, SI, on the side of the channel
+    delay: float = 0.0  # s; how much later than it acted a torque was recorded
+    gain: float = 1.0  # the part of ``factor`` that corrects a constant
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,12 @@ class LogMapping:
     processing: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
     source: str = ""  # the mapping file, for messages
+
+    @property
+    def torque_lateness(self) -> float | Array:
+        """How much later than their rows the recorded torques act, s: of all joints, or (n,) if delays are stated."""
+        delays = np.array([0.0 if joint.torque is None else joint.torque.delay for joint in self.joints])
+        return self.torque_delay - delays if delays.any() else self.torque_delay
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -384,6 +392,8 @@ KEYS = {
         "constant": Entry("of a torque measured as current or voltage: torque per ampere or volt", "N*m/A"),
         "rated": Entry("of a torque measured in per cent: that at 100 %", "N*m, N"),
         "limit": Entry("torque or force at which the drive saturates", "N*m, N"),
+        "gain": Entry("factor on the column, such as the correction of a torque constant; 1 if missing"),
+        "delay": Entry("of a torque: how much later than it acted it was recorded; 0 if missing", "s"),
     },
 }
 KEYS_OF_OTHER_FILES = {
@@ -539,10 +549,13 @@ class _Reader(SourceReader):
         if sign not in (1.0, -1.0):
             self.faults.error(part.get("sign"), f"{what}.sign is not +1 or -1", "scale with constant or resolution")
         side = self.read_side(part["side"], what) if "side" in part else side
+        gain = self.gain(part.get("gain"), what)
         return Channel(
             file=self.file_of(part.get("file"), what, node),
             column=self.column(part["column"], f"{what}.column") if "column" in part else "",
-            factor=self.factor(part, signal, unit, what, node),
+            factor=self.factor(part, signal, unit, what, node) * gain,
+            gain=gain,
+            delay=self.delay(part.get("delay"), signal, what),
             sign=sign or 1.0,
             zero=(self.number(part["zero"], f"{what}.zero") or 0.0) if "zero" in part else 0.0,
             side=side,
@@ -550,6 +563,19 @@ class _Reader(SourceReader):
             unit=unit,
             limit=self.limit(part.get("limit"), what),
         )
+
+    def gain(self, node: Node | None, what: str) -> float:
+        """Factor on a column; a fault unless it is positive (`sign` reverses a column)."""
+        value = 1.0 if node is None else self.number(node, f"{what}.gain")
+        if value is not None and value <= 0.0:
+            self.faults.error(node, f"{what}.gain is {value:g}, not positive", "sign: -1 reverses a column")
+        return value if value is not None and value > 0.0 else 1.0
+
+    def delay(self, node: Node | None, signal: Signal, what: str) -> float:
+        """Delay of a recorded torque, s."""
+        if node is not None and signal != "torque":
+            self.faults.error(node, f"{what} has a delay, which only a torque has", "torques may lag behind positions")
+        return self.quantity(node, f"{what}.delay", log_units.TIME, "s") or 0.0
 
     def factor(self, part: dict[str, Node], signal: Signal, unit: str, what: str, node: Node) -> float:
         """Factor that converts a column of a ``signal`` to SI, from the keys ``part`` that describe its channel.

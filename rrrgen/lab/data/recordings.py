@@ -82,7 +82,7 @@ class Log:
         valid = np.ones(self.q.shape, bool) if self.valid is None else self.valid
         segment = np.zeros(len(self.t), np.int64) if self.segment is None else self.segment
         given = self.reference, self.reference_velocity, self.feedforward
-        late = (self.torque_delay if self.mapping is None else self.mapping.torque_delay) / self.period
+        late = (self.torque_delay if self.mapping is None else self.mapping.torque_lateness) / self.period
         whole = Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0, *given, late=late)
         edges = [0, *(np.flatnonzero(np.diff(segment)) + 1), len(self.t)]
         for number, (start, stop) in enumerate(pairwise(edges)):

@@ -214,7 +214,7 @@ class Part:
     ``valid`` (N, n) is False where the torque of a joint is missing, clipped or interpolated over a hole. ``segment``
     is the number of the uninterrupted stretch that the part belongs to, ``first`` the index of its first sample
     therein. ``reference``, ``reference_velocity``, ``feedforward`` (N, n) are inputs of the controller, or None. The
-    torques act ``late`` samples after their instants, in the mean.
+    torques act ``late`` samples after their instants, in the mean; an array (n,) states it joint by joint.
     """
 
     t: Array
@@ -228,7 +228,7 @@ class Part:
     reference: Array | None = None
     reference_velocity: Array | None = None
     feedforward: Array | None = None
-    late: float = 0.0
+    late: float | Array = 0.0
 
     def __len__(self) -> int:
         return len(self.t)
@@ -246,15 +246,18 @@ class Part:
 
         At an end that this moves away from a recorded torque there is none: the sample is invalid.
         """
-        if self.late == 0.0 or self.tau is None:
+        if self.tau is None or not np.any(self.late):
             return self
-        at = np.arange(len(self)) - self.late
-        before = np.clip(np.floor(at).astype(int), 0, len(self) - 1)
-        after = np.minimum(before + 1, len(self) - 1)
-        share = (at - np.floor(at))[:, None]
-        inside = (at >= 0.0) & (at <= len(self) - 1)
-        valid = self.valid[before] & (self.valid[after] | (share == 0.0)) & inside[:, None]
-        return replace(self, tau=(1.0 - share) * self.tau[before] + share * self.tau[after], valid=valid, late=0.0)
+        last, late = len(self) - 1, np.broadcast_to(self.late, self.tau.shape[1:])
+        at = np.arange(len(self))[:, None] - late
+        before = np.clip(np.floor(at).astype(int), 0, last)
+        after = np.minimum(before + 1, last)
+        share = at - np.floor(at)
+        inside = (at >= 0.0) & (at <= last)
+        joint = np.arange(len(late))
+        valid = self.valid[before, joint] & (self.valid[after, joint] | (share == 0.0)) & inside
+        tau = (1.0 - share) * self.tau[before, joint] + share * self.tau[after, joint]
+        return replace(self, tau=tau, valid=valid, late=0.0)
 
 
 def joined(parts: list[Part]) -> Part:
@@ -453,7 +456,7 @@ class _Uniform:
             valid = ~bad if N is None else ~((bad @ (N != 0.0)).astype(bool))
         dq, ddq = moved.get("velocity"), moved.get("acceleration")
         given = moved.get("reference"), moved.get("reference_velocity"), moved.get("feedforward")
-        late = self.mapping.torque_delay / self.facts.period
+        late = self.mapping.torque_lateness / self.facts.period
         return Part(raw.t, moved["position"], dq, ddq, tau, valid, 0, 0, *given, late=late)
 
 

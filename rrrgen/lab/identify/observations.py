@@ -81,7 +81,7 @@ class RowMaker:
         for start in range(window.start, window.stop, block):
             stop = min(start + block, window.stop)
             lo, hi = max(0, start - decimate.memory), min(len(part), stop + decimate.memory)
-            kept = _kept(decimate, part.first + lo, start - lo, stop - lo, hi - lo)
+            kept = kept_of(decimate, part.first + lo, start - lo, stop - lo, hi - lo)
             given = () if states is None else (states[lo:hi],)
             rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept, given)
             yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
@@ -133,7 +133,7 @@ class RowMaker:
         )
 
 
-def _kept(decimate: Decimator, first: int, start: int, stop: int, length: int) -> slice:
+def kept_of(decimate: Decimator, first: int, start: int, stop: int, length: int) -> slice:
     """Slice of the decimated indices that fall in [start, stop) of a piece of ``length`` samples.
 
     ``first`` is the index in the recording of the first sample of the piece.

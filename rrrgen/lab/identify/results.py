@@ -371,7 +371,7 @@ def identification_figures(
 
 def _friction_figure(found: Identification, model: RigidModel, recording: Recording, theta: Array) -> Figure | None:
     """The estimated friction against the speed of every joint; None if the model has none."""
-    from rrrgen.lab.identify.diagnosis.trial_fits import sample_of
+    from rrrgen.lab.identify.diagnosis.trial_fits import MOST_ROWS, sample_of
     from rrrgen.lab.identify.figures import plot_friction
     from rrrgen.lab.identify.friction_columns import law_columns
     from rrrgen.runtime.regressor_columns import drive_columns
@@ -380,6 +380,7 @@ def _friction_figure(found: Identification, model: RigidModel, recording: Record
     kinds = {column.kind for column in found.columns}
     if sample is None or not kinds & {"viscous", "coulomb", "law"}:
         return None
+    sample = sample.thinned(MOST_ROWS // sample.n)
     surfaces, load = ((), ()) if found.friction is None else (found.friction.surfaces, found.friction.load)
     drives = [column for column in found.columns if column.kind not in ("rigid", "law")]
     rigid = np.asarray(model.regressor(sample.q, sample.dq, sample.ddq))

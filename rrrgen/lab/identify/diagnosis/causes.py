@@ -30,7 +30,8 @@ class Cause:
     """A probable fault: its description, the evidence in numbers, and what to write instead in which file.
 
     A ``general`` cause only states that something is wrong and is dropped if another rule finds a specific one. A cause
-    that fits several faults names them in ``either``; its evidence is added to the one that another rule found.
+    that fits several faults names them in ``either``; its evidence is added to the one that another rule found. One
+    that is ``possible`` only has too little evidence, or rivals that explain as much.
     """
 
     cause: str
@@ -38,6 +39,7 @@ class Cause:
     evidence: tuple[str, ...] = ()
     general: bool = False
     either: tuple[str, ...] = ()
+    possible: bool = False
 
     def because(self, *evidence: str) -> Cause:
         """A copy of this cause with more ``evidence``."""
@@ -46,14 +48,15 @@ class Cause:
     def lines(self) -> list[str]:
         """The cause, its evidence and its remedy as lines to print."""
         return [
-            f"diagnosis: {self.cause}",
+            f"{'possible' if self.possible else 'diagnosis'}: {self.cause}",
             *(f"  evidence: {sentence}" for sentence in self.evidence),
-            f"  write instead: {self.remedy}",
+            f"  {'if so, write' if self.possible else 'write instead'}: {self.remedy}",
         ]
 
     def to_json(self) -> dict[str, Any]:
         """The cause as plain data for JSON."""
-        return {"cause": self.cause, "evidence": list(self.evidence), "write_instead": self.remedy}
+        named = {"possible_only": True} if self.possible else {}
+        return {"cause": self.cause, "evidence": list(self.evidence), "write_instead": self.remedy, **named}
 
 
 def merged(causes: Iterable[Cause]) -> tuple[Cause, ...]:
@@ -159,6 +162,48 @@ class Wording:
         return Cause(
             f"{what} of joint {self.joints[joint]} is not in the model",
             f"{section}: {{{inside}}} at joint {self.joints[joint]} in {self.robot} (a key that is given is estimated)",
+        )
+
+    def zero(self, joint: int, error: float) -> Cause:
+        """The cause that the positions of a joint are ``error`` (rad) too small, because of its encoder's zero."""
+        stated = 0.0 if self.mapping is None else self.mapping.joints[joint].zero
+        name = self.joints[joint]
+        zero = f"zero: {math.degrees(stated + error):.4g} deg"
+        return Cause(f"the encoder zero of joint {name} is off", f"joint {name}: {zero}{self._where()}")
+
+    def gain(self, joint: int, factor: float) -> Cause:
+        """The cause that the torques of a joint are recorded ``factor`` times too large against the other joints."""
+        channel = self._channel("torque", joint)
+        gain = (1.0 if channel is None else channel.gain) / factor
+        return Cause(
+            f"the torque constant of joint {self.joints[joint]} is wrong",
+            self._entry("torque", joint, f"gain: {gain:.4g}") + self._where(),
+        )
+
+    def delay(self, joint: int | None, late: float) -> Cause:
+        """The cause that the torques of a joint, or of all joints (None), are recorded ``late`` (s) too late."""
+        when = "late" if late > 0.0 else "early"
+        if joint is None:
+            stated = 0.0 if self.mapping is None else self.mapping.torque_delay
+            line = f"torque_delay: {1e3 * (stated - late):.3g} ms"
+            return Cause(f"the torques are recorded too {when}", line + self._where())
+        channel = self._channel("torque", joint)
+        total = (0.0 if channel is None else channel.delay) + late
+        line = self._entry("torque", joint, f"delay: {1e3 * total:.3g} ms")
+        return Cause(f"the torques of joint {self.joints[joint]} are recorded too {when}", line + self._where())
+
+    def tilt(self, gravity: Sequence[float]) -> Cause:
+        """The cause that the base is tilted: ``gravity`` (3,), m/s^2, is that in the frame of the base."""
+        values = ", ".join(f"{value:.4g}" for value in gravity)
+        return Cause("the base is tilted", f"gravity: [{values}] in {self.robot}, or level the base")
+
+    def drift(self, joint: int | None) -> Cause:
+        """The cause that the friction of a joint, or of all joints (None), changes during the recording."""
+        whose = "the joints" if joint is None else f"joint {self.joints[joint]}"
+        return Cause(
+            f"the friction of {whose} drifts",
+            "record after the arm has warmed up, or fit the drift (--estimate drift): the friction in the robot file "
+            "is that of the middle of the recording otherwise",
         )
 
     def _channel(self, signal: Signal, joint: int) -> Channel | None:

@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rrrgen.base.arrays import Array
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording, merged
+from rrrgen.lab.identify.diagnosis.hypotheses import Comparison, Finding
 from rrrgen.lab.identify.diagnosis.rules import (
     Motion,
     clock,
     clock_factor,
     dissipation,
     limits,
-    missing_terms,
     recorded_speed,
     unexplained,
 )
-from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, Sample, linear_stand_ins, sample_of
-from rrrgen.lab.identify.diagnosis.units_and_wiring import Corrected, corrected, magnitude
+from rrrgen.lab.identify.diagnosis.trial_fits import FLOOR, AllTerms, Sample, linear_stand_ins, sample_of
+from rrrgen.lab.identify.diagnosis.units_and_wiring import SCORE, Corrected, corrected, magnitude, uncorrected
 from rrrgen.lab.identify.observations import Recording
 from rrrgen.lab.identify.regressor import RigidModel
 
 if TYPE_CHECKING:
     from rrrgen.lab.identify.identification import Identification
+
+EXPLAINED_BY_UNITS = 0.1
+"""Relative torque error that may remain where a unit is called wrong: wrong gear sides look like degrees and kN m."""
 
 BEFORE: tuple[Callable[[Motion], Any], ...] = (clock, recorded_speed, limits)
 
@@ -67,9 +72,10 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
 
 
 def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Identification) -> list[Cause]:
-    """Causes found in one sample: wrong signs, units and columns, then implausible parameters, missing terms, errors.
+    """Causes found in one sample, by what their repair leaves unexplained.
 
-    Wrong signs, units and columns are found first, because the other rules need the corrected sample.
+    Signs, units, columns and the clock are corrected first, as far as that explains the torques; then errors that
+    change them by little are compared with each other. If these alone explain as much, nothing is corrected.
     """
     names = regressor.names
     estimated = [column.name for column in linear_stand_ins(found.columns)]
@@ -85,7 +91,47 @@ def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Ident
         ]
 
     best = corrected(sample, regressor, words, lambda each: len(impossible(each)))
-    causes = [*best.causes, *impossible(best)]
-    if len(causes) == len(best.causes):
-        causes += missing_terms(regressor, estimated, best.trial, best.mix, words)
-    return causes or list(unexplained(best.trial.fit(best.mix, inside).error, found.whiteness, words))
+    plainly = Explained.of(regressor, uncorrected(sample, regressor), inside)
+    if best.causes:
+        repaired = Explained.of(regressor, best, inside)
+        if best.scaled and repaired.error > EXPLAINED_BY_UNITS:
+            repaired = plainly
+        if not plainly.findings or plainly.score > repaired.score + SCORE:
+            plainly = repaired
+    causes = [*plainly.state.causes, *impossible(plainly.state)]
+    if len(causes) == len(plainly.state.causes):
+        causes += [plainly.comparison.cause(finding, words) for finding in by_joint(plainly.findings)]
+    return causes or list(unexplained(plainly.joint_errors, found.whiteness, words))
+
+
+def by_joint(findings: Sequence[Finding]) -> list[Finding]:
+    """Findings in the order of their joints, those about all joints first."""
+    return sorted(findings, key=lambda finding: finding.outcome.hypothesis.joint)
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """A sample after corrections, ``state``, and the ``findings`` of the ``comparison`` of what else may be wrong.
+
+    ``joint_errors`` (n,) are the relative torque errors that remain, ``error`` that of all joints together.
+    """
+
+    state: Corrected
+    comparison: Comparison
+    findings: list[Finding]
+    joint_errors: Array
+    error: float
+
+    @classmethod
+    def of(cls, regressor: AllTerms, state: Corrected, inside: Sequence[int]) -> Explained:
+        """Compare what may be wrong with the sample of ``state``; ``inside`` are the columns in the model."""
+        comparison = Comparison(regressor, state.sample, inside)
+        findings = comparison.findings()
+        errors = comparison.joint_errors(findings[-1].outcome.values if findings else {})
+        weights = comparison.counts * comparison.size**2
+        return cls(state, comparison, findings, errors, float(np.sqrt(weights @ errors**2 / np.sum(weights))))
+
+    @property
+    def score(self) -> float:
+        """Minus twice the logarithm of the likelihood per instant, up to a constant."""
+        return float(np.sum(np.log(self.joint_errors**2 + FLOOR**2)))

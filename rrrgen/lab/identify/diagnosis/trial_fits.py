@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.lab.data.preprocessing import Decimator, Processing
-from rrrgen.lab.identify.observations import Recording, RowMaker, reconstruct, windows
+from rrrgen.lab.identify.observations import Recording, RowMaker, kept_of, reconstruct, windows
 from rrrgen.lab.identify.parameters import Column, DriveTerms
 from rrrgen.lab.identify.regressor import RigidModel
 from rrrgen.runtime.regressor_columns import drive_columns
@@ -24,14 +25,16 @@ from rrrgen.runtime.regressor_columns import drive_columns
 MOST_ROWS = 3000
 """Rows (instants times joints) of a sample: twenty to fifty per parameter, in a few hundredths of a second."""
 MOST_READ = 200_000  # samples that are read of a long recording
+SHORTEST_STRETCH = 4  # rows, which a cubic spline needs
 WHOLE = 0.999  # gain of the filter below which a sample lies at a border or next to an invalid one
 
 
 @dataclass(frozen=True)
 class Sample:
-    """Motion and torque (N, n) at N instants, passed through the same filter.
+    """Motion and torque (N, n) at N instants ``t`` (N,), s, passed through the same filter.
 
-    ``use`` (N, n) is False where the equation of a joint is left out.
+    ``use`` (N, n) is False where the equation of a joint is left out; ``stretch`` (N,) is the number of the
+    uninterrupted stretch, whose torques the splines ``curves`` hold as functions of time.
     """
 
     q: Array
@@ -39,6 +42,9 @@ class Sample:
     ddq: Array
     tau: Array
     use: NDArray[np.bool_]
+    t: Array
+    stretch: NDArray[np.int64]
+    curves: tuple[Any, ...] = ()
 
     @property
     def n(self) -> int:
@@ -55,14 +61,53 @@ class Sample:
 
     def slowed(self, factor: float) -> Sample:
         """A copy with time stretched by ``factor``: speeds are divided by it, accelerations by its square."""
-        return replace(self, dq=self.dq / factor, ddq=self.ddq / factor**2)
+        curves = tuple(_changed(curve, factor, np.eye(self.n)) for curve in self.curves)
+        return replace(self, dq=self.dq / factor, ddq=self.ddq / factor**2, t=self.t * factor, curves=curves)
+
+    def mixed(self, mix: Array) -> Sample:
+        """A copy with the torques ``tau @ mix``, (n, n)."""
+        return replace(self, tau=self.tau @ mix, curves=tuple(_changed(curve, 1.0, mix) for curve in self.curves))
+
+    def thinned(self, count: int) -> Sample:
+        """A copy with at most ``count`` instants, spread evenly over those in use."""
+        there = np.flatnonzero(self.use.any(axis=1))
+        kept = there[np.linspace(0, len(there) - 1, min(len(there), max(1, count))).astype(int)]
+        named = {name: getattr(self, name)[kept] for name in ("q", "dq", "ddq", "tau", "use", "t", "stretch")}
+        return replace(self, **named)
+
+    def later(self, delays: Array) -> Array:
+        """Torques (N, n) recorded ``delays`` (n,), s, after the instants; at the ends of a stretch the nearest ones."""
+        found = np.empty_like(self.tau)
+        for k, curve in enumerate(self.curves):
+            here = self.stretch == k
+            for j, delay in enumerate(delays):
+                found[here, j] = curve(np.clip(self.t[here] + delay, curve.x[0], curve.x[-1]))[:, j]
+        return found
+
+    @cached_property
+    def torque_rate(self) -> Array:
+        """Derivatives of the torques by time (N, n)."""
+        found = np.empty_like(self.tau)
+        for k, curve in enumerate(self.curves):
+            found[self.stretch == k] = curve(self.t[self.stretch == k], 1)
+        return found
+
+
+def _changed(curve: Any, slower: float, mix: Array) -> Any:
+    """A cubic spline of torques in a time stretched by ``slower``, times the matrix ``mix``."""
+    from scipy.interpolate import PPoly
+
+    powers = slower ** -np.arange(3.0, -1.0, -1.0)
+    return PPoly((curve.c * powers[:, None, None]) @ mix, curve.x * slower)
 
 
 def sample_of(recording: Recording, processing: Processing) -> Sample | None:
-    """Sample instants spread evenly over a recording; None if it has no torques or no usable instant."""
+    """Sample of a recording, filtered as for the estimation; None if it has no torques or no usable instant."""
+    from scipy.interpolate import CubicSpline
+
     decimate = Decimator(processing.decimate or 1)
     memory = RowMaker(lambda q, dq, ddq: q, processing, 1).memory(recording.period)
-    found: list[tuple[Any, ...]] = []
+    found: dict[int, list[tuple[Any, ...]]] = {}
     read = 0
     for window in windows(recording, memory):
         part = window.part.aligned()
@@ -72,19 +117,21 @@ def sample_of(recording: Recording, processing: Processing) -> Sample | None:
         usable = decimate(part.valid.astype(float), part.first) > WHOLE
         parts = [decimate(x, part.first) for x in (motion.q, motion.dq, motion.ddq, part.tau)]
         use = usable & (np.abs(parts[1]) >= (np.asarray(processing.low_speed) if processing.low_speed else 0.0))
-        found.append((*parts, use))
+        # windows overlap by the memory of the filters, whose samples would count twice
+        kept = kept_of(decimate, part.first, window.start, window.stop, len(part))
+        row = (*parts, use, decimate.instants(part.t, part.first))
+        found.setdefault(part.segment, []).append(tuple(x[kept] for x in row))
         read += window.stop - window.start
         if read >= MOST_READ:
             break
-    if not found:
+    stretches = [tuple(np.concatenate(x) for x in zip(*pieces, strict=True)) for pieces in found.values()]
+    stretches = [rows for rows in stretches if len(rows[-1]) >= SHORTEST_STRETCH]
+    if not stretches or not any(rows[4].any() for rows in stretches):
         return None
-    q, dq, ddq, tau, use = (np.concatenate(columns) for columns in zip(*found, strict=True))
-    there = np.flatnonzero(use.any(axis=1))
-    if len(there) == 0:
-        return None
-    count = min(len(there), max(1, MOST_ROWS // q.shape[1]))
-    kept = there[np.linspace(0, len(there) - 1, count).astype(int)]
-    return Sample(q[kept], dq[kept], ddq[kept], tau[kept], use[kept].astype(bool))
+    curves = tuple(CubicSpline(rows[-1], rows[3]) for rows in stretches)
+    number = np.repeat(np.arange(len(stretches)), [len(rows[-1]) for rows in stretches])
+    q, dq, ddq, tau, use, t = (np.concatenate(x) for x in zip(*stretches, strict=True))
+    return Sample(q, dq, ddq, tau, use.astype(bool), t, number, curves)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -180,7 +227,7 @@ class Trial:
     """
 
     def __init__(self, regressor: Regressor, sample: Sample) -> None:
-        self.sample = sample
+        self.sample = sample = sample.thinned(MOST_ROWS // sample.n)
         W = np.asarray(regressor(sample.q, sample.dq, sample.ddq))
         use = [sample.use[:, j] for j in range(sample.n)]
         self.counts = np.array([max(1, int(np.sum(u))) for u in use])
@@ -203,7 +250,7 @@ class Trial:
         sigma = size
         for _ in range(PASSES):
             w2 = 1.0 / sigma**2
-            x, inverse = _solved(np.tensordot(w2, G, 1), w2 @ c)
+            x, inverse = solve_normal_equations(np.tensordot(w2, G, 1), w2 @ c)
             left = np.array([total[j] - 2.0 * x @ c[j] + x @ G[j] @ x for j in range(n)])
             sigma = np.sqrt(np.maximum(left, 0.0) / self.counts)
             sigma = np.maximum(sigma, FLOOR * size)
@@ -213,7 +260,7 @@ class Trial:
         return Fit(np.sqrt(np.maximum(left, 0.0) / total), theta, covariance)
 
 
-def _solved(G: Array, c: Array) -> tuple[Array, Array]:
+def solve_normal_equations(G: Array, c: Array) -> tuple[Array, Array]:
     """Minimum-norm solution x (p,) of the normal equations ``G x = c``, and the pseudoinverse of G (p, p).
 
     Columns are scaled to unit length first.

@@ -173,6 +173,11 @@ class Change:
     slower: float = 1.0
     turned: int | None = None
 
+    @property
+    def is_scale(self) -> bool:
+        """Whether the fault is a wrong unit."""
+        return bool(np.any(~np.isin(self.matrix, (-1.0, 0.0, 1.0))))
+
 
 Doubts = Callable[["Corrected"], int]
 
@@ -182,18 +187,25 @@ class Corrected:
     """A sample after the accepted corrections, and its fit.
 
     The motion in ``trial`` is corrected; corrected torques are ``tau @ mix`` with ``mix`` (n, n). ``causes`` are the
-    faults found.
+    faults found, ``scaled`` says whether a unit is among them.
     """
 
     trial: Trial
     mix: Array
     fit: Fit
     causes: tuple[Cause, ...] = ()
+    scaled: bool = False
 
     @property
     def sample(self) -> Sample:
         """The sample with corrected motion and torques."""
-        return replace(self.trial.sample, tau=self.trial.sample.tau @ self.mix)
+        return self.trial.sample.mixed(self.mix)
+
+
+def uncorrected(sample: Sample, regressor: Regressor) -> Corrected:
+    """The sample as it is, with its fit."""
+    start = Trial(regressor, sample)
+    return Corrected(start, np.eye(sample.n), start.fit())
 
 
 def corrected(sample: Sample, regressor: Regressor, words: Wording, doubts: Doubts = lambda found: 0) -> Corrected:
@@ -202,8 +214,7 @@ def corrected(sample: Sample, regressor: Regressor, words: Wording, doubts: Doub
     Among corrections with equal errors, those that leave the fewest ``doubts`` (impossible signs and masses) are
     preferred: a wrong sign at one joint, for instance, is explained equally well by reversing all the others.
     """
-    start = Trial(regressor, sample)
-    first = Corrected(start, np.eye(sample.n), start.fit())
+    first = uncorrected(sample, regressor)
     runs = []
     for choice in range(CHOICES):
         found, choices = _descent(first, regressor, words, doubts, choice)
@@ -235,11 +246,12 @@ def _descent(
         at = choice if choices == 1 and choice < len(alike) else 0
         choices = max(choices, len(alike))
         alike.insert(0, alike.pop(at))
-        chosen = alike[0][1]
+        change, chosen = alike[0][:2]
         if not np.any(chosen.fit.error <= HALVED * now.fit.error):
             break
         cause = _cause_of([change for change, *_ in alike], now.fit, chosen.fit, words)
-        now = replace(chosen, causes=(*now.causes, cause))
+        scaled = now.scaled or change.is_scale
+        now = replace(chosen, causes=(*now.causes, cause), scaled=scaled)
     return now, choices
 
 
