@@ -1,15 +1,16 @@
-/* The interactive view of the report: draws the arm from its Denavit-Hartenberg table on a canvas, without libraries. */
+/* The interactive view of an arm: draws it from its Denavit-Hartenberg table on a canvas, without libraries.
+ *
+ * armViewer() makes the view in the elements of the page and returns { load, show, state }. load(scene, solver) shows an
+ * arm; `solver` has inverse_kinematics(T, near) and approach(T, q, turning) of an emitted <name>_ik.mjs, or functions that
+ * return promises of their results; null where the tip cannot be dragged. */
 "use strict";
-(function () {
-  const scene = JSON.parse(document.getElementById("scene").textContent);
+function armViewer(changed) {
   const canvas = document.getElementById("view");
   const paint = canvas.getContext("2d");
   const root = document.getElementById("viewer"), page = document.documentElement;
-  const n = scene.joints.length;
-  const start = scene.joints.map((joint) => Math.min(Math.max(0, joint.lower), joint.upper));
-  const state = { q: start.slice(), azimuth: -0.9, elevation: 0.38, zoom: 1, frames: true, others: [], trace: [] };
-  const sliders = [];
-  let motion = 0;
+  const state = { q: [], azimuth: -0.9, elevation: 0.38, zoom: 1, frames: true, others: [], trace: [], held: null };
+  let scene = null, solver = null, start = [], rows = [], tipRow = 0, sliders = [], motion = 0, room = null;
+  let list = [], target = null, busy = false, loaded = 0, drawing = 0;
 
   /* -- geometry: 4x4 transforms as arrays of rows ------------------------------------------------------------------ */
 
@@ -33,10 +34,6 @@
   function dot(p, r) { return p[0] * r[0] + p[1] * r[1] + p[2] * r[2]; }
   function cross(p, r) { return [p[1] * r[2] - p[2] * r[1], p[2] * r[0] - p[0] * r[2], p[0] * r[1] - p[1] * r[0]]; }
   function size(p) { return Math.hypot(p[0], p[1], p[2]); }
-
-  /* The rows of the table: the joints, or those of a mechanism, each with its parent and its factors of q. */
-  const rows = scene.rows || scene.joints;
-  const tipRow = scene.rows ? scene.tip_row : rows.length - 1;
 
   /* Frames, joint axes and the corners of the links at the joint positions q. */
   function pose(q) {
@@ -72,15 +69,15 @@
 
   let width = 0, height = 0, eye = null;
 
-  /* Middle and radius of what the view shows: the arm at rest and in the offered configurations. */
-  const room = (function () {
+  /* Middle and radius of what the view shows: the arm in its first pose and in the offered configurations. */
+  function shownRoom() {
     const points = [start].concat(...scene.poses.map((solutions) => solutions.map((each) => each.q))).flatMap((q) => [origin(scene.base)].concat(...pose(q).lines));
     const middle = [0, 1, 2].map((k) => {
       const values = points.map((p) => p[k]);
       return (Math.min(...values) + Math.max(...values)) / 2;
     });
-    return { middle: middle, radius: Math.max(0.4 * scene.reach, ...points.map((p) => size(plus(p, middle, -1)))) };
-  })();
+    return { middle: middle, radius: Math.max(0.4 * scene.reach, ...points.map((p) => 1.25 * size(plus(p, middle, -1)))) };
+  }
 
   /* Set the view so that the points `shown` are in it. */
   function look(shown) {
@@ -180,9 +177,13 @@
     const overlap = (place, x, y, text) =>
       Math.abs(y - place.y) < 13 && x < end(place.x, place.text) && place.x < end(x, text);
     labels.forEach((label) => {
-      const at = project(label.at), near = places.find((place) => overlap(place, at[0], at[1], label.text));
-      if (near) near.text += ", " + label.text;
-      else places.push({ x: at[0], y: at[1], text: label.text });
+      const at = project(label.at);
+      let place = { x: at[0], y: at[1], text: label.text };
+      for (let k; (k = places.findIndex((other) => overlap(other, place.x, place.y, place.text))) >= 0;) {
+        const [other] = places.splice(k, 1);  // a text that has grown may meet a third one
+        place = { x: other.x, y: other.y, text: other.text + ", " + place.text };
+      }
+      places.push(place);
     });
     paint.lineJoin = "round";
     places.forEach((place) => {
@@ -193,7 +194,20 @@
       paint.fillText(place.text, place.x + 8, place.y - 8);
     });
   }
+  function hue(index) {  // far apart for neighbours, and legible on both grounds
+    return "hsl(" + (25 + 137 * index) % 360 + " 62% 52%)";
+  }
+  function ring(T, colors) {
+    const [x, y] = project(origin(T));
+    paint.strokeStyle = colors.trace;
+    paint.lineWidth = state.held ? 4 : 2.5;
+    paint.beginPath();
+    paint.arc(x, y, 15, 0, 2 * Math.PI);
+    paint.stroke();
+  }
   function draw() {
+    drawing = 0;
+    if (!scene) return;
     const ratio = page.classList.contains("paper") ? 3 : window.devicePixelRatio || 1;
     width = canvas.clientWidth;
     height = canvas.clientHeight;
@@ -203,10 +217,14 @@
     paint.clearRect(0, 0, width, height);
     paint.lineCap = "round";
     const colors = palette(), arm = pose(state.q), facets = [], thick = 0.026 * scene.reach;
-    look([origin(scene.base), origin(arm.tip)].concat(...arm.lines, ...state.others.map((q) => pose(q).lines.flat())));
+    if (!state.held) look([origin(scene.base), origin(arm.tip)].concat(...arm.lines, ...state.others.map((other) => pose(other.q).lines.flat())));
     ground(colors);
-    state.others.forEach((q) => {
-      pose(q).lines.forEach((ends) => line(ends[0], ends[1], colors.ghost, 2));
+    state.others.forEach((other) => {
+      paint.setLineDash(other.within === false ? [3, 5] : []);
+      paint.globalAlpha = other.within === false ? 0.45 : 0.85;
+      pose(other.q).lines.forEach((ends) => line(ends[0], ends[1], hue(other.index), 3));
+      paint.setLineDash([]);
+      paint.globalAlpha = 1;
     });
     arm.lines.forEach((ends) => cylinder(facets, ends[0], ends[1], thick, colors.link, 14));
     arm.joints.forEach((joint) => {
@@ -230,6 +248,7 @@
     triad(arm.tip, 1.3 * length, colors);
     const frames = shown.map((T, k) => ({ at: origin(T), text: String(k) }));
     write([...frames, { at: origin(arm.tip), text: "tip" }], colors);
+    if (solver) ring(arm.tip, colors);
     report(arm.tip);
   }
 
@@ -247,6 +266,9 @@
   }
   function report(T) {
     const p = origin(T).map((v) => fixed(v * 1000, 1)), a = angles(T).map((v) => fixed(v * 180 / Math.PI, 2));
+    Array.from(document.querySelectorAll("#place input")).forEach((input, i) => {
+      if (input !== document.activeElement) input.value = (T[i][3] * 1000).toFixed(1);
+    });
     document.getElementById("tip").textContent =
       "Tip: x " + p[0] + ", y " + p[1] + ", z " + p[2] + " mm; roll " + a[0] + ", pitch " + a[1] + ", yaw " + a[2] + "\u00b0";
   }
@@ -274,13 +296,16 @@
       slider.output.textContent = value(i);
       slider.input.setAttribute("aria-valuetext", value(i));
     });
-    draw();
+    if (!drawing) draw();
+    if (changed) changed(state.q);
   }
   function move(goal) {
     cancelAnimationFrame(motion);
+    const arrived = () => { if (goal === start) offer(); };
     if (matchMedia("(prefers-reduced-motion: reduce)").matches) {
       state.q = goal.slice();
       show();
+      arrived();
       return;
     }
     const from = state.q.slice(), begin = performance.now();
@@ -289,6 +314,7 @@
       state.q = goal.map((to, i) => from[i] + f * (to - from[i]));
       show();
       if (s < 1) motion = requestAnimationFrame(advance);
+      else arrived();
     };
     motion = requestAnimationFrame(advance);
   }
@@ -296,54 +322,145 @@
     pause();
     state.others = [];
     state.trace = [];
-    Array.from(document.querySelectorAll("#configurations button")).forEach((b) => b.setAttribute("aria-pressed", "false"));
+  }
+  function say(text) { document.getElementById("branch").textContent = text; }
+
+  /* -- the tip: dragged in the plane of the picture, or moved by its fields ------------------------------------------------ */
+
+  /* Move the tip to T: the nearest configuration if one is near, else as near as the joints get. The last target wins. */
+  async function reach(T, dragged) {
+    target = { T: T, dragged: dragged };
+    if (busy) return;
+    busy = true;
+    const mine = loaded;
+    try {
+      while (target && mine === loaded) {
+        const wanted = target;
+        target = null;
+        const before = state.q.slice(), found = await solver.inverse_kinematics(wanted.T, before);
+        const apart = (q) => Math.max(...q.map((x, i) => Math.abs(x - before[i]) / (scene.joints[i].revolute ? 1 : scene.reach)));
+        const best = found.filter((each) => each.within).sort((x, y) => apart(x.q) - apart(y.q))[0];
+        let q = null, word = "";
+        if (best && (!wanted.dragged || apart(best.q) < 0.7)) q = best.q;
+        else {
+          const near = await solver.approach(wanted.T, before, wanted.dragged ? 0.02 : 0);
+          q = near.q;
+          word = blocked(q, wanted.T);
+        }
+        if (mine !== loaded) return;
+        release();
+        state.q = q;
+        say(word);
+        show();
+      }
+    } finally {
+      busy = false;
+    }
+    if (mine === loaded) offer();
+  }
+  function blocked(q, T) {
+    const tip = origin(pose(q).tip), miss = size(plus(tip, [T[0][3], T[1][3], T[2][3]], -1));
+    if (miss < 2e-3 * scene.reach) return "";
+    const stops = scene.joints.filter((joint, i) => (joint.limited[0] && q[i] - joint.lower < 1e-3) || (joint.limited[1] && joint.upper - q[i] < 1e-3));
+    return stops.length ? "Stopped by the limit of " + stops.map((joint) => joint.name).join(" and ") + "." : "Out of reach from here.";
   }
 
-  const list = document.getElementById("joints");
-  scene.joints.forEach((joint, i) => {
-    const row = element("label", list, "", { className: "slider" });
-    element("span", row, joint.name);
-    const output = element("output", row, value(i));
-    end(row, i, 0);
-    const input = element("input", row, "", { type: "range", min: joint.lower, max: joint.upper, step: "any", value: start[i] });
-    end(row, i, 1);
-    input.addEventListener("input", () => {
-      cancelAnimationFrame(motion);
-      release();
-      state.q[i] = Number(input.value);
-      output.textContent = value(i);
-      input.setAttribute("aria-valuetext", value(i));
-      draw();
-    });
-    sliders.push({ input: input, output: output });
-  });
-  const buttons = document.getElementById("actions");
-  const zero = start.every((q) => q === 0) ? "Zero pose" : "Within limits, nearest to zero";
-  element("button", buttons, zero, { type: "button" }).addEventListener("click", () => { release(); move(start); });
-  const toggle = element("button", buttons, "Frames", { type: "button" });
-  toggle.setAttribute("aria-pressed", "true");
-  toggle.addEventListener("click", () => {
-    state.frames = !state.frames;
-    toggle.setAttribute("aria-pressed", String(state.frames));
+  /* All configurations with the tip where it is, as buttons and as thin lines. */
+  async function offer() {
+    if (!solver) return;
+    const mine = loaded, q = state.q.slice(), found = await solver.inverse_kinematics(pose(q).tip, q);
+    if (mine !== loaded || q.some((x, i) => x !== state.q[i])) return;
+    list = found.map((each, index) => ({ q: each.q, within: each.within, index: index, name: named(each.branch) }));
+    offered("Configurations", [list]);
+    state.others = list.filter((each) => !same(each.q, q));
     draw();
-  });
-  const choices = document.getElementById("configurations");
-  scene.poses.forEach((solutions, k) => {
-    const row = element("p", choices, "", { className: "choice" });
-    element("span", row, "Pose " + (k + 1) + ":");
-    solutions.forEach((solution, j) => {
-      const button = element("button", row, String(j + 1), { type: "button", title: solution.branch });
-      button.setAttribute("aria-label", "pose " + (k + 1) + ", configuration " + (j + 1) + ": " + solution.branch);
-      button.setAttribute("aria-pressed", "false");
-      button.addEventListener("click", () => {
-        release();
-        state.others = solutions.filter((other) => other !== solution).map((other) => other.q);
-        button.setAttribute("aria-pressed", "true");
-        document.getElementById("branch").textContent = solution.branch;
-        move(solution.q);
+  }
+  function same(p, q) {
+    return p.every((x, i) => Math.abs(scene.joints[i].revolute ? Math.sin((x - q[i]) / 2) : x - q[i]) < 1e-5);
+  }
+  function named(branch) {
+    return Object.entries(branch).map(([name, value]) => name.replace(/_/g, " ") + " " + "+\u2212"[value] || value).join(", ") || "the only one";
+  }
+  function offered(title, groups) {
+    const choices = document.getElementById("configurations");
+    choices.textContent = "";
+    if (groups[0].length === 0) return;
+    groups.forEach((solutions, k) => {
+      const row = element("p", choices, "", { className: "choice" });
+      element("span", row, groups.length > 1 ? "Pose " + (k + 1) + ":" : title + ":");
+      solutions.forEach((solution, j) => {
+        const button = element("button", row, String(j + 1), { type: "button", title: solution.name });
+        const outside = solution.within === false ? ", outside the joint limits" : "";
+        button.setAttribute("aria-label", "configuration " + (j + 1) + ": " + solution.name + outside);
+        button.setAttribute("aria-pressed", String(same(solution.q, state.q)));
+        button.style.setProperty("--hue", hue(solution.index === undefined ? j : solution.index));
+        if (outside) button.classList.add("outside");
+        button.addEventListener("click", () => {
+          release();
+          state.others = solutions.filter((other) => other !== solution);
+          Array.from(choices.querySelectorAll("button")).forEach((b) => b.setAttribute("aria-pressed", String(b === button)));
+          say(solution.name + outside);
+          move(solution.q);
+        });
       });
     });
-  });
+  }
+
+  /* -- controls of one arm ------------------------------------------------------------------------------------------------ */
+
+  function controls() {
+    const panel = document.getElementById("joints");
+    panel.textContent = "";
+    sliders = [];
+    scene.joints.forEach((joint, i) => {
+      const row = element("label", panel, "", { className: "slider" });
+      element("span", row, joint.name);
+      const output = element("output", row, value(i));
+      end(row, i, 0);
+      const input = element("input", row, "", { type: "range", min: joint.lower, max: joint.upper, step: "any", value: state.q[i] });
+      end(row, i, 1);
+      input.addEventListener("input", () => {
+        cancelAnimationFrame(motion);
+        release();
+        say("");
+        state.q[i] = Number(input.value);
+        output.textContent = value(i);
+        input.setAttribute("aria-valuetext", value(i));
+        draw();
+        if (changed) changed(state.q);
+      });
+      input.addEventListener("change", offer);
+      sliders.push({ input: input, output: output });
+    });
+    const buttons = document.getElementById("actions");
+    buttons.textContent = "";
+    element("button", buttons, "First pose", { type: "button" }).addEventListener("click", () => { release(); say(""); move(start); });
+    const zero = scene.joints.map((joint) => Math.min(Math.max(0, joint.lower), joint.upper));
+    element("button", buttons, zero.every((q) => q === 0) ? "Zero pose" : "Nearest to zero", { type: "button" })
+      .addEventListener("click", () => { release(); say(""); move(zero); });
+    const toggle = element("button", buttons, "Frames", { type: "button" });
+    toggle.setAttribute("aria-pressed", String(state.frames));
+    toggle.addEventListener("click", () => {
+      state.frames = !state.frames;
+      toggle.setAttribute("aria-pressed", String(state.frames));
+      draw();
+    });
+    const place = document.getElementById("place");
+    place.textContent = "";
+    if (!solver) return;
+    ["x", "y", "z"].forEach((name, i) => {
+      const label = element("label", place, name + " ");
+      const input = element("input", label, "", { type: "number", step: 10 });
+      input.setAttribute("aria-label", name + " of the tip in mm");
+      input.addEventListener("change", () => {
+        if (!Number.isFinite(input.valueAsNumber)) return;
+        const T = pose(state.q).tip.map((row) => row.slice());
+        T[i][3] = input.valueAsNumber / 1000;
+        reach(T, false);
+      });
+    });
+    element("span", place, "mm");
+  }
 
   /* -- motions: played in real time, interpolated between their samples --------------------------------------------------- */
 
@@ -362,8 +479,10 @@
     const f = (t - movement.t[low]) / (movement.t[high] - movement.t[low]);
     return movement.q[low].map((from, i) => from + f * (movement.q[high][i] - from));
   }
-  const player = document.getElementById("player");
-  scene.motions.forEach((movement) => {
+  function players() {
+   const player = document.getElementById("player");
+   player.textContent = "";
+   (scene.motions || []).forEach((movement) => {
     const end = movement.t[movement.t.length - 1];
     element("span", player, movement.name, { className: "note" });
     const row = element("div", player, "", { className: "play" });
@@ -398,19 +517,54 @@
       playing = requestAnimationFrame(advance);
     });
     output.textContent = fixed(0, 2) + " of " + fixed(end, 2) + " s";
-  });
+   });
+  }
 
+  /* -- pointer and keys ---------------------------------------------------------------------------------------------------- */
+
+  function at(event) {
+    const box = canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+  function overTip(event) {
+    if (!solver || !eye) return false;
+    const [x, y] = at(event), tip = project(origin(pose(state.q).tip));
+    return Math.hypot(x - tip[0], y - tip[1]) < (event.pointerType === "touch" ? 34 : 22);
+  }
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
+    if (overTip(event)) {
+      const tip = pose(state.q).tip, p = project(origin(tip)), [x, y] = at(event);
+      state.held = { T: tip, from: [x, y], scale: eye.scale * eye.far / (eye.far - p[2]), right: eye.right, up: eye.up };
+      cancelAnimationFrame(motion);
+      draw();
+      return;
+    }
     state.drag = [event.clientX, event.clientY, state.azimuth, state.elevation];
   });
+  canvas.addEventListener("touchstart", (event) => {  // a finger on the ring drags the tip and does not scroll the page
+    const touch = event.touches[0];
+    if (overTip({ clientX: touch.clientX, clientY: touch.clientY, pointerType: "touch" })) event.preventDefault();
+  }, { passive: false });
   canvas.addEventListener("pointermove", (event) => {
-    if (!state.drag) return;
+    if (state.held) {
+      const [x, y] = at(event), held = state.held;
+      const p = plus(plus(origin(held.T), held.right, (x - held.from[0]) / held.scale), held.up, (held.from[1] - y) / held.scale);
+      reach(held.T.map((row, i) => (i < 3 ? [...row.slice(0, 3), p[i]] : row)), true);
+      return;
+    }
+    if (!state.drag) {
+      canvas.classList.toggle("over", overTip(event));
+      return;
+    }
     state.azimuth = state.drag[2] - 0.008 * (event.clientX - state.drag[0]);
     state.elevation = Math.min(1.55, Math.max(-1.55, state.drag[3] + 0.008 * (event.clientY - state.drag[1])));
     draw();
   });
-  ["pointerup", "pointercancel"].forEach((kind) => canvas.addEventListener(kind, () => { state.drag = null; }));
+  ["pointerup", "pointercancel"].forEach((kind) => canvas.addEventListener(kind, () => {
+    state.drag = null;
+    if (state.held) { state.held = null; draw(); offer(); }
+  }));
   canvas.addEventListener("wheel", (event) => {
     if (!event.ctrlKey && !event.shiftKey) return;
     event.preventDefault();
@@ -435,18 +589,27 @@
   }
   window.addEventListener("resize", () => { draw(); reachable(); });
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-  const closed = [];  // what is folded on the screen is written out on paper
-  window.addEventListener("beforeprint", () => {
-    page.classList.add("paper");
-    document.querySelectorAll("details:not([open])").forEach((each) => { each.open = true; closed.push(each); });
-    draw();
-  });
-  window.addEventListener("afterprint", () => {
-    page.classList.remove("paper");
-    closed.splice(0).forEach((each) => { each.open = false; });
-    draw();
-  });
-  root.classList.add("alive");
-  draw();
-  reachable();
-})();
+  function load(next, inverse) {
+    scene = next;
+    solver = inverse;
+    loaded += 1;
+    target = null;
+    busy = false;
+    rows = scene.rows || scene.joints;  // the joints, or the rows of a mechanism, each with its parent and its factors of q
+    tipRow = scene.rows ? scene.tip_row : rows.length - 1;
+    start = scene.start;
+    cancelAnimationFrame(motion);
+    Object.assign(state, { q: start.slice(), zoom: 1, others: [], trace: [], held: null, drag: null });
+    room = shownRoom();
+    root.classList.add("alive");
+    controls();
+    players();
+    say("");
+    if (scene.poses.length) offered("", scene.poses.map((solutions) => solutions.map((each) => ({ q: each.q, name: each.branch }))));
+    else document.getElementById("configurations").textContent = "";
+    show();
+    reachable();
+    offer();
+  }
+  return { load: load, show: show, state: state, ringPlace: () => project(origin(pose(state.q).tip)).slice(0, 2) };
+}

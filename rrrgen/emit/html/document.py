@@ -16,6 +16,8 @@ from rrrgen.emit.html.mathml import MathmlMarkup
 from rrrgen.emit.html.scene import as_json, scene
 from rrrgen.emit.html.sketch import frame_sketch, zero_pose
 from rrrgen.emit.latex import Form, Walk, trig_abbreviates
+from rrrgen.emit.targets.javascript_ik import module
+from rrrgen.robot.identity import identify
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -34,7 +36,7 @@ def html_report(
 ) -> str:
     """Write a self-contained HTML page about the robot of ``model`` and return its text.
 
-    It shows the arm in an interactive view with configurations of the same tip pose, states the convention, prints the
+    It shows the arm in an interactive view, whose tip is dragged, states the convention, prints the
     Denavit-Hartenberg table in rad and m and in degrees and mm, draws the frames of the zero pose, lists the base
     parameters and how each link parameter enters them, shows ``closed_forms`` (name of a model function -> exact
     expression, matrix or shared form) as MathML and the inverse kinematics, counts operations, and tabulates
@@ -46,9 +48,12 @@ def html_report(
     spec, parameters = model.spec, listing(model)
     walk = Walk(MathmlMarkup(), trig_abbreviates(closed_forms))
     _, _, tip = zero_pose(spec)
-    view = scene(model) | {"motions": [motion.as_data(spec.n) for motion in motions]}
+    inverse = module(spec, identify(spec))
+    view = scene(spec, model.programs["forward_kinematics"]) | {
+        "motions": [motion.as_data(spec.n) for motion in motions]
+    }
     return (
-        _environment()
+        environment()
         .get_template("report/report.html.j2")
         .render(
             spec=spec,
@@ -73,15 +78,22 @@ def html_report(
             passes=tables.passes(model),
             verification=verification,
             inverse=equations.inverse_kinematics(spec),
-            poses=len(view["poses"]),
             figures=figures,
             scene=Markup(as_json(view)),
+            solver=Markup(script_text(inverse or "")),
+            draggable=inverse is not None,
         )
     )
 
 
+def script_text(script: str) -> str:
+    """Escape JavaScript for a ``<script>`` element, which its strings and comments cannot end then."""
+    return script.replace("</", r"<\/").replace("<!--", r"<\!--").replace("<script", r"<\script")
+
+
 @cache
-def _environment() -> Environment:
+def environment() -> Environment:
+    """The Jinja environment of pages: text from a robot file is escaped."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     return Environment(

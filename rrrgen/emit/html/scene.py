@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.base.small_matrices import singular_values
 from rrrgen.emit.html.sketch import zero_pose
+from rrrgen.ik.geometry.chain import numeric_chain
 from rrrgen.program import evaluate_floats
 
 if TYPE_CHECKING:
     from rrrgen.base.arrays import Array
-    from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.ik.inverse_kinematics import InverseKinematics
+    from rrrgen.program import Program
     from rrrgen.robot.spec import JointSpec, RobotSpec
 
 
@@ -114,16 +116,16 @@ def as_json(content: dict[str, Any]) -> str:
     return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
 
 
-def scene(model: DerivedModel) -> dict[str, Any]:
+def scene(spec: RobotSpec, forward_kinematics: Program | None = None) -> dict[str, Any]:
     """The data of the view: geometry at nominal parameters (SI units), joint ranges, configurations of equal tip pose.
 
     ``joints`` holds per joint name, type, alpha, a, d, theta, the sign if it is -1, and the ends of its slider: the
     limits of the robot file, else one turn or the reach; ``limited`` says for both ends whether the file states them.
+    ``start`` is the configuration to begin with.
     In a mechanism, ``rows`` holds the Denavit-Hartenberg rows instead, each with the number of the row that carries it
-    and the factors of q in its displacement. ``poses`` holds lists of configurations ``q`` with the names of their
-    branches.
+    and the factors of q in its displacement, and ``poses`` lists of configurations ``q`` of equal tip pose with the
+    names of their branches, if its ``forward_kinematics`` are given. Those of a chain are found by the page itself.
     """
-    spec = model.spec
     base, stages, _ = zero_pose(spec)
     along = stages if spec.mechanism is None else [stages[i] for i in spec.mechanism.path(spec.tip_row)]
     corners = [point for stage in along for point in stage.path]
@@ -153,7 +155,8 @@ def scene(model: DerivedModel) -> dict[str, Any]:
         "gravity": [_short(float(spec.nominal(v))) for v in spec.gravity],
         "reach": _short(reach),
         "joints": joints,
-        "poses": _poses(model, ends),
+        "start": _first_pose(spec, ends),
+        "poses": [] if spec.mechanism is None or forward_kinematics is None else _poses(spec, forward_kinematics, ends),
     } | _mechanism(spec, table)
 
 
@@ -178,15 +181,53 @@ def _range(joint: JointSpec, reach: float) -> tuple[float, float]:
     return -most if lower is None else lower, most if upper is None else upper
 
 
-def _poses(model: DerivedModel, ends: list[tuple[float, float]]) -> list[list[dict[str, Any]]]:
+BENT = 2.0  # rad, the farthest of a revolute joint from the middle of its range in the first pose
+TRIED = 64  # configurations from which the first pose is chosen
+
+
+def _first_pose(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]:
+    """A configuration near the middle of the limits in which the tip moves freely and nothing is below the base.
+
+    Of :data:`TRIED` configurations it is the one with the largest smallest singular value of the Jacobian, lengths over
+    the reach: a straight arm, at which dragging the tip would feel stuck, has zero there. A mechanism starts in the
+    middle.
+    """
+    middle = [(lower + upper) / 2 for lower, upper in ends]
+    if spec.mechanism is not None:
+        return [_short(x) for x in middle]
+    chain = numeric_chain(spec)
+    span = [
+        min(0.4 * (upper - lower), BENT) if joint.is_revolute else 0.3 * (upper - lower)
+        for joint, (lower, upper) in zip(spec.joints, ends, strict=True)
+    ]
+    span[0] = min(span[0], 0.4)  # the first joint turns the picture only
+    up = [-float(spec.nominal(g)) for g in spec.gravity]
+    best: tuple[float, list[float]] = (-1.0, middle)
+    for k in range(TRIED):
+        parts = [2 * ((GOLDEN ** (i % 7 + 1) * (k + 1) + 0.5 * i) % 1.0) - 1 for i in range(spec.n)]
+        q = [_short(m + part * s) for m, part, s in zip(middle, parts, span, strict=True)]
+        rows = 3 if spec.n <= 3 else 6
+        columns = [
+            ([x / chain.reach for x in column[:3]] if joint.revolute else column[:3]) + column[3:]
+            for joint, column in zip(chain.joints, chain.tip_motion(q), strict=True)
+        ]
+        freedom = singular_values([column[:rows] for column in columns])[min(rows, spec.n) - 1]
+        heights = [sum(u * row[3] for u, row in zip(up, frame, strict=True)) for frame in chain.frames(q)]
+        low = min(heights[1:]) < heights[0] - 0.02 * chain.reach * hypot(*up)
+        score = freedom * (0.1 if low else 1.0)
+        if score > best[0] + 1e-9:  # round-off does not decide
+            best = (score, q)
+    return best[1]
+
+
+def _poses(spec: RobotSpec, program: Program, ends: list[tuple[float, float]]) -> list[list[dict[str, Any]]]:
     """All configurations for each of :data:`POSES` tip poses; empty where the solver needs a compiler or is missing."""
     from rrrgen.ik.inverse_kinematics import evaluated_solver
 
     try:
-        solver = evaluated_solver(model.spec)
+        solver = evaluated_solver(spec)
     except DerivationError:
         return []
-    program = model.programs["forward_kinematics"]
     candidates = []
     for k in range(CANDIDATES):
         parts = [0.15 + 0.7 * ((GOLDEN * (k * len(ends) + i + 1)) % 1.0) for i in range(len(ends))]

@@ -139,14 +139,14 @@ class Chain:
 
     def tip_pose(self, q: Sequence[float]) -> Matrix:
         """Forward kinematics: the 3x4 pose of the tip in the base frame at the joint values ``q`` (n,), rad or m."""
-        return self._frames(q)[-1]
+        return self.frames(q)[-1]
 
     def tip_motion(self, q: Sequence[float]) -> list[list[float]]:
         """The columns of the geometric Jacobian of the tip at ``q``: velocity and angular velocity, in the base frame.
 
         One list of six numbers for each joint of the chain: m/s and rad/s for 1 rad/s (1 m/s) of the joint.
         """
-        *frames, tip = self._frames(q)
+        *frames, tip = self.frames(q)
         columns = []
         for joint, frame in zip(self.joints, frames, strict=True):
             z = [joint.sign * row[2] for row in frame]
@@ -169,8 +169,8 @@ class Chain:
 
         return np.array(self.tip_motion(q)).T.reshape(6, self.n)
 
-    def _frames(self, q: Sequence[float]) -> list[Matrix]:
-        """The frames of the joints in the base frame, each before its own displacement, and that of the tip."""
+    def frames(self, q: Sequence[float]) -> list[Matrix]:
+        """The frames of the joints in the base frame at ``q``, each before its displacement, and that of the tip."""
         base, *after_joints = self._rounded
         frames = [base]
         for joint, behind in zip(self.joints, after_joints, strict=True):
