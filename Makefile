@@ -17,7 +17,7 @@ PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/
 unit python: export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := rrr
-.PHONY: rrr core setup test lint types unit python generated update stubs bench docs pages stranger machines clean help
+.PHONY: playground rrr core setup test lint types unit python generated update stubs bench docs pages stranger machines clean help
 SEEDS ?= 12
 
 rrr: core  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
@@ -56,6 +56,11 @@ python: setup  ## the tests of what depends on the version of Python; continuous
 
 generated: setup  ## the committed code of the reference robot is what the generator writes today
 	$(BIN)/rrrgen generate rrr -o generated/rrr --check
+
+PYODIDE ?= 314.0.7
+playground: core  ## the page that runs the compiler in a browser, into build/playground; fetches its runtime through npm
+	npm install --prefix build/npm --no-save --no-audit --no-fund pyodide@$(PYODIDE) playwright-core
+	$(BIN)/rrrgen playground build/playground --build build/npm/node_modules/pyodide
 
 update: setup  ## write the committed code of the reference robot anew
 	$(BIN)/rrrgen generate rrr -o generated/rrr --no-casadi-files

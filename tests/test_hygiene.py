@@ -21,6 +21,7 @@ UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX|HACK|raise NotImplementedError)\b")
 CALLED_BY_LIBRARIES = {
     *("list_commands", "get_command", "format_commands", "format_options", "format_epilog", "write_heading"),  # click
     *("load_bytecode", "dump_bytecode"),  # Jinja
+    *("end_headers", "log_message"),  # http.server
     *("_repr_html_", "_repr_latex_"),  # notebooks
 }
 EVALUATION = {"eval", "exec", "sympify", "parse_expr", "literal_eval", "lambdify"}

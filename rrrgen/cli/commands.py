@@ -40,6 +40,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export": ("rrrgen.cli.export:export", "Write files of a robot for other programs."),
     "certify": ("rrrgen.cli.certify:certify", "Write code with a certificate of what is proven and tested."),
     "robots": ("rrrgen.cli.new:robots", "List the bundled robots."),
+    "playground": ("rrrgen.cli.playground:playground", "Serve the page that runs the compiler in a browser."),
     "schema": ("rrrgen.cli.new:schema", "Print the JSON Schema of robot files, for editors."),
     "doctor": ("rrrgen.cli.doctor:doctor", "Say what this installation can do, and what is missing."),
 }
@@ -51,7 +52,7 @@ GROUPS = {
 }
 """The groups of commands, with their one-line help."""
 
-FURTHER = ("export", "certify", "robots", "schema", "doctor")
+FURTHER = ("export", "certify", "robots", "playground", "schema", "doctor")
 """Commands that the first help names in one line only; ``rrrgen --help-all`` describes them."""
 
 RENAMED = {path.split()[1]: path for path in COMMANDS if " " in path and path != "response model"} | {

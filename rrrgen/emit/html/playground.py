@@ -1,0 +1,158 @@
+"""Answers of the compiler to the page of the playground: text of a robot file in, data for JSON out.
+
+The page runs in a browser, with the compiler in a worker. It asks in three steps, each of which takes longer: the table
+with its faults while the user types, the picture of the arm, and what is derived from it.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from rrrgen.base.errors import DerivationError, Fault, InputError
+from rrrgen.base.yamltext.document import FaultList, MappingNode, Node, Scalar, SequenceNode, parse_document
+
+if TYPE_CHECKING:
+    from rrrgen.robot.spec import RobotSpec
+
+FILE = "robot.yaml"
+"""Name of the text in messages."""
+
+LARGEST = 100_000
+"""Characters of a robot file that the page takes: a link holds a stranger's file."""
+
+COLUMNS = ("name", "type", "alpha", "a", "d", "theta")
+"""Columns of the form, keys of a joint in the robot file."""
+
+FORMS = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
+SHORT = 3
+"""Functions whose closed forms are shown, of arms of up to this many joints: longer arms fill pages."""
+
+
+def check(text: str) -> dict[str, Any]:
+    """The faults of a robot file, and its Denavit-Hartenberg table as typed.
+
+    ``faults`` holds severity, line, column, message and hint; ``joints`` for every row of the table and every one of
+    :data:`COLUMNS` the text of the cell with its place, ``line`` and ``column`` from 1, or None for a value that the
+    file does not state. ``units`` are those of the file.
+    """
+    from rrrgen.robot.file.reader import read_spec
+
+    if len(text) > LARGEST:
+        return {"faults": [_fault(Fault(FILE, 0, 0, f"the text is longer than {LARGEST} characters"))], "joints": []}
+    try:
+        found = list(read_spec(text, FILE).faults)
+    except InputError as error:
+        found = list(error.faults)
+    joints, units = _table(text)
+    return {"faults": [_fault(fault) for fault in found], "joints": joints, "units": units}
+
+
+def _fault(fault: Fault) -> dict[str, Any]:
+    return {name: getattr(fault, name) for name in ("severity", "line", "column", "message", "hint")}
+
+
+def _table(text: str) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    try:
+        root = parse_document(text, FaultList(FILE, text))
+    except InputError:
+        return [], {}
+    units = {
+        key: value.text for key, value in _entries(_entries(root).get("units")).items() if isinstance(value, Scalar)
+    }
+    joints = _entries(root).get("joints")
+    rows = joints.items if isinstance(joints, SequenceNode) else []
+    return [{name: _cell(_entries(row).get(name)) for name in COLUMNS} for row in rows], units
+
+
+def _entries(node: Node | None) -> dict[str, Node]:
+    if not isinstance(node, MappingNode):
+        return {}
+    return {key.text: value for key, value in node.entries if isinstance(key, Scalar)}
+
+
+def _cell(node: Node | None) -> dict[str, Any] | None:
+    if not isinstance(node, Scalar) or "\n" in node.text:
+        return None
+    place = node.place
+    return {"text": node.text, "line": place.line, "column": place.column + node.inset}
+
+
+def picture(text: str) -> dict[str, Any]:
+    """What the view needs of a robot without faults: ``scene``, and ``solver``, its inverse kinematics in JavaScript.
+
+    ``family`` says in words how it is solved, or why it is not. Raises InputError with the faults.
+    """
+    return _picture(_spec(text))
+
+
+def _spec(text: str) -> RobotSpec:
+    from rrrgen.robot.file.reader import read_spec
+
+    if len(text) > LARGEST:
+        raise InputError([Fault(FILE, 0, 0, f"the text is longer than {LARGEST} characters")])
+    return read_spec(text, FILE)
+
+
+def _picture(spec: RobotSpec) -> dict[str, Any]:
+    from rrrgen.emit.html.scene import scene
+    from rrrgen.emit.targets.javascript_ik import module
+    from rrrgen.ik.classify import plan
+    from rrrgen.robot.identity import identify
+
+    found = plan(spec)
+    words = f"{found.title}: at most {found.max_solutions} configurations" if found.solvable else found.reason
+    return {
+        "name": spec.name,
+        "description": spec.description or "",
+        "scene": scene(spec),
+        "solver": module(spec, identify(spec)),
+        "closed": found.solver is not None,
+        "family": words,
+    }
+
+
+def results(text: str) -> dict[str, str]:
+    """What is derived from a robot without faults, as HTML: base parameters, closed forms, inverse kinematics."""
+    return _results(_spec(text))
+
+
+def _results(spec: RobotSpec) -> dict[str, str]:
+    from rrrgen.derive import parametrized, prepare
+    from rrrgen.derive.closed_forms import closed_form
+    from rrrgen.derive.parameters.listing import listing
+    from rrrgen.emit.html import document, equations, tables
+    from rrrgen.emit.html.mathml import MathmlMarkup
+    from rrrgen.emit.latex import Walk, trig_abbreviates
+
+    derivation = prepare(spec)
+    parameters = listing(parametrized(derivation))
+    forms = {}
+    if spec.n <= SHORT:
+        for name in FORMS:
+            forms[name] = closed_form(derivation, name).readable()
+    walk = Walk(MathmlMarkup(), trig_abbreviates(forms))
+    try:
+        inverse: Any = equations.inverse_kinematics(spec)
+    except DerivationError as error:
+        inverse = {"reason": str(error)}
+    module = document.environment().get_template("playground/results.html.j2").module
+    view = SimpleNamespace(
+        spec=spec,
+        statement=Markup(tables.typeset(parameters.statement)),
+        table=tables.base_parameters(parameters, walk),
+        forms=equations.closed_forms(forms, walk),
+        short_trig=walk.short_trig,
+        inverse=inverse,
+    )
+    return {
+        name: str(getattr(module, name)(view)) for name in ("base_parameters", "closed_forms", "inverse_kinematics")
+    }
+
+
+def prepared(text: str) -> dict[str, Any]:
+    """All answers about a bundled robot, so that its page needs no compiler."""
+    spec = _spec(text)
+    return {"text": text, "check": check(text), "picture": _picture(spec), "results": _results(spec)}
