@@ -72,7 +72,8 @@ def stated(spec: RobotSpec, width: int | None = None) -> list[str]:
     """The lines of :func:`as_text` about what the robot file states, up to the links."""
     lines = [f"{spec.name}: {spec.description or 'serial robot'}", *_facts(spec, width), ""]
     lines += ["Denavit-Hartenberg table, exact and in both units at the nominal parameters"]
-    rows = [("joint", "type", "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.rows)]
+    placed = ("gamma", "b") if spec.has_placements else ()
+    rows = [("joint", "type", *placed, "alpha", "a", "d", "theta"), *(_row(spec, joint) for joint in spec.rows)]
     lines += text_table(rows, width)
     lines += _mechanism(spec, width)
     lines += _drives(spec, width)
@@ -159,9 +160,11 @@ def _row(spec: RobotSpec, joint: JointSpec) -> tuple[str, ...]:
     q = joint.name if joint.sign > 0 else f"-{joint.name}"
     theta = f"{q} + {_angle(spec, joint.theta)}" if joint.is_revolute and joint.theta != 0 else None
     d = f"{q} + {_length(spec, joint.d)}" if not joint.is_revolute and joint.d != 0 else None
+    placed = (_angle(spec, joint.gamma), _length(spec, joint.b)) if spec.has_placements else ()
     return (
         joint.name,
         joint.type,
+        *placed,
         _angle(spec, joint.alpha),
         _length(spec, joint.a),
         d or (_length(spec, joint.d) if joint.is_revolute else q),
@@ -212,12 +215,13 @@ def _number(value: sp.Expr) -> str:
 
 
 def _joint(spec: RobotSpec, joint: JointSpec) -> dict[str, Any]:
-    exact = {name: getattr(joint, name) for name in ("alpha", "a", "d", "theta")}
+    placed = ("gamma", "b") if spec.has_placements else ()
+    exact = {name: getattr(joint, name) for name in (*placed, "alpha", "a", "d", "theta")}
     return {
         "name": joint.name,
         "type": joint.type,
         **({} if joint.sign > 0 else {"sign": joint.sign}),
-        **{name: _exact(spec, value, "m" if name in ("a", "d") else "rad") for name, value in exact.items()},
+        **{name: _exact(spec, value, "m" if name in ("a", "d", "b") else "rad") for name, value in exact.items()},
     }
 
 

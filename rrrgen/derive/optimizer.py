@@ -45,7 +45,7 @@ class SpellLengths:
 
 def lengths_of(spec: RobotSpec) -> frozenset[Fraction]:
     """The magnitudes of all lengths of the robot file, m: a and d of the rows, translations of base and tool."""
-    rows = [length for row in spec.rows for length in (row.a, row.d)]
+    rows = [length for row in spec.rows for length in (row.a, row.d, row.b)]
     values = [spec.nominal(length) for length in (*rows, *spec.base.translation, *spec.tool.translation)]
     return frozenset(abs(Fraction(int(x.p), int(x.q))) for x in values if x.is_Rational and x != 0)
 

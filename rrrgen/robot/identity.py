@@ -42,6 +42,9 @@ def identify(spec: RobotSpec) -> Identity:
     for row in (*robot["joints"], *robot.get("mechanism", {}).get("rows", ())):
         if row["sign"] == 1:
             del row["sign"]
+        for key in ("gamma", "b"):
+            if row[key] == "0":
+                del row[key]
     if not spec.gravity_input:
         del robot["gravity_input"]
     if spec.ik == "general":

@@ -232,7 +232,8 @@ class JointSpec:
     ``theta`` is the offset added to q of a revolute joint, ``d`` the offset added to q of a prismatic joint.
     ``limits``, ``friction`` and ``drive`` as the file states them; None for friction or drive that it does not state.
     ``sign`` is -1 where q moves against the axis of the row, whose frames stay as they are; rows of a mechanism have 1,
-    since its matrix holds their signs.
+    since its matrix holds their signs. ``gamma`` (rad) and ``b`` (m), of modified rows only, place a branch on the link
+    that carries it: the row is ``Rz(gamma) Tz(b) Rx(alpha) Tx(a) Rz(theta) Tz(d)`` (Khalil and Kleinfinger 1986).
     """
 
     name: str
@@ -245,6 +246,8 @@ class JointSpec:
     friction: FrictionSpec | None = None
     drive: DriveSpec | None = None
     sign: int = 1
+    gamma: sp.Expr = sp.S.Zero
+    b: sp.Expr = sp.S.Zero
 
     @property
     def is_revolute(self) -> bool:
@@ -318,6 +321,13 @@ class FixedTransform:
         """The homogeneous matrix T (4, 4)."""
         R = sp.Matrix(3, 3, list(self.rotation))
         return R.row_join(sp.Matrix(self.translation)).col_join(sp.Matrix([[0, 0, 0, 1]]))
+
+    def screwed(self, angle: sp.Expr, length: sp.Expr) -> FixedTransform:
+        """The transform ``T Rz(angle) Tz(length)``, angle in rad and length in m."""
+        c, s = sp.cos(angle), sp.sin(angle)
+        turn = sp.Matrix([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, length], [0, 0, 0, 1]])
+        T = self.matrix() * turn
+        return FixedTransform(tuple(T[:3, :3]), (T[0, 3], T[1, 3], T[2, 3]))
 
 
 @dataclass(frozen=True)
@@ -436,8 +446,17 @@ class RobotSpec:
             return expression
         return expression.xreplace({parameter_symbol(k): v for k, v in self.parameters.items()})
 
+    @property
+    def has_placements(self) -> bool:
+        """Whether a row of the table is placed on its carrier by gamma or b."""
+        return any(row.gamma != 0 or row.b != 0 for row in self.rows)
+
+    def placements(self) -> list[tuple[float, float]]:
+        """``(gamma, b)`` of every row at the nominal values, rad and m, as floats; zero but for branches."""
+        return [(float(self.nominal(row.gamma)), float(self.nominal(row.b))) for row in self.rows]
+
     def dh_table(self) -> list[tuple[str, float, float, float, float]]:
-        """Rows ``(type, alpha, a, d, theta)`` at the nominal values, SI and rad, as floats."""
+        """Rows ``(type, alpha, a, d, theta)`` at the nominal values, SI and rad, as floats; without gamma and b."""
         rows: list[tuple[str, float, float, float, float]] = []
         for joint in self.rows:
             values = [float(self.nominal(v)) for v in (joint.alpha, joint.a, joint.d, joint.theta)]

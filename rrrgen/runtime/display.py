@@ -43,7 +43,10 @@ def corners(spec: RobotSpec, frames: Array, tip: Array) -> Array:
     if spec.convention == "standard":
         bends = origins[..., 1:, :] - a * x[..., 1:, :]
     else:
-        bends = origins[..., :-1, :] + a * x[..., :-1, :]
+        placed = np.array(spec.placements())[path]  # the row begins turned by gamma and shifted by b along z
+        y, z = every[..., :3, 1], every[..., :3, 2]
+        c, s, b = np.cos(placed[:, :1]), np.sin(placed[:, :1]), placed[:, 1:]
+        bends = origins[..., :-1, :] + a * (c * x[..., :-1, :] + s * y[..., :-1, :]) + b * z[..., :-1, :]
     between = np.stack([bends, origins[..., 1:, :]], axis=-2)
     between = between.reshape(*between.shape[:-3], -1, 3)
     return np.concatenate([origins[..., :1, :], between, tip[..., None, :3, 3]], axis=-2)

@@ -53,6 +53,7 @@ function armViewer(changed) {
         joints.push({ at: origin(T), along: axis(T, 2), revolute: joint.revolute });
         step(turnZ(theta)); step(shift(0, d)); step(shift(joint.a, 0)); step(turnX(joint.alpha));
       } else {
+        step(turnZ(joint.gamma || 0)); step(shift(0, joint.b || 0));
         step(turnX(joint.alpha)); step(shift(joint.a, 0));
         joints.push({ at: origin(T), along: axis(T, 2), revolute: joint.revolute });
         step(turnZ(theta)); step(shift(0, d));

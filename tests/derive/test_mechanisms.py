@@ -14,7 +14,8 @@ from rrrgen.derive.functions.table import recorders
 from rrrgen.derive.recursions.linear_algebra import factorize
 from rrrgen.program import Builder, Port
 from rrrgen.program.evaluation import evaluate
-from rrrgen.robot.file import load_spec, loads_spec
+from rrrgen.robot.file import dumps, load_spec, loads_spec
+from rrrgen.robot.model import build_model
 from rrrgen.robot.model.inertial_parameters import standard_parameters
 from rrrgen.verify import verify
 from rrrgen.verify.references.newton_euler import NewtonEuler
@@ -41,10 +42,21 @@ tip: hand
 tool: {{translation: [0.1, 0, 0.2], rpy: [0.1, 0.2, 0.3]}}
 """
 
+PLACED_TREE = (
+    TREE.format(convention="modified")
+    .replace("theta: 0.2, ", "theta: 0.2, gamma: 0.9, b: 0.07, ")
+    .replace("a: 0.1, theta: 0.4}", "a: 0.1, theta: 0.4, gamma: -0.4, b: 0.2}")
+    .replace("parent: lift,", "parent: lift, gamma: pi/2, b: -0.3,")
+    .replace("parent: swing,", "parent: swing, gamma: 1.1, b: 0.05,")
+    .replace("parent: base,", "parent: base, gamma: -pi, b: 0.4,")
+)
+"""Turns of any size and by quarters, before revolute and prismatic rows, parallel and tilted ones, at the base."""
 
-def test_every_function_of_a_tree_with_followers_agrees_with_newton_euler():
+
+@pytest.mark.parametrize("text", [TREE.format(convention="modified"), PLACED_TREE])
+def test_every_function_of_a_tree_with_followers_agrees_with_newton_euler(text):
     """Prismatic and revolute followers with fractions, several branches and roots; verify asks every function."""
-    model = rrrgen.compile(loads_spec(TREE.format(convention="modified")), backend="numpy")
+    model = rrrgen.compile(loads_spec(text), backend="numpy")
     report = verify(model, samples=6, libraries=False)
     assert [row for row in report.rows if not row.ok] == []
     assert len(report.rows) > 40
@@ -248,3 +260,27 @@ def test_a_tree_is_factorized_from_the_tips_without_fill_in():
     np.testing.assert_allclose(matrix @ x, rhs, rtol=1e-13)
     np.testing.assert_allclose(matrix @ negative, -np.eye(5), atol=1e-13)
     assert status == 0
+
+
+TREES = Path(__file__).resolve().parents[2] / "examples" / "trees"
+
+
+@pytest.mark.parametrize(("name", "b"), [("torso", 85), ("hand", 50)])
+def test_base_parameters_of_the_example_trees(name, b):
+    """Seven for each revolute joint, one for the first about the direction of gravity."""
+    spec = load_spec(TREES / f"{name}.yaml")
+    assert len(prepare(spec).compiler_basis.names) == b == 7 * (spec.n - 1) + 1
+
+
+def test_the_origins_of_a_branch_follow_the_rules_of_a_chain():
+    """A chain with an idle stub beside it has the canonical frames of the chain."""
+    chain = load_spec("rrr")
+    rows = dumps(chain)
+    head = rows.partition("links:")[0]
+    joints, base = head.rstrip().split("\n"), [row.before for row in build_model(chain).joints]
+    stub = "  - {name: stub, type: revolute, alpha: 90 deg, a: 0.1, d: 0.2, parent: base}"
+    where = next(i for i, line in enumerate(joints) if line.startswith("tool:")) if "tool:" in head else len(joints)
+    text = "\n".join([*joints[:where], stub, f"tip: {chain.rows[-1].name}", *joints[where:]]) + "\n"
+    tree = build_model(loads_spec(text))
+    assert [joint.before for joint in tree.joints[:-1]] == base
+    assert tree.blocks[-1] == (chain.n,)

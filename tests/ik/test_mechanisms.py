@@ -428,9 +428,10 @@ def test_a_fixed_row_gives_the_plan_of_the_arm_without_it():
     assert (bent.family, bent.title, bent.max_solutions) == (straight.family, straight.title, straight.max_solutions)
 
 
-def test_the_emitted_solver_of_a_bent_arm_finds_every_configuration(tmp_path):
-    solver = load_solver(loads_spec(FIXED.replace("ALPHA", "60")))
-    spec = loads_spec(FIXED.replace("ALPHA", "60"))
+@pytest.mark.parametrize("text", [FIXED.replace("ALPHA", "60"), FIXED.replace("ALPHA", "90")])
+def test_the_emitted_solver_of_a_bent_arm_finds_every_configuration(text):
+    spec = loads_spec(text)
+    solver = load_solver(spec)
     q = np.random.default_rng(8).uniform(-3, 3, (2000, spec.n))
     found = solver.solve_batch(poses(spec, q), limits=False)
     nearest = [
@@ -438,3 +439,19 @@ def test_the_emitted_solver_of_a_bent_arm_finds_every_configuration(tmp_path):
         for own, rows, count in zip(q, found.q, found.counts, strict=True)
     ]
     assert max(nearest) < 1e-6
+
+
+def test_gamma_and_b_give_the_chain_of_a_fixed_row_with_theta_and_d():
+    """Placed by gamma and b, by a fixed row, or by theta and d of the row before: one arm, one plan."""
+    bend = "  - {name: bend, type: revolute, alpha: 0, a: 0.2, d: 0.05, theta: 30, follows: {}}\n"
+    fixed = FIXED.replace("ALPHA", "60").replace(bend, bend.replace("a: 0.2", "a: 0"))
+    placed = FIXED.replace(bend, "").replace("alpha: ALPHA,", "gamma: 30, b: 0.05, alpha: 60,")
+    plans = [plan(loads_spec(text)) for text in (fixed, placed)]
+    assert plans[0].title == plans[1].title
+    q = np.random.default_rng(3).uniform(-3, 3, (5, 6))
+    goals = poses(loads_spec(placed), q)
+    np.testing.assert_allclose(poses(loads_spec(fixed), q), goals, atol=1e-14)
+    np.testing.assert_allclose([plans[1].chain.forward(row) for row in q], goals, atol=1e-14)
+    first = placed.replace("theta: 15, follows: {}", "theta: 15, gamma: 40, b: 0.3, follows: {}")
+    spec = loads_spec(first)
+    np.testing.assert_allclose([plan(spec).chain.forward(row) for row in q], poses(spec, q), atol=1e-14)

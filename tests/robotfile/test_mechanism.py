@@ -102,3 +102,27 @@ def test_joints_that_the_rows_do_not_tell_apart_are_refused():
         text = text.replace(old, new)
     with pytest.raises(InputError, match="do not follow from those of the joints"):
         loads_spec(text.replace("{crank: 0.02}", "{arm: 1, crank: 1}"))
+
+
+PLACED = TEXT.replace("standard", "modified").replace("a: -0.1, d: 0,", "a: -0.1, d: 0, gamma: 30, b: 0.2,")
+
+
+def test_gamma_and_b_place_modified_rows_on_their_carrier():
+    spec = loads_spec(PLACED)
+    assert (spec.rows[2].gamma, spec.rows[2].b) == (sp.pi / 6, sp.Rational(1, 5))
+    assert loads_spec(dumps(spec)) == spec
+    jsonschema.validate(YAML(typ="safe").load(dumps(spec)), json_schema())
+    assert identify(spec) != identify(loads_spec(PLACED.replace("gamma: 30", "gamma: 31")))
+    zero = PLACED.replace("gamma: 30, b: 0.2", "gamma: 0, b: 0")
+    assert identify(loads_spec(zero)) == identify(loads_spec(TEXT.replace("standard", "modified")))
+
+
+def test_gamma_and_b_are_refused_in_standard_rows():
+    with pytest.raises(InputError) as caught:
+        loads_spec(PLACED.replace("modified", "standard"))
+    faults = [(fault.line, fault.message) for fault in caught.value.faults]
+    assert faults == [
+        (9, "gamma of joint 3: standard rows have no gamma and b"),
+        (9, "b of joint 3: standard rows have no gamma and b"),
+    ]
+    assert "negated, which undoes its twist" in caught.value.faults[0].hint

@@ -171,6 +171,8 @@ def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]
         row | {"revolute": joint.is_revolute, "parent": parent, "factors": [float(f) for f in factors]}
         for row, joint, parent, factors in zip(table, spec.rows, spec.parents, spec.mechanism.matrix, strict=True)
     ]
+    for row, (gamma, b) in zip(rows, spec.placements(), strict=True):
+        row |= {"gamma": _short(gamma), "b": _short(b)} if gamma or b else {}
     return {"rows": rows, "tip_row": spec.tip_row}
 
 

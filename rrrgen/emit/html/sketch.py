@@ -44,11 +44,13 @@ def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
     stages: list[Stage] = []
     for row, parent in zip(dh_rows(spec, nominal=True), spec.parents, strict=True):
         T = base if parent < 0 else stages[parent].frame
+        placed = _times(_rotation_z(float(row.gamma)), _shift(0.0, 0.0, float(row.b)))
         turn, slide = _rotation_z(float(row.theta)), _shift(0.0, 0.0, float(row.d))
         (reach, lean), (far, twist) = (
             (_shift(float(t.a), 0.0, 0.0), _rotation_x(float(t.alpha))) for t in (row.before, row.behind)
         )
-        start, steps = _times(_times(T, lean), reach), (lean, reach, turn, slide, far, twist)
+        start = _times(_times(_times(T, placed), lean), reach)
+        steps = (placed, lean, reach, turn, slide, far, twist)
         corners = [origin(T)]
         for step in steps:
             T = _times(T, step)

@@ -72,10 +72,12 @@ def dh_exact(spec: RobotSpec, walk: Walk) -> Table:
     moved = S * q
     for i, (joint, y) in enumerate(zip(spec.rows, moved, strict=True), start=1):
         theta, d = (joint.theta + y, joint.d) if joint.is_revolute else (joint.theta, joint.d + y)
-        cells = (Markup(inline(value, walk)) for value in (joint.alpha, joint.a, d, theta))
+        placed = (joint.gamma, joint.b) if spec.has_placements else ()
+        cells = (Markup(inline(value, walk)) for value in (*placed, joint.alpha, joint.a, d, theta))
         rows.append((str(i), joint.name, joint.type, *_carrier(spec, i - 1), *cells))
     carried = () if spec.mechanism is None else ("on",)
-    return Table(("i", "joint", "type", *carried, "α", "a", "d", "θ"), tuple(rows), frozenset({0}))
+    placed = ("γ", "b") if spec.has_placements else ()
+    return Table(("i", "joint", "type", *carried, *placed, "α", "a", "d", "θ"), tuple(rows), frozenset({0}))
 
 
 def _carrier(spec: RobotSpec, i: int) -> tuple[str, ...]:
@@ -96,10 +98,13 @@ def dh_numbers(spec: RobotSpec, in_degrees: bool) -> Table:
             theta_text = _with_variable(y, theta_text)
         else:
             d_text = _with_variable(y, d_text)
-        rows.append((str(i), number(angle(alpha)), number(a * length), d_text, theta_text))
+        gamma, b = spec.placements()[i - 1]
+        placed = (number(angle(gamma)), number(b * length)) if spec.has_placements else ()
+        rows.append((str(i), *placed, number(angle(alpha)), number(a * length), d_text, theta_text))
     units = ("°", "mm") if in_degrees else ("rad", "m")
-    headings = ("i", f"α [{units[0]}]", f"a [{units[1]}]", f"d [{units[1]}]", f"θ [{units[0]}]")
-    return Table(headings, tuple(rows), frozenset(range(5)))
+    placed = (f"γ [{units[0]}]", f"b [{units[1]}]") if spec.has_placements else ()
+    headings = ("i", *placed, f"α [{units[0]}]", f"a [{units[1]}]", f"d [{units[1]}]", f"θ [{units[0]}]")
+    return Table(headings, tuple(rows), frozenset(range(len(headings))))
 
 
 def _with_variable(q: str, offset: str) -> str:

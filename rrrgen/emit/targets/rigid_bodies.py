@@ -66,7 +66,7 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
     behind: list[Array] = []
     for i, (row, parent) in enumerate(zip(dh_rows(spec, nominal=True), spec.parents, strict=True)):
         twist, after = (_screw(float(t.alpha), float(t.a), 0) for t in (row.before, row.behind))
-        before = twist @ _screw(float(row.theta), float(row.d), 2)
+        before = _screw(float(row.gamma), float(row.b), 2) @ twist @ _screw(float(row.theta), float(row.d), 2)
         # a standard row turns by theta + q and shifts by d first: the constant part commutes with the motion
         inertia = _inertia(spec, i, after)
         joint, follows, direction = _motion(spec, i)

@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 
 from rrrgen.base.arrays import Array
+from rrrgen.base.errors import DerivationError
 from rrrgen.robot.model.canonical_frames import dh_rows
 from rrrgen.robot.spec import FixedTransform, RobotSpec
 
@@ -383,6 +384,9 @@ def geometry_of(spec: RobotSpec) -> Geometry:
 
 def geometry_of_table(spec: RobotSpec) -> Geometry:
     """The same in the rows of the table, whose common perpendiculars of nearly parallel axes may be far away."""
+    if spec.has_placements:
+        message = "calibration takes no rows with gamma or b: write each as a fixed row with theta: gamma and d: b"
+        raise DerivationError(f"{spec.name}: {message}")
     path, every = path_to_tip(spec), dh_rows(spec, nominal=True)
     table = [every[i] for i in path]
     rows = np.zeros((len(table), 5))

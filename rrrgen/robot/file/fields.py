@@ -83,6 +83,8 @@ JOINT = (
     Key("a", "value", "link length", True, quantity="length", file_units=True),
     Key("d", "value", "link offset; of a prismatic joint: added to q", quantity="length", file_units=True),
     Key("theta", "value", "joint angle; of a revolute joint: added to q", quantity="angle", file_units=True),
+    Key("gamma", "value", "modified rows: turn of this row about z of its carrier", quantity="angle", file_units=True),
+    Key("b", "value", "modified rows: shift of this row along z of its carrier", quantity="length", file_units=True),
     Key("sign", "choice", "-1: q moves against the axis of the row; its frames stay", choices=("1", "+1", "-1")),
     Key("parent", "name", "joint whose link carries this one, or base; the joint before it if missing"),
     Key(

@@ -72,6 +72,22 @@ def _read_joint(node: Node, number: int, scope: Scope) -> JointSpec | None:
     )
 
 
+def refuse_placements(node: Node, scope: Scope) -> None:
+    """Report the keys gamma and b of the rows of the list ``node``, whose file is in the standard convention.
+
+    The twist of a standard row stands on the link that carries the next one, so a second row on that link would have to
+    undo it first.
+    """
+    for number, item in enumerate(getattr(node, "items", ()), start=1):
+        for key, _ in getattr(item, "entries", ()):
+            if isinstance(key, Scalar) and key.text in ("gamma", "b"):
+                hint = (
+                    "there, fixed rows (follows: {}) do it: one with a and alpha of the carrier, negated, which undoes "
+                    "its twist, and one with theta: gamma, d: b and the twist to this joint; or convention: modified"
+                )
+                scope.faults.error(key, f"{key.text} of joint {number}: standard rows have no gamma and b", hint)
+
+
 def _read_name(node: Node | None, number: int, scope: Scope) -> str:
     if node is None:
         return f"q{number}"

@@ -34,7 +34,7 @@ def read_mechanism(
     rows = tuple(joint for joint in joints if joint is not None)
     items = node.items if isinstance(node, SequenceNode) else []
     keys = [_keys_of(item) for item in items]
-    stated = tip is not None or any("follows" in each or "parent" in each for each in keys)
+    stated = tip is not None or any(key in each for each in keys for key in ("follows", "parent", "gamma", "b"))
     if not stated or len(rows) != len(items):
         return rows, None
     names = [row.name for row in rows]

@@ -18,7 +18,7 @@ from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.base.yamltext.units import FileUnits
 from rrrgen.robot.file.drives import read_drives
 from rrrgen.robot.file.fields import FIT, HASH_DIGITS, MAX_FITS, ROBOT, ROBOT_FILE, UNITS
-from rrrgen.robot.file.joints import read_joints
+from rrrgen.robot.file.joints import read_joints, refuse_placements
 from rrrgen.robot.file.links import read_links
 from rrrgen.robot.file.mechanism import fixed_rows, read_mechanism
 from rrrgen.robot.file.parameter_basis import read_basis
@@ -248,6 +248,8 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         _read_parameters(values["parameters"], scope)
     gravity = _read_gravity(values.get("gravity"), scope)
     joints = read_joints(values["joints"], scope) if "joints" in values else []
+    if convention == "standard" and "joints" in values:
+        refuse_placements(values["joints"], scope)
     fixed = fixed_rows(values["joints"], joints) if "joints" in values else []
     links = read_links(values["links"], fixed, strict, scope) if "links" in values else None
     whole_links: list[LinkSpec] | None = None if links is None else [link for link in links if link is not None]

@@ -146,6 +146,9 @@ class _Printer:
         lines = [f"  - name: {joint.name}", f"    type: {joint.type}"]
         for name, quantity in (("alpha", "angle"), ("a", "length"), ("d", "length"), ("theta", "angle")):
             lines.append(f"    {name}: {self.value(getattr(joint, name), quantity)}")
+        for name, quantity in (("gamma", "angle"), ("b", "length")):
+            if (value := getattr(joint, name)) != 0:
+                lines.append(f"    {name}: {self.value(value, quantity)}")
         if joint.sign < 0:
             lines.append("    sign: -1")
         if parent:

@@ -11,8 +11,8 @@ with ``J_i = Rz(q_i + theta_i)`` for a revolute joint and ``J_i = Tz(q_i)`` for 
 The origin of ``P_i`` may be moved along its joint axis without changing this form, and is moved so that offsets vanish
 from the dynamics. Consecutive joints with parallel axes form a *block*. The origins of a block are moved into one
 plane, except the last, which is moved to the point at which the offset of the next joint has no component along the
-axis. The last block of the chain is moved into the plane of the joint before it. This produces the length ``D = d_2 +
-d_3`` of the reference robot.
+axis. The last block of every branch is moved into the plane of the joint before it. This produces the length ``D = d_2
++ d_3`` of the reference robot.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rrrgen.robot.spec import RobotSpec
 # The rows of the Denavit-Hartenberg table in one form for both conventions. The pose of the tip is
 #
 # T = base row_1(q_1) .. row_n(q_n) tool
-# row = Rx(alpha) Tx(a) Rz(theta) Tz(d) Tx(a') Rx(alpha')
+# row = Rz(gamma) Tz(b) Rx(alpha) Tx(a) Rz(theta) Tz(d) Tx(a') Rx(alpha')
 #
 # with q added to theta of a revolute joint and to d of a prismatic one. The *twist* (a, alpha) of the table stands
 # ``behind`` the motion in the standard convention and ``before`` it in the modified one; the other twist is zero,
@@ -62,7 +62,8 @@ _HALF_TURN = Twist(alpha=sp.pi)
 class DHRow(NamedTuple):
     """One row of the table: the twist ``before`` the motion, ``theta`` (rad), ``d`` (m), and the twist ``behind`` it.
 
-    ``revolute`` says whether q is added to theta; otherwise it is added to d.
+    ``revolute`` says whether q is added to theta; otherwise it is added to d. ``gamma`` (rad) and ``b`` (m) stand
+    first; only rows of the modified convention have them.
     """
 
     before: Twist
@@ -70,6 +71,8 @@ class DHRow(NamedTuple):
     d: sp.Expr
     behind: Twist
     revolute: bool
+    gamma: sp.Expr = sp.S.Zero
+    b: sp.Expr = sp.S.Zero
 
 
 def dh_rows(spec: RobotSpec, *, nominal: bool = False) -> tuple[DHRow, ...]:
@@ -80,12 +83,12 @@ def dh_rows(spec: RobotSpec, *, nominal: bool = False) -> tuple[DHRow, ...]:
 
     found = []
     for joint in spec.rows:
-        values = (joint.theta, joint.d, joint.a, joint.alpha)
-        theta, d, a, alpha = (spec.nominal(value) for value in values) if nominal else values
+        values = (joint.theta, joint.d, joint.a, joint.alpha, joint.gamma, joint.b)
+        theta, d, a, alpha, gamma, b = (spec.nominal(value) for value in values) if nominal else values
         twists = (NO_TWIST, Twist(a, alpha)) if spec.convention == "standard" else (Twist(a, alpha), NO_TWIST)
         if joint.sign < 0:
             theta, d, twists = -theta, -d, (twists[0].joined(_HALF_TURN), twists[1].joined(_HALF_TURN))
-        found.append(DHRow(twists[0], theta, d, twists[1], joint.is_revolute))
+        found.append(DHRow(twists[0], theta, d, twists[1], joint.is_revolute, gamma, b))
     return tuple(found)
 
 
@@ -199,14 +202,13 @@ class RobotModel:
 
     @property
     def blocks(self) -> tuple[tuple[int, ...], ...]:
-        """The joint indices (from 0) of each maximal sequence of parallel axes."""
-        blocks: list[list[int]] = []
+        """The joint indices (from 0) of each block: joints next to each other, also on branches, with parallel axes."""
+        blocks: dict[int, list[int]] = {}
+        first: list[int] = []
         for i, joint in enumerate(self.joints):
-            if joint.parallel:
-                blocks[-1].append(i)
-            else:
-                blocks.append([i])
-        return tuple(tuple(block) for block in blocks)
+            first.append(first[joint.parent] if joint.parallel else i)
+            blocks.setdefault(first[i], []).append(i)
+        return tuple(tuple(block) for block in blocks.values())
 
     def path(self, link: int) -> tuple[int, ...]:
         """The joints that move ``link``, from the base to it."""
@@ -230,11 +232,11 @@ def build_model(spec: RobotSpec) -> RobotModel:
     constants, angles = [], []
     for parent, row in zip(spec.parents, rows, strict=True):
         behind = rows[parent].behind if parent >= 0 else NO_TWIST
-        X = _twisted(behind.joined(row.before))
+        X, gamma = _before_motion(behind, row)
         along = RigidTransform.of(p=(0, 0, row.d))
         if row.revolute:
             constants.append(X @ along)
-            angles.append(row.theta)
+            angles.append(row.theta + gamma)
         else:
             constants.append(X @ along @ RigidTransform.of(rotation_z(row.theta)))
             angles.append(sp.S.Zero)
@@ -242,8 +244,7 @@ def build_model(spec: RobotSpec) -> RobotModel:
         if parent < 0:
             constants[i] = base @ constants[i]
     parallel = [parent >= 0 and X.R == IDENTITY for parent, X in zip(spec.parents, constants, strict=True)]
-    chain = spec.parents == tuple(range(-1, len(rows) - 1))
-    slides = _origin_shifts(constants, parallel) if chain else _shifts_in_blocks(constants, parallel, spec.parents)
+    slides = _origin_shifts(constants, parallel, spec.parents)
     moved = [RigidTransform.of(p=(0, 0, t)) for t in slides]
     back = [RigidTransform.of(p=(0, 0, -t)) for t in slides]
     for i in range(len(constants)):
@@ -264,6 +265,20 @@ def build_model(spec: RobotSpec) -> RobotModel:
     )
 
 
+def _before_motion(behind: Twist, row: DHRow) -> tuple[RigidTransform, sp.Expr]:
+    """The constant transform between the motions of two rows, and an angle that belongs to the second motion.
+
+    ``behind`` is the twist behind the first. Where the axes are parallel, the turn gamma of a revolute row commutes
+    with the twist and becomes that angle: the joints then belong to one block.
+    """
+    if row.gamma == 0 and row.b == 0:
+        return _twisted(behind.joined(row.before)), sp.S.Zero
+    placed = RigidTransform.of(rotation_z(row.gamma), (0, 0, row.b)) @ _twisted(row.before)
+    if row.revolute and row.before.alpha == 0:
+        return _twisted(behind) @ RigidTransform.of(p=tuple(placed.p)), row.gamma
+    return _twisted(behind) @ placed, sp.S.Zero
+
+
 def _coupling(spec: RobotSpec) -> tuple[tuple[sp.Expr, ...], ...] | None:
     """The matrix S from q to the displacements of all rows of a mechanism; None where it is the unit matrix."""
     if spec.mechanism is None or sp.Matrix(spec.mechanism.matrix) == sp.eye(spec.n):
@@ -275,32 +290,25 @@ def _twisted(twist: Twist) -> RigidTransform:
     return RigidTransform(sp.ImmutableMatrix(rotation_x(twist.alpha)), sp.ImmutableMatrix([twist.a, 0, 0]))
 
 
-def _origin_shifts(constants: list[RigidTransform], parallel: list[bool]) -> list[sp.Expr]:
+def _origin_shifts(constants: list[RigidTransform], parallel: list[bool], parents: tuple[int, ...]) -> list[sp.Expr]:
     """Distances (m) by which origins are moved back along their joint axes, by the rules of the module's docstring.
 
     ``constants`` are the X_i before the move; ``parallel`` says of each axis whether it is parallel to the one before.
+    Where several joints of other directions stand on the last link of a block, the first of them decides.
     """
+    children = [[k for k, parent in enumerate(parents) if parent == i] for i in range(len(parents))]
+    ends = [True] * len(parents)  # whether all axes beyond are parallel to that of the joint
+    for i in reversed(range(len(parents))):
+        ends[i] = all(parallel[k] and ends[k] for k in children[i])
     slides: list[sp.Expr] = []
-    last_block = max((i for i, flag in enumerate(parallel) if not flag), default=0)
-    for i, X in enumerate(constants):
+    for i, (X, parent) in enumerate(zip(constants, parents, strict=True)):
         along = normal_form((X.R.T * X.p)[2])  # component of the offset along the joint's own axis
-        if parallel[i] and i + 1 < len(parallel) and not parallel[i + 1]:
-            slides.append(normal_form(-constants[i + 1].p[2]))
+        if parallel[i] and children[i] and not any(parallel[k] for k in children[i]):
+            slides.append(normal_form(-constants[children[i][0]].p[2]))
         elif parallel[i]:
-            slides.append(normal_form(slides[i - 1] + along))
-        elif i == last_block and i > 0:
+            slides.append(normal_form(slides[parent] + along))
+        elif ends[i] and parent >= 0:
             slides.append(along)
         else:
             slides.append(sp.S.Zero)
-    return slides
-
-
-def _shifts_in_blocks(constants: list[RigidTransform], parallel: list[bool], parents: tuple[int, ...]) -> list[sp.Expr]:
-    """Distances (m) by which the origins of a branching robot are moved back along their joint axes.
-
-    The origins of a block of parallel axes are moved into the plane through the first of them; all others stay.
-    """
-    slides: list[sp.Expr] = []
-    for X, follows, parent in zip(constants, parallel, parents, strict=True):
-        slides.append(normal_form(slides[parent] + (X.R.T * X.p)[2]) if follows else sp.S.Zero)
     return slides

@@ -9,7 +9,7 @@ from typing import Any
 import sympy as sp
 
 from rrrgen.robot.model.drives import weighted_sum
-from rrrgen.robot.spec import Limits, RobotSpec
+from rrrgen.robot.spec import JointSpec, Limits, RobotSpec
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,24 @@ def limits_at(spec: RobotSpec, i: int, q: Sequence[float]) -> Limits:
 
 
 def chain_to_tip(spec: RobotSpec) -> RobotSpec:
-    """Make a serial robot of the rows between base and tip, all driven and without limits, for kinematics."""
+    """Make a serial robot of the rows between base and tip, all driven and without limits, for kinematics.
+
+    The screw ``Rz(gamma) Tz(b)`` before a row commutes with the motion of the row before it, and becomes part of its
+    theta and d; that before the first row becomes part of the base transform.
+    """
     if spec.mechanism is None:
         return spec
-    rows = tuple(
-        replace(spec.rows[i], limits=Limits(), friction=None, drive=None)
-        for i in spec.mechanism.path(spec.mechanism.tip)
-    )
-    return replace(spec, joints=rows, mechanism=None, links=None, drives=None, basis=None, tools={})
+    rows: list[JointSpec] = []
+    base = spec.base
+    for i in spec.mechanism.path(spec.mechanism.tip):
+        row = spec.rows[i]
+        if row.gamma != 0 or row.b != 0:
+            if rows:
+                rows[-1] = replace(rows[-1], theta=rows[-1].theta + row.gamma, d=rows[-1].d + row.b)
+            else:
+                base = base.screwed(row.gamma, row.b)
+        rows.append(replace(row, limits=Limits(), friction=None, drive=None, gamma=sp.S.Zero, b=sp.S.Zero))
+    return replace(spec, joints=tuple(rows), mechanism=None, links=None, base=base, drives=None, basis=None, tools={})
 
 
 def coupling_to_tip(spec: RobotSpec) -> sp.Matrix:

@@ -19,7 +19,8 @@ class Chain:
     ``gravity`` is in the base frame, m/s^2. ``drive_inertia`` (n, n) is what the drives add to the mass matrix: a
     diagonal, unless drives are coupled. ``parents`` are the links that carry the rows (-1: the base), ``tip`` is the
     link that carries the tool. ``coupling`` (links, n) maps q to the displacements of the rows; it is a diagonal of the
-    signs of the joints unless they follow others. ``angles`` (n,) says which entries of q are angles.
+    signs of the joints unless they follow others. ``angles`` (n,) says which entries of q are angles. ``gamma`` and
+    ``b`` (links,), rad and m, place branches on the links that carry them.
     """
 
     name: str
@@ -37,6 +38,8 @@ class Chain:
     tip: int
     coupling: Array
     angles: tuple[bool, ...]
+    gamma: Array
+    b: Array
 
     @property
     def n(self) -> int:
@@ -75,17 +78,20 @@ class Chain:
     def around_joints(self) -> list[tuple[Array, Array]]:
         """For every row i the constant transforms (before, after) in ``A_i(q) = before S(q) after``.
 
-        S is the motion of the row about or along z. Standard ``Rz(theta) Tz(d) Tx(a) Rx(alpha)``, modified ``Rx(alpha)
-        Tx(a) Rz(theta) Tz(d)``.
+        S is the motion of the row about or along z. Standard ``Rz(theta) Tz(d) Tx(a) Rx(alpha)``, modified ``Rz(gamma)
+        Tz(b) Rx(alpha) Tx(a) Rz(theta) Tz(d)``.
         """
         pairs = []
-        for alpha, a, d, theta in zip(self.alpha, self.a, self.d, self.theta, strict=True):
-            twist, screw = np.eye(4), np.eye(4)
-            twist[1:3, 1:3] = [[np.cos(alpha), -np.sin(alpha)], [np.sin(alpha), np.cos(alpha)]]
-            twist[0, 3] = a
-            screw[:2, :2] = [[np.cos(theta), -np.sin(theta)], [np.sin(theta), np.cos(theta)]]
-            screw[2, 3] = d
-            pairs.append((np.eye(4), screw @ twist) if self.convention == "standard" else (twist @ screw, np.eye(4)))
+        for i in range(self.links):
+            twist, screw, lead = np.eye(4), np.eye(4), np.eye(4)
+            c, s = np.cos(self.alpha[i]), np.sin(self.alpha[i])
+            twist[1:3, 1:3] = [[c, -s], [s, c]]
+            twist[0, 3] = self.a[i]
+            for T, angle, shift in ((screw, self.theta[i], self.d[i]), (lead, self.gamma[i], self.b[i])):
+                T[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+                T[2, 3] = shift
+            standard = self.convention == "standard"
+            pairs.append((np.eye(4), screw @ twist) if standard else (lead @ twist @ screw, np.eye(4)))
         return pairs
 
 
@@ -115,6 +121,8 @@ def chain_of(spec: RobotSpec) -> Chain:
         tip=spec.tip_row,
         coupling=_coupling(spec),
         angles=tuple(joint.is_revolute for joint in spec.joints),
+        gamma=np.array([gamma for gamma, _ in spec.placements()]),
+        b=np.array([b for _, b in spec.placements()]),
     )
 
 
