@@ -126,7 +126,7 @@ def test_docstrings_say_what_the_thing_is():
     assert fragments == {}
 
 
-GROUPS_OF_ENTRY_POINTS = {"rrrgen.targets"}
+GROUPS_OF_ENTRY_POINTS = {"rrrgen.targets", "rrrgen.robots", "rrrgen.commands"}
 DOTTED = re.compile(r"(?<![\w./])rrrgen(?:\.[a-z_0-9]+)+(?:\.[A-Za-z_]\w*)?")
 
 

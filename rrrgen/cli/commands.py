@@ -9,7 +9,9 @@ from importlib import import_module
 
 import click
 
-from rrrgen.base.errors import InternalError
+from rrrgen.base.errors import InputError, InternalError
+from rrrgen.base.plugins import COMMANDS as PLUGINS
+from rrrgen.base.plugins import Plugin, plugins
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "new": ("rrrgen.cli.new:new", "Write a robot file to start from."),
@@ -59,6 +61,20 @@ RENAMED = {path.split()[1]: path for path in COMMANDS if " " in path and path !=
     "response-model": "response model"
 }
 """Old names of the commands that are in groups now, with the words that call them today; they still work."""
+
+
+def further_commands() -> dict[str, Plugin]:
+    """The commands that other installed packages add by entry points, by name; names of the table are not theirs."""
+    return {plugin.name: plugin for plugin in plugins(PLUGINS) if plugin.name not in {*COMMANDS, *GROUPS, *RENAMED}}
+
+
+def load_further_command(plugin: Plugin) -> click.Command:
+    """Import the command of another package; raises InputError if it is none."""
+    command = plugin.load()
+    if not isinstance(command, click.Command):
+        raise InputError(f"{plugin.where} is no click command, but {type(command).__name__}")
+    command.name = plugin.name
+    return command
 
 
 def load_command(path: str) -> click.Command:

@@ -17,14 +17,14 @@ from rrrgen.base.errors import InputError, InternalError, RrrgenError, missing_e
 from rrrgen.base.option_names import options_written
 from rrrgen.base.version import VERSION
 from rrrgen.cli.arguments import flag_here
-from rrrgen.cli.commands import COMMANDS, FURTHER, GROUPS, RENAMED, load_command
+from rrrgen.cli.commands import COMMANDS, FURTHER, GROUPS, RENAMED, further_commands, load_command, load_further_command
 from rrrgen.cli.terminal import Context, failed, fault_text, preference, say_error, usage_text
 
 INTERRUPTED = 130
 
 FIRST = """\b
 ROBOT: a file, a bundled name, or -. Example: rrrgen generate rrr -o model
-Also: export, certify, robots, schema, doctor. rrrgen --help-all: everything.
+Also: export, certify, robots, playground, schema, doctor; all: --help-all.
 """
 
 EVERYTHING = """\b
@@ -76,8 +76,12 @@ class LazyGroup(click.Group):
         if path in GROUPS:
             return LazyGroup(path, prefix=path, help=GROUPS[path])
         if path not in COMMANDS:
-            return None
-        command = load_command(path)
+            added = None if self.prefix else further_commands().get(path)
+            if added is None:
+                return None
+            command = load_further_command(added)
+        else:
+            command = load_command(path)
         command.context_class = Context
         return command
 
@@ -94,7 +98,7 @@ class LazyGroup(click.Group):
             say_error(f"rrrgen {word} is now called: rrrgen {group} {name}")
             return word, LazyGroup(prefix=group).get_command(ctx, name), args[1:]
         known = self.list_commands(ctx)
-        if word not in known and not word.startswith("-"):
+        if word not in known and not word.startswith("-") and (self.prefix or word not in further_commands()):
             everywhere = {word: word for word in known} | ({} if self.prefix else RENAMED)
             close = difflib.get_close_matches(word, everywhere, n=1)
             hint = f" Did you mean '{everywhere[close[0]]}'?" if close else ""
@@ -128,6 +132,9 @@ def _show_everything(ctx: click.Context, param: click.Parameter, value: bool) ->
     formatter.write_usage(ctx.command_path, "[OPTIONS] COMMAND [ARGS]...")
     with formatter.section("Commands"):
         formatter.write_dl([(path, help_text) for path, (_, help_text) in COMMANDS.items()])
+    if added := [(name, plugin.where) for name, plugin in further_commands().items()]:
+        with formatter.section("Commands of other packages"):
+            formatter.write_dl(added)
     formatter.write("\n" + EVERYTHING.replace("\b\n", ""))
     click.echo(formatter.getvalue().rstrip("\n"))
     ctx.exit()

@@ -5,9 +5,10 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, replace
-from importlib.metadata import entry_points
 
+from rrrgen.base import plugins as plugin_groups
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.base.plugins import plugins
 from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.emit import targets
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
@@ -15,10 +16,6 @@ from rrrgen.robot.spec import RobotSpec
 
 TARGETS = ("cuda", "embedded", "fmu", "jax", "matlab", "mjcf", "open_symoro", "ros2", "urdf", "wheel")
 """Modules of :mod:`rrrgen.emit.targets` that hold an ``EXPORTER``."""
-
-
-GROUP = "rrrgen.targets"
-"""Group of the entry points by which other packages add targets; each names an :class:`Exporter`."""
 
 
 def exporters() -> dict[str, Exporter]:
@@ -50,18 +47,16 @@ def _with_unusable() -> tuple[dict[str, Exporter], dict[str, str]]:
     own = [importlib.import_module(f"{targets.__name__}.{name}").EXPORTER for name in TARGETS]
     known = {exporter.name: exporter for exporter in own}
     faulty: dict[str, str] = {}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        package = entry.dist.name if entry.dist else "an unknown package"
-        where = f"{package}: target '{entry.name}' ({entry.value})"
+    for plugin in plugins(plugin_groups.TARGETS):
         try:
-            exporter = entry.load()
-        except Exception as error:  # whatever a foreign module raises when it is imported
-            faulty[entry.name] = f"{where} cannot be loaded: {error}"
+            exporter = plugin.load()
+        except InputError as error:
+            faulty[plugin.name] = str(error)
             continue
         if not isinstance(exporter, Exporter):
-            faulty[entry.name] = f"{where} is no {Exporter.__module__}.Exporter, but {type(exporter).__name__}"
+            faulty[plugin.name] = f"{plugin.where} is no {Exporter.__module__}.Exporter, but {type(exporter).__name__}"
         elif exporter.name in known:
-            faulty[entry.name] = f"{where}: there is a target '{exporter.name}' already"
+            faulty[plugin.name] = f"{plugin.where}: there is a target '{exporter.name}' already"
         else:
             known[exporter.name] = exporter
     return known, faulty

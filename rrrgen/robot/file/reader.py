@@ -23,7 +23,7 @@ from rrrgen.robot.file.links import read_links
 from rrrgen.robot.file.mechanism import fixed_rows, read_mechanism
 from rrrgen.robot.file.parameter_basis import read_basis
 from rrrgen.robot.file.quantities import Scope, read_parameters, read_value, read_vector
-from rrrgen.robot.robots import bundled_names, bundled_path
+from rrrgen.robot.robots import bundled_names, bundled_path, installed_path
 from rrrgen.robot.spec import Convention, FitSpec, FixedTransform, JointSpec, LinkSpec, RobotSpec, name_fault
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -196,10 +196,11 @@ def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSp
         return with_tool(load_spec(robot_name, strict=strict), tool)
     path = Path(name)
     if not path.suffix and path.name == name:  # a bare word is a bundled robot; ./word is a file
-        if name not in bundled_names():
+        added = None if name in bundled_names() else installed_path(name)
+        if added is None and name not in bundled_names():
             hint = did_you_mean(name, bundled_names()) or f"bundled robots: {', '.join(bundled_names())}"
             raise InputError([Fault(name[:200], 0, 0, "there is no bundled robot of this name", hint=hint)])
-        path = bundled_path(name)
+        path = added or bundled_path(name)
     try:
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)

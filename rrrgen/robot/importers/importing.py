@@ -12,6 +12,7 @@ from pathlib import Path
 import sympy as sp
 
 from rrrgen.base.errors import Fault, InputError
+from rrrgen.base.plugins import ROBOTS, plugins
 from rrrgen.base.yamltext.document import MAX_BYTES, FaultList, decode
 from rrrgen.base.yamltext.expressions import ExpressionError, parse_expression
 from rrrgen.robot import importers as importers_room
@@ -41,9 +42,19 @@ class Imported:
 
 
 def importers() -> dict[str, Importer]:
-    """Every importer by its name, from the modules of :data:`FORMATS`."""
+    """Every importer by its name: those of the modules of :data:`FORMATS`, then those of other installed packages.
+
+    Raises InputError for an entry point that cannot be loaded or takes the name of another format.
+    """
     found = [importlib.import_module(f"{importers_room.__name__}.{name}").IMPORTER for name in FORMATS]
-    return {importer.name: importer for importer in found}
+    known = {importer.name: importer for importer in found}
+    for plugin in plugins(ROBOTS):
+        importer = plugin.load()
+        if isinstance(importer, Importer):
+            if importer.name in known:
+                raise InputError(f"{plugin.where}: there is a format '{importer.name}' already")
+            known[importer.name] = importer
+    return known
 
 
 def import_robot(
