@@ -21,9 +21,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib
 import io
 import itertools
-import importlib
 import json
 import math
 import multiprocessing
@@ -425,7 +425,12 @@ class Stranger:
 
         values = ["--angle-tolerance=0"]  # else 1.5708 comes back as a right angle
         if target == "par":
-            values = [f"--set={name}={float(value)}" for name, value in rrrgen.load_spec(file).parameters.items()]
+            written = re.sub(r"\(\*.*?\*\)", "", Path(place).read_text(encoding="utf-8"))  # without comments
+            values = [
+                f"--set={name}={float(value)}"
+                for name, value in rrrgen.load_spec(file).parameters.items()
+                if re.search(rf"\b{name}\b", written)  # a length that no row of the file uses has no name there
+            ]
         code, said = self.rrrgen(
             "import", place, "-o", "back.yaml", "--force", "--name", "back", *values, allowed=(0, 3)
         )

@@ -14,6 +14,7 @@ import rrrgen
 from rrrgen.base.errors import BuildError
 from rrrgen.emit.c import compilers as compiler
 from rrrgen.emit.c.compilers import NATIVE, Compiler, find_compiler
+from rrrgen.emit.targets.shared_libraries import shared_library, this_machine
 from rrrgen.runtime import build
 
 CLANG = shutil.which("clang")
@@ -51,6 +52,12 @@ def test_flags_of_the_user_follow_those_of_every_build(monkeypatch):
     words = Compiler(("gcc",)).compile("a.c", ["-O0"], "/include")
     assert words[words.index("-fno-fast-math") + 1 :][:3] == ["-O3", "-DTEXT=a b", "-O0"]
     assert find_compiler().identity() != usual  # the cache keeps these builds apart
+
+
+def test_flags_of_the_user_apply_to_wheels_and_fmus(monkeypatch):
+    monkeypatch.setenv("RRRGEN_CFLAGS", "-fnot-a-flag")
+    with pytest.raises(BuildError, match="refused"):
+        shared_library({"a.c": "int a(void) { return 0; }\n"}, this_machine())
 
 
 def test_no_level_of_optimization_changes_a_bit(monkeypatch):

@@ -18,7 +18,7 @@ from pathlib import Path
 from rrrgen.base.errors import BuildError, InputError, require
 from rrrgen.base.files import Contents, as_bytes
 from rrrgen.base.yamltext.suggestions import did_you_mean
-from rrrgen.emit.c.compilers import FLAGS, ZIG, find_compiler
+from rrrgen.emit.c.compilers import FLAGS, ZIG, find_compiler, further_flags
 
 # ------------------------------------------------------------------------------------------------------------------
 # Reproducible ZIP archives: the bytes depend only on the contents, not on the time of writing.
@@ -119,7 +119,7 @@ def shared_library(files: Mapping[str, str], platform: Platform) -> bytes:
 def _command(platform: Platform) -> list[str]:
     """Compiler command with flags: strict floating point, and no paths of the building machine in the binary."""
     position = [] if platform.suffix == ".dll" else ["-fPIC"]
-    flags = [*FLAGS, "-shared", "-DRRRGEN_SHARED", "-g0", "-s", *position]
+    flags = [*FLAGS, *further_flags(), "-shared", "-DRRRGEN_SHARED", "-g0", "-s", *position]
     if platform.zig:
         return [sys.executable, *ZIG, "-target", platform.zig, *flags]
     compiler = find_compiler()
