@@ -20,7 +20,19 @@ class Identity:
 
 
 _NOT_THE_ROBOT = frozenset(
-    {"file", "faults", "places", "description", "source", "angle_unit", "length_unit", "provenance", "emit", "tools"}
+    {
+        "file",
+        "faults",
+        "places",
+        "description",
+        "source",
+        "angle_unit",
+        "length_unit",
+        "provenance",
+        "emit",
+        "tools",
+        "tips",
+    }
 )
 """Fields of a description that do not change the robot and are left out of its hash."""
 

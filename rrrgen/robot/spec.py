@@ -331,6 +331,14 @@ class FixedTransform:
 
 
 @dataclass(frozen=True)
+class TipSpec:
+    """A named tip of a robot that branches: ``tool``, fixed to the link of the row called ``row``."""
+
+    row: str
+    tool: FixedTransform = field(default_factory=FixedTransform)
+
+
+@dataclass(frozen=True)
 class BasisSpec:
     """Base parameters chosen by the user: their ``names`` and ``expressions`` in link symbols.
 
@@ -374,7 +382,7 @@ class RobotSpec:
       in, "one" for a plain number, no entry for a bare SI value;
     - ``joints`` and ``links``, one for each joint; ``links`` is None if the file states no inertias;
     - ``base`` and ``tool``: fixed transforms before the first joint and after the last link frame; ``tools``: others
-      that may take the place of ``tool``, by name;
+      that may take the place of ``tool``, by name; ``tips``: others that may take the place of the tip, by name;
     - ``mechanism``: the rows of the table, if some of them follow other joints or branch off; ``joints`` are then only
       the driven joints, whose positions are q, and there is a link for every row. None for a serial chain of driven
       joints;
@@ -398,6 +406,7 @@ class RobotSpec:
     base: FixedTransform = field(default_factory=FixedTransform)
     tool: FixedTransform = field(default_factory=FixedTransform)
     tools: dict[str, FixedTransform] = field(default_factory=dict)
+    tips: dict[str, TipSpec] = field(default_factory=dict)
     basis: BasisSpec | None = None
     drives: DrivesSpec | None = None
     angle_unit: str = "rad"

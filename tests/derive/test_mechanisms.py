@@ -284,3 +284,18 @@ def test_the_origins_of_a_branch_follow_the_rules_of_a_chain():
     tree = build_model(loads_spec(text))
     assert [joint.before for joint in tree.joints[:-1]] == base
     assert tree.blocks[-1] == (chain.n,)
+
+
+@pytest.mark.parametrize("tip", ["finger", "thumb"])
+def test_each_tip_has_its_kinematics(tip):
+    """Pose and Jacobian of both fingers against Newton-Euler; the other finger does not move the tip."""
+    spec = load_spec(f"{TREES / 'hand.yaml'}@{tip}")
+    recorded, q = prepare(spec), np.random.default_rng(5).uniform(-3, 3, spec.n)
+    programs = [recorders(name)[0](recorded.recording()) for name in ("forward_kinematics", "jacobian")]
+    T, J = (np.array(evaluate(program, q)[0], float) for program in programs)
+    reference = NewtonEuler(chain_of(spec), np.zeros((len(spec.rows), 10)))
+    np.testing.assert_allclose(T, reference.forward_kinematics(q[None])[0], atol=1e-14)
+    np.testing.assert_allclose(J, reference.jacobian(q[None])[0], atol=1e-14)
+    still = slice(5, 8) if tip == "finger" else slice(2, 5)
+    assert not J[:, still].any()
+    assert np.count_nonzero(np.linalg.norm(J, axis=0)) == 5

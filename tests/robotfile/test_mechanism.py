@@ -9,6 +9,7 @@ from ruamel.yaml import YAML
 
 from rrrgen.base.errors import InputError
 from rrrgen.robot.file import dumps, json_schema, loads_spec
+from rrrgen.robot.file.reader import with_tool
 from rrrgen.robot.identity import identify
 
 TEXT = """\
@@ -126,3 +127,49 @@ def test_gamma_and_b_are_refused_in_standard_rows():
         (9, "b of joint 3: standard rows have no gamma and b"),
     ]
     assert "negated, which undoes its twist" in caught.value.faults[0].hint
+
+
+TIPS = TEXT.replace(
+    "tip: forearm\n",
+    """\
+tip: forearm
+tools: {pen: {translation: [0, 0, 0.1]}}
+tips:
+  jaw: {row: finger, tool: {translation: [0, 0.1, 0.2], rpy: [0, 90, 0]}}
+  bare: {row: rod}
+""",
+)
+
+
+def test_named_tips_take_the_place_of_the_tip():
+    spec = loads_spec(TIPS)
+    jaw = with_tool(spec, "jaw")
+    assert (jaw.name, jaw.rows[jaw.tip_row].name, jaw.tool) == ("linkage_jaw", "finger", spec.tips["jaw"].tool)
+    assert with_tool(spec, "bare").tip_row == 3
+    assert with_tool(spec, "pen").tip_row == spec.tip_row
+    assert loads_spec(dumps(spec)) == spec
+    jsonschema.validate(YAML(typ="safe").load(TIPS), json_schema())
+    assert identify(spec) == identify(loads_spec(TEXT))
+    with pytest.raises(InputError, match="no tool or tip 'jaws'") as raised:
+        with_tool(spec, "jaws")
+    assert "did you mean 'jaw'?" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("row: finger", "row: fingr", "row of tip jaw is 'fingr'"),
+        ("jaw: {", "pen: {", "'pen' names a tool too"),
+        ("bare: {row: rod}", "bare: {}", "tip bare"),
+        ("jaw: {", "int: {", "tip name 'int' is a keyword"),
+    ],
+)
+def test_faults_of_tips_have_their_place(old, new, message):
+    with pytest.raises(InputError, match=message):
+        loads_spec(TIPS.replace(old, new))
+
+
+def test_tips_of_a_chain_need_the_key_tip():
+    text = TIPS.partition("joints:")[0] + "joints:\n  - {name: finger, type: revolute, alpha: 0, a: 1, d: 0}\n"
+    with pytest.raises(InputError, match="tips need the key 'tip'"):
+        loads_spec(text + "tips: {jaw: {row: finger}}\n")

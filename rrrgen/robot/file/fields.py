@@ -52,6 +52,7 @@ ROBOT = (
     Key("tip", "name", "joint whose link carries the tool; needed where the joints branch"),
     Key("tool", "mapping", "fixed transform after the last link frame", section="transform"),
     Key("tools", "transforms", "other tools by name; `robot.yaml@name` has that tool", section="transform"),
+    Key("tips", "transforms", "other tips of a branching robot by name; `robot.yaml@name` has that tip", section="tip"),
     Key("links", "rows", "inertia of every link, in the axes of its link frame", section="link", length=MAX_JOINTS),
     Key("drives", "mapping", "drives that move several joints each, as in a coupled wrist", section="drives"),
     Key("basis", "basis", "base parameters of the user's own choice"),
@@ -204,6 +205,10 @@ TRANSFORM = (
     Key("rpy", "vector", "roll, pitch, yaw about the fixed axes x, y, z", quantity="angle", file_units=True),
     Key("rotation", "matrix", "rotation matrix, row by row"),
 )
+TIP = (
+    Key("row", "name", "joint whose link carries this tip", True),
+    Key("tool", "mapping", "fixed transform from its link frame to the tip", section="transform"),
+)
 BASIS = (
     Key("products", "choice", "sign of Ixy, Ixz, Iyz in the expressions", True, ("tensor", "positive")),
     Key("parameters", "basis", "the expressions", True),
@@ -221,6 +226,7 @@ SECTIONS: dict[str, tuple[Key, ...]] = {
     "link": LINK,
     "inertia": INERTIA,
     "transform": TRANSFORM,
+    "tip": TIP,
     "basis": BASIS,
     "fit": FIT,
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence as Row
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -24,7 +25,7 @@ from rrrgen.robot.file.mechanism import fixed_rows, read_mechanism
 from rrrgen.robot.file.parameter_basis import read_basis
 from rrrgen.robot.file.quantities import Scope, read_parameters, read_value, read_vector
 from rrrgen.robot.robots import bundled_names, bundled_path, installed_path
-from rrrgen.robot.spec import Convention, FitSpec, FixedTransform, JointSpec, LinkSpec, RobotSpec, name_fault
+from rrrgen.robot.spec import Convention, FitSpec, FixedTransform, JointSpec, LinkSpec, RobotSpec, TipSpec, name_fault
 
 # ------------------------------------------------------------------------------------------------------------------
 # The section ``provenance`` of a robot file: which recorded samples its parameters were fitted to.
@@ -137,6 +138,31 @@ def read_tools(node: Node, scope: Scope) -> dict[str, FixedTransform]:
     return tools
 
 
+def read_tips(node: Node, rows: Row[str], taken: Row[str], scope: Scope) -> dict[str, TipSpec]:
+    """Read ``{name: {row: joint, tool: transform}, ...}``, the named tips of a robot; one with a fault is left out.
+
+    ``rows`` are the names of the rows that may carry one, ``taken`` those of the tools, which share ``robot@name``.
+    """
+    tips = {}
+    for name, (key, value) in (read_entries(node, "tips", scope.faults) or {}).items():
+        if fault := name_fault(name, "tip"):
+            scope.faults.error(key, *fault)
+            continue
+        if name in taken:
+            scope.faults.error(key, f"'{name}' names a tool too", f"robot@{name} can be one of them: rename the other")
+        values = read_section(value, "tip", f"tip {name}", scope.faults, ROBOT_FILE)
+        if values is None or "row" not in values:
+            continue
+        row = read_text(values["row"], f"row of tip {name}", scope.faults)
+        tool = read_transform(values["tool"], f"tool of tip {name}", scope) if "tool" in values else FixedTransform()
+        if row not in rows:
+            hint = " ".join(part for part in (did_you_mean(row, rows), f"allowed are {', '.join(rows)}") if part)
+            scope.faults.error(values["row"], f"row of tip {name} is '{row}'", hint)
+        elif tool is not None:
+            tips[name] = TipSpec(row, tool)
+    return tips
+
+
 def _rpy(roll: sp.Expr, pitch: sp.Expr, yaw: sp.Expr) -> sp.Matrix:
     (cr, sr), (cp, s_p), (cy, sy) = ((sp.cos(angle), sp.sin(angle)) for angle in (roll, pitch, yaw))
     x = sp.Matrix([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
@@ -187,8 +213,8 @@ _UNITS = {key.name: key for key in UNITS}
 def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSpec:
     """Read a robot file, or a bundled robot by its name; with ``strict``, non-physical inertia is an error.
 
-    ``robot@tool`` is the robot with one of its ``tools``, and ``robot_tool`` its name. Raises :class:`InputError` with
-    every fault.
+    ``robot@tool`` is the robot with one of its ``tools`` or ``tips``, and ``robot_tool`` its name. Raises
+    :class:`InputError` with every fault.
     """
     name = os.fspath(robot)
     robot_name, at, tool = name.rpartition("@")
@@ -211,16 +237,22 @@ def load_spec(robot: str | os.PathLike[str], *, strict: bool = False) -> RobotSp
 
 
 def with_tool(spec: RobotSpec, tool: str) -> RobotSpec:
-    """Replace the tool of ``spec`` by the one named ``tool``, and its name by ``<robot>_<tool>``.
+    """Replace the tool of ``spec``, or its tip, by the one named ``tool``, and its name by ``<robot>_<tool>``.
 
-    Raises :class:`InputError` for an unknown tool.
+    Raises :class:`InputError` where it has neither.
     """
-    if tool not in spec.tools:
-        hint = did_you_mean(tool, spec.tools) or f"tools are {', '.join(spec.tools) or 'none: add them under tools'}"
-        raise InputError([Fault(spec.file, 0, 0, f"the robot has no tool '{tool}'", hint=hint)])
+    if tool not in spec.tools and tool not in spec.tips:
+        known = [*spec.tools, *spec.tips]
+        what = "tool or tip" if spec.tips else "tool"
+        hint = did_you_mean(tool, known) or f"{what}s are {', '.join(known) or 'none: add them under tools'}"
+        raise InputError([Fault(spec.file, 0, 0, f"the robot has no {what} '{tool}'", hint=hint)])
     name = f"{spec.name}_{tool}"
     if fault := name_fault(name, "robot"):
         raise InputError([Fault(spec.file, 0, 0, fault[0], hint=fault[1])])
+    if tool in spec.tips and spec.mechanism is not None:
+        chosen = spec.tips[tool]
+        row = next(i for i, each in enumerate(spec.rows) if each.name == chosen.row)
+        return replace(spec, tool=chosen.tool, name=name, mechanism=replace(spec.mechanism, tip=row))
     return replace(spec, tool=spec.tools[tool], name=name)
 
 
@@ -261,6 +293,11 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     mechanism = None
     if "joints" in values and all(joint is not None for joint in joints):
         counted, mechanism = read_mechanism(values["joints"], values.get("tip"), joints, scope)
+    names = [joint.name for joint in joints if joint is not None]
+    tips = read_tips(values["tips"], names, list(tools), scope) if "tips" in values else {}
+    if tips and mechanism is None and not faults.errors:
+        hint = "tip: NAME; the joint whose link carries the tool while none of the tips is chosen"
+        faults.error(values["tips"], "tips need the key 'tip'", hint)
     drives = read_drives(values["drives"], counted, scope) if "drives" in values else None
     basis = read_basis(values["basis"], len(joints), whole_links, scope) if "basis" in values and joints else None
     emit = read_choices(values["emit"], _ROBOT["emit"], faults) if "emit" in values else ()
@@ -279,6 +316,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         base=base,
         tool=tool,
         tools=tools,
+        tips=tips,
         basis=basis,
         drives=drives,
         angle_unit=scope.units.angle,

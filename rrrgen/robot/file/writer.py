@@ -23,6 +23,7 @@ from rrrgen.robot.spec import (
     LinkSpec,
     MotorSpec,
     RobotSpec,
+    TipSpec,
 )
 
 _CERTAIN = 5  # rad, m or mm: bare numbers on the wrong side of it look like another unit, so the unit is written
@@ -51,6 +52,7 @@ def dumps(spec: RobotSpec) -> str:
         lines.append(f"tip: {spec.rows[spec.mechanism.tip].name}")
     lines += printer.transform("tool", spec.tool)
     lines += printer.tools(spec.tools)
+    lines += printer.tips(spec.tips)
     if spec.links is not None:
         lines.append("links:")
         for link in spec.links:
@@ -222,6 +224,13 @@ class _Printer:
         lines = ["tools:"] if tools else []
         for name, transform in tools.items():
             entries = self.transform(name, transform) or [f"{name}: {{}}"]
+            lines += [f"  {line}" for line in entries]
+        return lines
+
+    def tips(self, tips: dict[str, TipSpec]) -> list[str]:
+        lines = ["tips:"] if tips else []
+        for name, tip in tips.items():
+            entries = [f"{name}:", f"  row: {tip.row}", *(f"  {line}" for line in self.transform("tool", tip.tool))]
             lines += [f"  {line}" for line in entries]
         return lines
 

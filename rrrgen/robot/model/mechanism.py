@@ -72,7 +72,9 @@ def chain_to_tip(spec: RobotSpec) -> RobotSpec:
             else:
                 base = base.screwed(row.gamma, row.b)
         rows.append(replace(row, limits=Limits(), friction=None, drive=None, gamma=sp.S.Zero, b=sp.S.Zero))
-    return replace(spec, joints=tuple(rows), mechanism=None, links=None, base=base, drives=None, basis=None, tools={})
+    return replace(
+        spec, joints=tuple(rows), mechanism=None, links=None, base=base, drives=None, basis=None, tools={}, tips={}
+    )
 
 
 def coupling_to_tip(spec: RobotSpec) -> sp.Matrix:
