@@ -14,6 +14,8 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError, require
 from rrrgen.base.option_names import option_name
+from rrrgen.lab.estimate.linear import scaled, solve
+from rrrgen.lab.estimate.search import search
 from rrrgen.lab.response.resonances import check_resonances
 from rrrgen.lab.response.response_file import ResponseRecording
 from rrrgen.lab.response.response_model import Controller, ResponseModel
@@ -21,6 +23,8 @@ from rrrgen.lab.response.response_model import Controller, ResponseModel
 # ------------------------------------------------------------------------------------------------------------------
 # The difference equation of a linear model, and its least-squares fit (14.41).
 # ------------------------------------------------------------------------------------------------------------------
+
+RANK = 1e-13  # past outputs sampled fast are nearly parallel: only what rounding leaves counts as dependent
 
 
 @dataclass(frozen=True)
@@ -51,9 +55,10 @@ def arx(u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Eq
     past = max(order, delay + size - 1)
     k = np.arange(start + past, stop)
     F = np.column_stack([*(y[k - i] for i in range(1, order + 1)), *(u[k - delay - j] for j in range(size))])
-    scale = np.linalg.norm(F, axis=0)
-    theta, _, _, _ = np.linalg.lstsq(F / scale, y[k], rcond=1e-13)
-    theta = theta / scale
+    B, lengths = scaled(F)
+    # filtered signals of a nearly unstable model leave singular values at the tolerance: rounding then decides, and
+    # another decomposition of the same columns gives a model with another free run
+    theta = np.linalg.lstsq(B, y[k], rcond=RANK)[0] / lengths
     return Equation(theta[:order], theta[order:], delay)
 
 
@@ -62,45 +67,52 @@ def arx(u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Eq
 # ------------------------------------------------------------------------------------------------------------------
 
 REFINEMENTS = 20
+SMALL_GAIN = 1e-7  # relative decrease of the squared errors at which the refinement ends
 LARGEST = 1e100  # bound on the outputs of an unstable model, so that their squares stay finite
 LONG_ORDER = 2  # order of the ARX model whose residuals are the first estimate of e, as a multiple of the model's order
+OUTERMOST = 0.999  # largest size of a zero of C, of which the filter 1/C must forget its start
 
 
-def armax(start_from: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
+def armax(first: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
     """Fit an ARMAX model ``A y = B u + C e`` that minimizes the one-step prediction errors e on samples [start, stop).
 
-    ``u`` and ``y`` (N,) are input and output, ``start_from`` gives orders and first estimate; C has the order of A.
-    Begins with least squares on estimated e (Hannan-Rissanen) and refines by Levenberg-Marquardt steps: the derivatives
-    of e are past outputs, inputs and errors filtered by 1/C. Zeros of C outside the unit circle are reflected. The
-    returned equation holds A and B.
+    ``u`` and ``y`` (N,) are input and output, ``first`` gives orders and first estimate; C has the order of A. Begins
+    with least squares on estimated e (Hannan and Rissanen 1982) and refines by Levenberg-Marquardt steps: the
+    derivatives of e are past outputs, inputs and errors filtered by 1/C. Zeros of C outside the unit circle are
+    reflected. The returned equation holds A and B.
     """
-    order, size, delay = len(start_from.a), len(start_from.b), start_from.delay
-    part_y, part_u = y[start:stop], u[start:stop]
-    theta = _begin(start_from, part_u, part_y)
-    e = _errors(theta, order, size, delay, part_u, part_y)
-    cost, damping = _cost(e), 1e-3
-    for _ in range(REFINEMENTS):
-        J = _error_derivatives(theta, order, size, delay, part_u, part_y, e)
-        if not float(np.abs(J).max()) < LARGEST:
-            break
-        information = J.T @ J
-        step = np.linalg.lstsq(information + damping * np.diag(np.diag(information)), -J.T @ e, rcond=None)[0]
-        trial = theta + step
-        trial[order + size :] = _inside(trial[order + size :])
-        e_new = _errors(trial, order, size, delay, part_u, part_y)
-        if _cost(e_new) < cost:
-            done = cost - _cost(e_new) < 1e-7 * cost
-            theta, e, cost, damping = trial, e_new, _cost(e_new), damping / 5.0
-            if done:
-                break
-        else:
-            damping *= 10.0
+    from scipy.signal import lfilter
+
+    order, size, delay = len(first.a), len(first.b), first.delay
+    u, y = u[start:stop], y[start:stop]
+    columns = _columns(order, size, delay, u, y)
+
+    def divide_by_C(theta: Array, values: Array) -> Array:
+        values[: first.past] = 0.0  # rows that need values from before the first row
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.asarray(lfilter([1.0], np.concatenate([[1.0], theta[order + size :]]), values, axis=0))
+
+    def errors(theta: Array) -> Array:
+        return divide_by_C(theta, y - columns @ theta[: order + size])
+
+    def linearise(theta: Array) -> tuple[Array, Array]:
+        e = errors(theta)
+        return e, -divide_by_C(theta, np.column_stack([columns, _columns(order, 0, 0, e, e)]))
+
+    def move(theta: Array, step: Array) -> Array:
+        after = theta + step
+        return np.concatenate([after[: order + size], _reflect(after[order + size :])])
+
+    theta = search(
+        _first_estimate(first, columns, u, y),
+        linearise,
+        moved=move,
+        cost=lambda theta: float(np.sum(errors(theta) ** 2)),
+        trials=REFINEMENTS,
+        small_gain=SMALL_GAIN,
+        less=5.0,
+    ).state
     return Equation(theta[:order], theta[order : order + size], delay)
-
-
-def _cost(e: Array) -> float:
-    found = float(e @ e)
-    return found if np.isfinite(found) else np.inf
 
 
 def _columns(order: int, size: int, delay: int, u: Array, y: Array) -> Array:
@@ -112,49 +124,30 @@ def _columns(order: int, size: int, delay: int, u: Array, y: Array) -> Array:
     return columns
 
 
-def _begin(start_from: Equation, u: Array, y: Array) -> Array:
-    order, size, delay = len(start_from.a), len(start_from.b), start_from.delay
+def _first_estimate(first: Equation, columns: Array, u: Array, y: Array) -> Array:
+    """Coefficients [a, b, c] by least squares on the errors e of an ARX model of high order."""
+    order, delay = len(first.a), first.delay
     many = LONG_ORDER * order + 1
     F = _columns(many, many, delay, u, y)
     if len(y) <= 3 * F.shape[1]:
-        return np.concatenate([start_from.a, start_from.b, np.zeros(order)])
-    e = y - F @ np.linalg.lstsq(F, y, rcond=1e-12)[0]
-    G = np.column_stack([_columns(order, size, delay, u, y), _columns(order, 0, 0, e, e)])
-    theta = np.linalg.lstsq(G[many:], y[many:], rcond=1e-12)[0]
-    theta[order + size :] = _inside(theta[order + size :])
-    return np.asarray(theta)
+        return np.concatenate([first.a, first.b, np.zeros(order)])
+    e = solve(F, y, RANK).residual(y)
+    G = np.column_stack([columns, _columns(order, 0, 0, e, e)])
+    theta = solve(G[many:], y[many:], RANK).x
+    return np.concatenate([theta[:-order], _reflect(theta[-order:])])
 
 
-def _inside(c: Array) -> Array:
+def _reflect(c: Array) -> Array:
     """Reflect the zeros of ``1 + sum c_l z^-l`` that lie outside the unit circle into it; returns the new ``c``."""
     roots = np.roots(np.concatenate([[1.0], c]))
     sizes = np.abs(roots)
-    outside = sizes > 0.999
+    outside = sizes > OUTERMOST
     if not np.any(outside):
         return c
-    inner = np.minimum(1.0 / np.maximum(sizes, 1.0), 0.999)
+    inner = np.minimum(1.0 / np.maximum(sizes, 1.0), OUTERMOST)
     reflected = np.where(outside, roots / np.maximum(sizes, 1e-12) * inner, roots)
-    found = np.real(np.poly(reflected))[1:]
-    return np.concatenate([found, np.zeros(len(c) - len(found))])
-
-
-def _errors(theta: Array, order: int, size: int, delay: int, u: Array, y: Array) -> Array:
-    from scipy.signal import lfilter
-
-    rest = y - _columns(order, size, delay, u, y) @ theta[: order + size]
-    rest[: max(order, delay + size - 1)] = 0.0  # rows that need values from before the first row
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(lfilter([1.0], np.concatenate([[1.0], theta[order + size :]]), rest))
-
-
-def _error_derivatives(theta: Array, order: int, size: int, delay: int, u: Array, y: Array, e: Array) -> Array:
-    """Derivatives of the one-step errors (N,) by theta = [a, b, c], one column each."""
-    from scipy.signal import lfilter
-
-    columns = np.column_stack([_columns(order, size, delay, u, y), _columns(order, 0, 0, e, e)])
-    columns[: max(order, delay + size - 1)] = 0.0
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(-lfilter([1.0], np.concatenate([[1.0], theta[order + size :]]), columns, axis=0))
+    coefficients = np.real(np.poly(reflected))[1:]
+    return np.concatenate([coefficients, np.zeros(len(c) - len(coefficients))])
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -220,7 +213,6 @@ NEARLY_BEST = 1.2  # the lowest order whose validation error is below this multi
 LEAST_FIT = 0.1  # share of the validation rows that the best model must explain
 PREFILTERS = 10
 SHORT_RUN = 50  # length of a short free run, samples
-LARGEST = 1e100  # bound on the outputs of an unstable model, so that their squares stay finite
 
 
 def fit_difference_model(
@@ -250,7 +242,7 @@ def fit_difference_model(
     cut = stop - int(VALIDATION * (stop - start))
     open_loop, plant = np.array_equal(record.u, record.n), record.u
     if not open_loop:
-        u, y, plant = (_without_ramp(column, start, stop) for column in (u, y, plant))
+        u, y, plant = (_remove_ramp(column, start, stop) for column in (u, y, plant))
     short = not open_loop and method != "indirect"  # the plant may integrate, so that long free runs drift
     candidates, table = [], []
     for equation, kind in _candidates(u, y, start, cut, method, 0 if open_loop and method != "indirect" else 1):
@@ -278,7 +270,7 @@ def fit_difference_model(
         )
     limit = NEARLY_BEST * best
     _, order, kind, delay = min((each[1], each) for each in finite if each[0] <= limit)[1]
-    equation = _fitted(kind, u, y, start, stop, order, delay)
+    equation = _fit(kind, u, y, start, stop, order, delay)
     fit = _scores(equation, u, y, start, stop)
     if short:
         begin, end = fit["scored_rows"]
@@ -325,7 +317,7 @@ def _candidates(
             if stop - start - order < 3 * (2 * order + 1):
                 return
             for kind in kinds:
-                yield _fitted(kind, u, y, start, stop, order, delay), kind
+                yield _fit(kind, u, y, start, stop, order, delay), kind
 
 
 def _oscillation_grows(equation: Equation) -> bool:
@@ -334,7 +326,7 @@ def _oscillation_grows(equation: Equation) -> bool:
     return bool(np.any((np.abs(poles) > 1.0) & (np.abs(poles.imag) > 0.0)))
 
 
-def _fitted(kind: str, u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Equation:
+def _fit(kind: str, u: Array, y: Array, start: int, stop: int, order: int, delay: int) -> Equation:
     if kind == "subspace":
         return SubspaceIdentification(u, y, start, stop).model(order)
     equation = arx(u, y, start, stop, order, delay)
@@ -355,7 +347,7 @@ def free_run(equation: Equation, u: Array, y: Array, start: int, stop: int) -> A
     return np.asarray(found)
 
 
-def _prefiltered(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
+def _prefilter(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
     """Improve the initial equation of an output-error fit by repeated ARX fits to filtered signals.
 
     The filter is 1/A of the fit before (Steiglitz and McBride). ARX is biased by measurement noise; the filter turns
@@ -364,14 +356,14 @@ def _prefiltered(equation: Equation, u: Array, y: Array, start: int, stop: int) 
     from scipy.signal import lfilter
 
     best, found = equation, equation
-    least = _fitted_error(equation, u[start:stop], y[start:stop])
+    least = _least_error(equation, u[start:stop], y[start:stop])
     for _ in range(PREFILTERS):
         denominator = np.concatenate([[1.0], -found.a])
         if np.max(np.abs(np.roots(denominator))) > 1.0:
             break
         filtered = [lfilter([1.0], denominator, column[start:stop]) for column in (u, y)]
         found = arx(filtered[0], filtered[1], 0, stop - start, len(equation.a), equation.delay)
-        error = _fitted_error(found, u[start:stop], y[start:stop])
+        error = _least_error(found, u[start:stop], y[start:stop])
         if error < least:
             best, least = found, error
     return best
@@ -380,10 +372,10 @@ def _prefiltered(equation: Equation, u: Array, y: Array, start: int, stop: int) 
 def output_error(equation: Equation, u: Array, y: Array, start: int, stop: int) -> Equation:
     """Refine ``equation`` to the smallest free-run error over the rows [start, stop), by Levenberg-Marquardt steps.
 
-    They begin at ``equation`` or at its prefiltered form (:func:`_prefiltered`), whichever has the smaller error. The
+    They begin at ``equation`` or at its prefiltered form (:func:`_prefilter`), whichever has the smaller error. The
     derivatives of the free run by a_i and b_j are the past outputs and inputs filtered by 1/A.
     """
-    equation = _prefiltered(equation, u, y, start, stop)
+    equation = _prefilter(equation, u, y, start, stop)
     order, size, delay = len(equation.a), len(equation.b), equation.delay
     part, measured = u[start:stop], y[start:stop]
     theta, damping = np.concatenate([equation.a, equation.b, _initial_state(equation, part, measured)]), 1e-3
@@ -396,11 +388,12 @@ def output_error(equation: Equation, u: Array, y: Array, start: int, stop: int) 
                 break
             information = J.T @ J
             D = np.diag(np.diag(information))
+            # its least-norm step bounds what the damping does not: `search` ends at models of other orders here
             step = np.linalg.lstsq(information + damping * D, J.T @ (measured - model), rcond=None)[0]
             run = _run(theta + step, order, delay, size, part)
             new = float(np.sum((measured - run) ** 2))
             if np.isfinite(new) and new < cost:
-                done = cost - new < 1e-7 * cost
+                done = cost - new < SMALL_GAIN * cost
                 theta, model, cost, damping = theta + step, run, new, damping / 5.0
                 if done:
                     break
@@ -467,7 +460,7 @@ def plant_of_loop(a: Array, b: Array, delay: int, controller: Controller) -> tup
     return -denominator[1:] / denominator[0], np.convolve(b, D) / denominator[0]
 
 
-def _without_ramp(column: Array, start: int, stop: int) -> Array:
+def _remove_ramp(column: Array, start: int, stop: int) -> Array:
     """Subtract from ``column`` the straight line fitted to its rows [start, stop).
 
     The line is the motion at constant speed of (14.36).
@@ -492,7 +485,7 @@ def _relative(error: Array, y: Array) -> float:
     return found if np.isfinite(found) else np.inf
 
 
-def _fitted_error(equation: Equation, u: Array, y: Array) -> float:
+def _least_error(equation: Equation, u: Array, y: Array) -> float:
     """Error of the free run that begins with the state that fits best at the first row."""
     theta = np.concatenate([equation.a, equation.b, _initial_state(equation, u, y)])
     with np.errstate(over="ignore", invalid="ignore"):
