@@ -149,7 +149,7 @@ def test_the_table_explains_itself(arm, tmp_path):
     arguments = ["identify", robot, "--log", tmp_path / "log.csv", "--method", "kalman", "--essential", "-o", out]
     result = CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False, catch_exceptions=False)
     header = next(line for line in result.stdout.splitlines() if "parameter" in line and "std" in line)
-    assert header.split() == ["parameter", "unit", "value", "std", "unconstrained", "std"]
+    assert header.split() == ["parameter", "unit", "value", "std", "unconstrained", "std", "pull"]
     assert "fv1 N m s/rad" in " ".join(result.stdout.split())
     assert "value: physically consistent estimate, the one in robot.yaml" in result.stdout
     assert "delta method" in result.stdout

@@ -201,7 +201,7 @@ def torque_curves(
         chosen = np.arange(-seen % step, len(rows.t), step)
         seen += len(rows.t)
         W = rows.W[chosen]
-        spread = (None, None) if band is None else (band.total(W), band.parameters(W))
+        spread = (None, None) if band is None else (band.factor / BAND * band.total(W), band.parameters(W))
         new = TorqueCurves(rows.t[chosen], rows.tau[chosen], W @ theta, rows.use[chosen], *spread)
         kept = new if kept is None else _joined(kept, new)
         while len(kept.t) > most:

@@ -62,7 +62,7 @@ from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.lab.identify.parameters import Column, DriveTerms, explained_names, identified_units
 from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, RigidModel, parametrise
-from rrrgen.lab.identify.scores import Fingerprint, Score, TorqueBand, fingerprint, score_models
+from rrrgen.lab.identify.scores import Fingerprint, Score, TorqueBand, conformal_band, fingerprint, score_models
 from rrrgen.robot.model.inertial_parameters import standard_names
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -75,13 +75,15 @@ class Delivered:
     """The estimate written to ``robot.yaml``: identifiable combinations ``x`` (r,) and their ``covariance`` (r, r).
 
     ``origin`` is the name of the estimate, the physically consistent one if it was computed. ``at_bound`` (r,) marks
-    drive parameters that lie on their lower bound 0.
+    drive parameters that lie on their lower bound 0. ``pull`` (r,) is the difference from the unconstrained estimate in
+    deviations of that: above 1, the prior decides more than the data.
     """
 
     origin: str
     x: Array
     covariance: Array
     at_bound: NDArray[np.bool_]
+    pull: Array
 
     @property
     def std(self) -> Array:
@@ -105,7 +107,8 @@ class Delivered:
         columns, of which the first ``base`` are base parameters.
         """
         if consistent is None or consistent.near is None:
-            return cls(options.method, estimate.x, estimate.covariance, np.zeros(len(estimate.x), bool))
+            none = np.zeros(len(estimate.x))
+            return cls(options.method, estimate.x, estimate.covariance, none.astype(bool), none)
         weights = None if options.method == "robust" else estimate.weights
         R = reduced.stacked(weights)[:-1, :-1]
         information = R.T @ R
@@ -114,10 +117,13 @@ class Delivered:
         directions = np.zeros((len(names), consistent.near.directions.shape[1]))
         directions[moving] = consistent.near.directions
         along = chosen.contract(directions)
-        covariance = consistent.near.covariance(along, scores, estimate.variance if weights is not None else 1.0)
+        # the prior is no observation, which would narrow the intervals, but an error that the data do not tell
+        covariance = consistent.near.covariance(along, scores, 0.0)
         x = chosen.contract(consistent.theta)
         fixed = np.all(along == 0.0, axis=1) | ((x == 0.0) & (np.diag(covariance) <= 0.0))
-        return cls("physically consistent", x, covariance, fixed)
+        moved = np.where(fixed, 0.0, x - estimate.x)
+        pull = np.divide(moved, estimate.std, out=np.zeros(len(x)), where=estimate.std > 0.0)
+        return cls("physically consistent", x, covariance + np.outer(moved, moved), fixed, pull)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -405,6 +411,9 @@ class _Run:
         delivered = Delivered.of(estimate, consistent, factors, chosen, names, options, len(self.model.base_projection))
         final = theta if consistent is None else consistent.theta
         scatter = np.array(score(self.factors.fit, final)["joint_rms"])
+        band = TorqueBand.of(final, chosen.T, delivered.covariance, scatter)
+        if isinstance(self.blocks, list) and estimate.relative_error > 1e-9:  # in memory: the rows are read once more
+            band = conformal_band(band, self.blocks, estimate, chosen, options.seed)
         return Identification(
             columns=self.regressor.columns,
             structure=chosen.structure,
@@ -425,7 +434,7 @@ class _Run:
             indefinite=self.indefinite(theta, consistent),
             structural_notes=chosen.structure.in_words(),
             delivered=delivered,
-            band=TorqueBand.of(final, chosen.T, delivered.covariance, scatter),
+            band=band,
             units=identified_units(chosen.structure, self.regressor.columns, chosen.free, self.model),
             meanings=explained_names(chosen.structure.names, self.regressor.columns, self.model),
             hardly_determined=collinear(reduced, estimate),

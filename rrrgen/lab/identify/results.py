@@ -48,10 +48,11 @@ def parameter_lines(found: Identification, width: int | None = None) -> Iterator
     """
     delivered, estimate = found.delivered, found.estimate
     beside = delivered.x is not estimate.x
-    rows = [("parameter", "unit", "value", "std", *(("unconstrained", "std") if beside else ()))]
+    rows = [("parameter", "unit", "value", "std", *(("unconstrained", "std", "pull") if beside else ()))]
     for i, name in enumerate(estimate.names):
         std = "at bound" if delivered.at_bound[i] else f"{delivered.std[i]:.2e}"
-        free = (f"{estimate.x[i]:.6g}", f"{estimate.std[i]:.2e}") if beside else ()
+        pull = f"{delivered.pull[i]:+.1f}{' from the prior' if abs(delivered.pull[i]) > 1.0 else ''}"
+        free = (f"{estimate.x[i]:.6g}", f"{estimate.std[i]:.2e}", pull) if beside else ()
         rows.append((name, found.units[i], f"{delivered.x[i]:.6g}", std, *free))
     yield from text_table(rows, width or LINE, indent="", right=range(2, 6))
     yield (
@@ -60,8 +61,9 @@ def parameter_lines(found: Identification, width: int | None = None) -> Iterator
     )
     if beside:
         yield (
-            "std of value: delta method at the constrained optimum, residuals correlated, the prior counted as an "
-            "observation; drives at their bound of 0 do not move"
+            "std of value: delta method at the constrained optimum, residuals correlated, and the difference from the "
+            "unconstrained estimate; pull: that difference in deviations of the latter; drives at their bound of 0 do "
+            "not move"
         )
     yield from (f"names: {meaning}" for meaning in found.meanings)
     yield from _essential(found)
@@ -201,9 +203,10 @@ def parameter_table(found: Identification) -> tuple[tuple[str, ...], Iterator[Se
                 bound,
                 *free,
                 essential,
+                float(delivered.pull[i]),
             )
 
-    return (*header, *beside), rows()
+    return (*header, *beside, "pull"), rows()
 
 
 def identified_spec(

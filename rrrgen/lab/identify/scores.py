@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, Literal
 
 import numpy as np
@@ -16,11 +17,13 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.tables import text_table
 from rrrgen.lab.data.uniform_stream import Part, joined
-from rrrgen.lab.estimate.tsqr import Rows
+from rrrgen.lab.estimate.regression import Estimate, least_squares
+from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_blocks
 from rrrgen.lab.identify.bandwidth import Tuning
 from rrrgen.lab.identify.friction_columns import Sliding
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
+from rrrgen.lab.identify.regressor import Parametrisation
 
 # ------------------------------------------------------------------------------------------------------------------
 # Uncertainty of predicted torques: a band from the covariance of the parameters and the scatter of the residuals.
@@ -51,12 +54,14 @@ class TorqueBand:
     """Uncertainty of the torques that a model predicts.
 
     ``theta`` (p,) are the parameters of all columns, ``root root'`` (p, p) is their covariance, ``sigma`` (n,) the
-    standard deviation of the residuals of each joint, N m (N).
+    standard deviation of the residuals of each joint, N m (N); the 95 % band is ``factor`` (n,) times as wide on either
+    side as the total standard deviation.
     """
 
     theta: Array
     root: Array
     sigma: Array
+    factor: Array | float = BAND
 
     @classmethod
     def of(cls, theta: Array, to_columns: Array, covariance: Array, sigma: Array) -> TorqueBand:
@@ -82,7 +87,7 @@ class TorqueBand:
         own = all_ = 0.0
         for rows in blocks:
             total = self.total(rows.W)
-            inside += np.sum(rows.use & (np.abs(rows.tau - rows.W @ self.theta) <= BAND * total), axis=0)
+            inside += np.sum(rows.use & (np.abs(rows.tau - rows.W @ self.theta) <= self.factor * total), axis=0)
             count += np.sum(rows.use, axis=0)
             own += float(np.sum(np.where(rows.use, self.parameters(rows.W), 0.0) ** 2))
             all_ += float(np.sum(np.where(rows.use, total, 0.0) ** 2))
@@ -91,6 +96,64 @@ class TorqueBand:
         pairs = zip(inside.tolist(), count.tolist(), strict=True)
         joints = tuple(a / b if b else float("nan") for a, b in pairs)
         return Coverage(int(np.sum(inside)) / int(np.sum(count)), float(np.sqrt(own / all_)), joints)
+
+
+FOLDS = 5
+DRAWS = 200  # bootstrap draws of blocks of residuals
+CERTAIN = 0.9  # quantile over the draws: the band holds with this probability, not in the mean only
+BLOCK = 1.0  # s; a quarter of it in recordings of some seconds
+FEWEST_BLOCKS = 36
+FEWEST_ROWS = 20  # per parameter in the fitted part of a fold
+
+
+def conformal_band(
+    band: TorqueBand, blocks: Sequence[Rows], estimate: Estimate, chosen: Parametrisation, seed: int = 0
+) -> TorqueBand:
+    """The band with a width that holds where the model errs, by conformal prediction over blocks.
+
+    Five contiguous parts of the fitted rows ``blocks`` are each predicted by a fit to the others, weighted as
+    ``estimate``. The factor of a joint is a quantile of the 95 % quantiles of ``|error| / deviation`` over bootstrap
+    draws of blocks, which keep the correlation of errors in time. It is never below that of the normal distribution.
+    Unchanged if a part leaves too few rows.
+    """
+    t = np.concatenate([rows.t for rows in blocks])
+    if len(t) < 2:
+        return band
+    start, duration = float(np.min(t)), float(np.ptp(t))
+    pieces: list[list[Rows]] = [[] for _ in range(FOLDS)]
+    for rows in blocks:
+        part = np.minimum((FOLDS * (rows.t - start) / max(duration, 1e-300)).astype(int), FOLDS - 1)
+        for fold in np.unique(part):
+            pieces[fold].append(rows.chosen(part == fold))
+    if not all(pieces):
+        return band
+    factors = [factor_blocks(part) for part in pieces]
+    errors, instants = [], []
+    for fold, part in enumerate(pieces):
+        others = [factor for k, factor in enumerate(factors) if k != fold]
+        training = reduce(JointFactors.merged, others)
+        if np.sum(training.counts) < FEWEST_ROWS * len(estimate.x):
+            return band
+        theta = chosen.expand(least_squares(chosen.transform(training), estimate.names, estimate.weights).x)
+        for rows in part:
+            z = np.where(rows.use, np.abs(rows.tau - rows.W @ theta) / band.total(rows.W), np.nan)
+            errors.append(z[rows.use.any(axis=1)])
+            instants.append(rows.t[rows.use.any(axis=1)])
+    z, when = np.concatenate(errors), np.concatenate(instants)
+    number = np.unique(((when - start) / min(BLOCK, duration / FEWEST_BLOCKS)).astype(int), return_inverse=True)[1]
+    members = [np.flatnonzero(number == k) for k in range(int(number[-1]) + 1 if len(number) else 0)]
+    rng = np.random.default_rng(seed)
+    drawn = []
+    for _ in range(DRAWS):
+        rows_drawn = np.concatenate([members[k] for k in rng.integers(len(members), size=len(members))])
+        drawn.append([_quantile(column[rows_drawn], 0.95) for column in z.T])
+    return replace(band, factor=np.maximum(BAND, np.quantile(np.array(drawn), CERTAIN, axis=0)))
+
+
+def _quantile(values: Array, share: float) -> float:
+    """Quantile of the finite ``values``; 0 if there are none."""
+    finite = values[np.isfinite(values)]
+    return float(np.quantile(finite, share)) if len(finite) else 0.0
 
 
 # ------------------------------------------------------------------------------------------------------------------
