@@ -139,6 +139,7 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
     """
     from rrrgen.base.templates import template_text
     from rrrgen.emit.html.playground import prepared
+    from rrrgen.robot.file.fields import EMIT
     from rrrgen.robot.robots import bundled_names, bundled_path
 
     if missing := [name for name in RUNTIME if not (runtime / name).is_file()]:
@@ -158,8 +159,8 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
         click.echo(f"deriving {name}", err=True)
         content = json.dumps(prepared(text), separators=(",", ":"))
         (folder / "robots" / f"{name}.json").write_text(content, encoding="utf-8")
-    names = json.dumps([*texts, "my_arm"])
-    (folder / "robots" / "names.json").write_text(names, encoding="utf-8")
+    offered = json.dumps({"robots": [*texts, "my_arm"], "with": EMIT})
+    (folder / "offered.json").write_text(offered, encoding="utf-8")
     sizes = {"compiler.zip": write_compiler(folder / "compiler.zip")}
     sizes |= {f"pyodide/{name}": (folder / "pyodide" / name).stat().st_size for name in RUNTIME}
     (folder / "sizes.json").write_text(json.dumps(sizes), encoding="utf-8")

@@ -5,7 +5,7 @@
 const MOST_CHARACTERS = 100000, MOST_SECONDS = 120, COLUMNS = ["name", "type", "alpha", "a", "d", "theta"];
 const HEADINGS = { name: "joint", type: "type", alpha: "α", a: "a", d: "d", theta: "θ" };
 const TABS = { inverse_kinematics: "Inverse kinematics", base_parameters: "Base parameters", closed_forms: "Closed forms", code: "C code" };
-const WORDS = { cpp: "C++ header", rust: "Rust crate", javascript: "JavaScript", control: "control laws", observer: "observers", trajectory: "trajectories" };
+let words = {};  // what --with offers, with its meaning
 const $ = (id) => document.getElementById(id);
 
 /* -- workers: questions with numbered answers ------------------------------------------------------------------------- */
@@ -280,10 +280,11 @@ function showCode() {
   const float = real.appendChild(Object.assign(document.createElement("input"), { type: "checkbox", checked: options.real === "float" }));
   real.append("float");
   float.addEventListener("change", () => { options.real = float.checked ? "float" : "double"; files = null; showCode(); });
-  Object.entries(WORDS).forEach(([word, title]) => {
+  Object.entries(words).forEach(([word, meaning]) => {
     const label = bar.appendChild(document.createElement("label"));
     const input = label.appendChild(Object.assign(document.createElement("input"), { type: "checkbox", checked: options.words.has(word) }));
-    label.append(title);
+    label.append(word);
+    label.title = meaning;
     input.addEventListener("change", () => { options.words[input.checked ? "add" : "delete"](word); files = null; showCode(); });
   });
   if (!files) {
@@ -393,9 +394,10 @@ $("robot").addEventListener("change", () => {
 });
 async function begin() {
   const wanted = new URLSearchParams(location.hash.slice(1));
-  const listed = fetch("robots/names.json").then((response) => response.json());
+  const offered = fetch("offered.json").then((response) => response.json());
   const first = open(wanted.get("robot") && /^\w+$/.test(wanted.get("robot")) ? wanted.get("robot") : "ur5").catch(() => null);
-  const names = await listed;
+  const { robots: names, with: meanings } = await offered;
+  words = meanings;
   const select = $("robot");
   select.add(new Option("your own", ""));
   names.forEach((name) => select.add(new Option(name === "my_arm" ? "six joints to start from" : name, name)));
