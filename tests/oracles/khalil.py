@@ -1,6 +1,7 @@
 """OpenSYMORO's parameters evaluated as they are defined: elementary matrices, energies of pseudo-inertias.
 
-``columns`` holds per name of a .par file one number for each frame (``Z`` 16 numbers, ``G`` 3), all frames in a row.
+``columns`` holds per name of a .par file one number for each frame (``Z`` 16 numbers, ``G`` 3); ``ant`` is the frame
+(from 1, 0 the base) that each follows, the one before it if missing.
 """
 
 from __future__ import annotations
@@ -27,9 +28,11 @@ def shift(axis: int, length) -> np.ndarray:
 
 def frames(columns: dict, q) -> np.ndarray:
     """Poses of all frames, before ``Z`` is left out: in the frame that Z refers to; q of the moving joints."""
-    T = np.reshape(columns.get("Z", np.eye(4)), (4, 4)).astype(complex)
+    base = np.reshape(columns.get("Z", np.eye(4)), (4, 4)).astype(complex)
     count, values, found = len(columns["sigma"]), iter(q), []
     for j in range(count):
+        before = int(columns.get("ant", range(count))[j])
+        T = found[before - 1] if before else base
         gamma, b, alpha, d, theta, r = (
             columns.get(key, [0.0] * count)[j] for key in ("gamma", "b", "alpha", "d", "theta", "r")
         )

@@ -28,6 +28,17 @@ SLIDING = {  # R P R with a turned and raised base, an inclined axis and a fixed
     "theta": "t1,0.7,t3 - pi/6,0.9",
     "Z": "0,-1,0,0.3,1,0,0,-0.2,0,0,1,0.6,0,0,0,1",
 }
+TREE = {  # two branches on a column, one with a slide, the other behind a fixed frame; a third on the base
+    "ant": "0,1,2,1,4,0",
+    "sigma": "0,0,1,2,0,0",
+    "b": "0,0.1,0.05,-0.2,0.3,0.1",
+    "d": "0,0.2,0,L2,0.1,0.3",
+    "r": "0.4,0,r3+0.1,0.1,0,-0.2",
+    "gamma": "0.2,0.7,0,-0.9,pi/2,1.1",
+    "alpha": "0,pi/2,0.3,-0.4,0,pi/2",
+    "theta": "t1,t2+0.5,0.2,0.6,t5,t6",
+    "Z": "0,-1,0,0.3,1,0,0,-0.2,0,0,1,0.6,0,0,0,1",
+}
 VALUES = {"D3": "450mm", "RL4": "0.45", "L2": "0.35"}
 NUMBERS = {"D3": 0.45, "RL4": 0.45, "L2": 0.35, "pi": math.pi, "Pi": math.pi}
 

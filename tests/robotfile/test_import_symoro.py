@@ -12,7 +12,7 @@ from oracles import khalil
 from rrrgen.base.errors import InputError
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.importers.importing import import_robot
-from tests.robotfile.par_files import ELBOW, SLIDING, VALUES, inertia, numbers, text
+from tests.robotfile.par_files import ELBOW, SLIDING, TREE, VALUES, inertia, numbers, text
 
 ARMS = {"elbow": (ELBOW, 6, 0, "0,0,-9.81"), "sliding": (SLIDING, 3, 1, "1.5,-2,-9.5")}
 
@@ -45,6 +45,26 @@ def test_kinematics_and_energies_are_those_of_the_file(arm, tmp_path):
     frames = np.array([khalil.frames(numeric, state).real for state in q])
     np.testing.assert_allclose(model.link_frames(q), frames[:, : model.n], atol=1e-13)
     np.testing.assert_allclose(model.forward_kinematics(q), frames[:, -1], atol=1e-13)
+    kinetic, potential = np.transpose([khalil.energies(numeric, *state) for state in zip(q, dq, strict=True)])
+    K, U = model.energy(q, dq)
+    np.testing.assert_allclose(K, kinetic, rtol=1e-12)
+    np.testing.assert_allclose(U - U[0], potential - potential[0], atol=1e-12 * np.abs(potential).max())
+
+
+def test_a_tree_is_the_one_of_the_file(tmp_path):
+    """Every frame is a row, placed by gamma and b; frames, energies and the fixed frame's inertia are the file's."""
+    columns, gravity = {**TREE, **inertia(6)}, "1.5,-2,-9.5"
+    content = text(columns, "tree", gravity).replace("Type = 0", "Type = 1")
+    found = import_robot(write(tmp_path, content), values={"L2": "0.35"})
+    file = write(tmp_path, found.text, "tree.yaml")
+    assert load_spec(file) == found.spec
+    assert [row.name for row in found.spec.rows] == ["t1", "t2", "r3", "fixed4", "t5", "t6"]
+    assert found.spec.mechanism.parents == (-1, 0, 1, 0, 3, -1)
+    model = rrrgen.compile(file, backend="numpy")
+    numeric = numbers(columns, gravity)
+    q, dq = np.random.default_rng(0).uniform(-2, 2, (2, 5, model.n))
+    frames = np.array([khalil.frames(numeric, state).real for state in q])
+    np.testing.assert_allclose(model.link_frames(q), frames, atol=1e-13)
     kinetic, potential = np.transpose([khalil.energies(numeric, *state) for state in zip(q, dq, strict=True)])
     K, U = model.energy(q, dq)
     np.testing.assert_allclose(K, kinetic, rtol=1e-12)
@@ -94,7 +114,7 @@ def spoilt(old: str, new: str) -> str:
 
 
 FAULTS = {
-    "tree": ("0,1,2,3,4,5", "0,1,2,2,4,5", "frame 4 follows frame 2", "serial"),
+    "later frame": ("0,1,2,3,4,5", "0,1,2,5,4,5", "frame 4 follows frame 5", "0 to 3; 0 is the base"),
     "closed loop": ("Type = 0", "Type = 2", "a chain with closed loops", "Type = 0"),
     "mobile base": ("is_mobile = 0", "is_mobile = 1", "a base that moves", "fixed base"),
     "fixed frame inside": (

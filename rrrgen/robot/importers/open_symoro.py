@@ -1,4 +1,4 @@
-"""OpenSYMORO ``.par``: serial chains in the modified Denavit-Hartenberg parameters of Khalil and Kleinfinger.
+"""OpenSYMORO ``.par``: chains and trees in the modified Denavit-Hartenberg parameters of Khalil and Kleinfinger.
 
 A file lists ``NAME = VALUE`` and ``NAME = {entry, entry, ...}`` with comments ``(* ... *)``. Frame j follows from frame
 ``ant`` by ``Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r)``, joint j being revolute (``sigma`` 0), prismatic
@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import sympy as sp
 
 from rrrgen.base.yamltext.document import FaultList, Place, place_at, shorten
 from rrrgen.base.yamltext.expressions import FUNCTIONS, ExpressionError, Name, parse_expression
 from rrrgen.robot.file.fields import MAX_JOINTS
+from rrrgen.robot.file.mechanism import mechanism_of_rows
 from rrrgen.robot.file.quantities import LARGEST_BARE_LENGTH, held_fault, held_number
 from rrrgen.robot.importers.interface import Found, Importer, Source
 from rrrgen.robot.spec import (
@@ -176,6 +177,8 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         return None
     _refuse_unknown_values(file)
     kinds = [entry.expr for entry in table["sigma"]]
+    if _branches(table):
+        return _tree(source, file, table)
     moving = [j for j, kind in enumerate(kinds) if kind != FIXED]
     first, last = moving[0], moving[-1]
     joints = tuple(_joint(file, table, j, kinds[j]) for j in moving)
@@ -216,15 +219,17 @@ def _table(file: Assignments) -> dict[str, list[Entry]] | None:
         return None
     table = {name: file.entries(name, count, name not in ("b", "gamma")) for name in GEOMETRY}
     for j, entry in enumerate(table["ant"]):
-        if entry.expr != j:
+        if entry.expr not in range(j + 1):
             message = f"frame {j + 1} follows frame {shorten(str(entry.expr))}"
-            faults.error(entry.place, message, "only serial chains: ant = {0,1,2,...}")
+            faults.error(entry.place, message, f"a frame before it, 0 to {j}; 0 is the base")
     for entry in table["sigma"]:
         if entry.expr not in (REVOLUTE, PRISMATIC, FIXED):
             faults.error(entry.place, f"sigma is {shorten(str(entry.expr))}", "0 revolute, 1 prismatic, 2 fixed")
     moving = [j for j, entry in enumerate(table["sigma"]) if entry.expr != FIXED]
     if not moving:
         faults.error(file.place["sigma"], "no joint moves", "sigma is 0 for revolute, 1 for prismatic joints")
+    elif _branches(table):
+        return None if faults.errors else table  # fixed frames become fixed rows
     elif max(moving[0], count - 1 - moving[-1]) > MAX_FIXED:
         faults.error(file.place["sigma"], "too many fixed frames in a row", f"at most {MAX_FIXED}; multiply them out")
     for j in range(moving[0], moving[-1]) if moving else ():
@@ -232,6 +237,55 @@ def _table(file: Assignments) -> dict[str, list[Entry]] | None:
             hint = "a fixed frame between two joints has no place in a table of one row per joint"
             faults.error(table["sigma"][j].place, f"frame {j + 1} is fixed to a moving link", hint)
     return None if faults.errors else table
+
+
+def _branches(table: dict[str, list[Entry]]) -> bool:
+    """Whether a frame follows another one than that before it."""
+    return any(entry.expr != j for j, entry in enumerate(table["ant"]))
+
+
+def _tree(source: Source, file: Assignments, table: dict[str, list[Entry]]) -> Found | None:
+    """The robot of a branching table: a row for every frame, placed by its gamma and b; fixed frames are fixed rows.
+
+    The tip is at the last frame.
+    """
+    kinds = [entry.expr for entry in table["sigma"]]
+    rows = []
+    for j, kind in enumerate(kinds):
+        row = _fixed_row(file, table, j) if kind == FIXED else _joint(file, table, j, kind)
+        gamma, b = (table[key][j] for key in ("gamma", "b"))
+        for key, entry in (("gamma", gamma), ("b", b)):
+            file.refuse_open(entry.expr, entry.place, f"{key} of frame {j + 1}")
+        rows.append(replace(row, gamma=gamma.expr, b=b.expr))
+    driven = [j for j, kind in enumerate(kinds) if kind != FIXED]
+    parents = tuple(int(entry.expr) - 1 for entry in table["ant"])
+    matrix: list[tuple[sp.Expr, ...]] = [tuple(sp.Integer(int(j == k)) for k in driven) for j in range(len(kinds))]
+    joints, mechanism = mechanism_of_rows(rows, parents, len(kinds) - 1, matrix, driven)
+    base, links, gravity = _pose_of_frame_0(file), _links(file, len(kinds), 0, len(kinds) - 1), _gravity(file)
+    _warn_about_rest(file, len(kinds))
+    if file.faults.errors:
+        return None
+    values = [value for row in rows for value in (row.alpha, row.a, row.d, row.theta, row.gamma, row.b)]
+    used = sorted({str(symbol) for value in values for symbol in value.free_symbols})
+    spec = RobotSpec(
+        name=_name(source),
+        convention="modified",
+        gravity=gravity,
+        parameters={name: source.values[name] for name in used},
+        joints=joints,
+        links=links,
+        base=_fixed(base),
+        mechanism=mechanism,
+    )
+    return Found(spec)
+
+
+def _fixed_row(file: Assignments, table: dict[str, list[Entry]], j: int) -> JointSpec:
+    """The row of the fixed frame ``j`` (from 0), without its gamma and b."""
+    alpha, d, r, theta = (table[key][j] for key in ("alpha", "d", "r", "theta"))
+    for key, entry in (("alpha", alpha), ("d", d), ("r", r), ("theta", theta)):
+        file.refuse_open(entry.expr, entry.place, f"{key} of frame {j + 1}")
+    return JointSpec(f"fixed{j + 1}", "revolute", alpha.expr, d.expr, r.expr, theta.expr)
 
 
 def _name(source: Source) -> str:
@@ -244,11 +298,10 @@ def _refuse_other_structures(file: Assignments) -> None:
     for name in ("is_floating", "is_mobile"):
         if file.flag(name) not in ("", "0", "False", "false"):
             file.faults.error(file.place[name], f"{name}: a base that moves", "robot files have a fixed base")
-    if file.flag("Type") not in ("", "0"):
-        kind = {"1": "a tree", "2": "a chain with closed loops"}.get(file.flag("Type"), "no known structure")
-        file.faults.error(
-            file.place["Type"], f"Type {shorten(file.flag('Type'))}: {kind}", "only serial chains, Type = 0"
-        )
+    if file.flag("Type") not in ("", "0", "1"):
+        kind = {"2": "a chain with closed loops"}.get(file.flag("Type"), "no known structure")
+        hint = "only serial chains, Type = 0, and trees, Type = 1"
+        file.faults.error(file.place["Type"], f"Type {shorten(file.flag('Type'))}: {kind}", hint)
 
 
 def _refuse_unknown_values(file: Assignments) -> None:
@@ -456,7 +509,7 @@ def _fixed(matrix: sp.Matrix) -> FixedTransform:
 
 IMPORTER = Importer(
     "symoro",
-    "OpenSYMORO .par: modified Denavit-Hartenberg parameters of a serial chain, inertia, friction",
+    "OpenSYMORO .par: modified Denavit-Hartenberg parameters of a chain or tree, inertia, friction",
     (".par",),
     lambda text: re.search(r"^\s*[Ss]igma\s*=\s*\{", text, re.MULTILINE) is not None,
     _read,
