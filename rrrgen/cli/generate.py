@@ -291,7 +291,7 @@ def _friction(law: str, spec: RobotSpec) -> list[Program]:
 # The command ``rrrgen generate``
 # ------------------------------------------------------------------------------------------------------------------
 
-GROUPS = ("control", "elastic", "observer", "points", "timing", "trajectory")
+GROUPS = ("control", "elastic", "hessian", "observer", "points", "tensors", "timing", "trajectory")
 """The words after ``--with`` that name groups of functions; the others name languages and further files."""
 
 

@@ -72,15 +72,15 @@ def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> Recorde
     Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
     has no nominal value.
     """
-    from rrrgen.derive.functions.table import functions_for, recorders
+    from rrrgen.derive.functions.table import functions_for, recorders, with_sources
 
-    derivation = prepare(spec)
+    derivation, functions = prepare(spec), functions_for(spec, groups)
     alternatives = {
         function.name: tuple(record(derivation.recording()) for record in recorders(function.name))
-        for function in functions_for(spec, groups)
+        for function in with_sources(functions)
         if function.record
     }
-    return parametrized(derivation).recorded(derivation, alternatives)
+    return parametrized(derivation).recorded(derivation, alternatives, tuple(function.name for function in functions))
 
 
 def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:

@@ -95,9 +95,14 @@ class ParametrizedRobot:
         """Number of elements of the port beta: base parameters, then drive inertias."""
         return self.b + len(self.drive_inertia_nominal or ())
 
-    def recorded(self, derivation: Derivation, alternatives: dict[str, tuple[Program, ...]]) -> RecordedModel:
-        """Make a recorded model of this robot; ``alternatives`` lists equivalent programs for every function."""
-        return RecordedModel(**self._known(), derivation=derivation, alternatives=alternatives)
+    def recorded(
+        self, derivation: Derivation, alternatives: dict[str, tuple[Program, ...]], wanted: tuple[str, ...]
+    ) -> RecordedModel:
+        """Make a recorded model of this robot for the functions ``wanted``.
+
+        ``alternatives`` lists equivalent programs of these and of those that they are made of.
+        """
+        return RecordedModel(**self._known(), derivation=derivation, alternatives=alternatives, wanted=wanted)
 
     def _known(self) -> dict[str, Any]:
         return {each.name: getattr(self, each.name) for each in fields(ParametrizedRobot)}
@@ -105,10 +110,15 @@ class ParametrizedRobot:
 
 @dataclass(frozen=True)
 class RecordedModel(ParametrizedRobot):
-    """Every function as recorded, before optimization: ``alternatives`` lists equivalent programs per function."""
+    """Every function as recorded, before optimization: ``alternatives`` lists equivalent programs per function.
+
+    ``wanted`` are the functions of the model in the order of emission, also those that are made only of optimized
+    programs of others; these others are among the alternatives, wanted or not.
+    """
 
     derivation: Derivation
     alternatives: dict[str, tuple[Program, ...]]
+    wanted: tuple[str, ...]
 
     def optimized(self, programs: dict[str, Program], passes: tuple[PassReport, ...]) -> DerivedModel:
         """Make the derived model of this robot from the optimized ``programs`` and the reports of the ``passes``."""

@@ -6,16 +6,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
-from itertools import pairwise
 
 from rrrgen.base.parallel import Tell, parallel_map
 from rrrgen.derive.derived_model import Derivation, DerivedModel, RecordedModel
-from rrrgen.derive.functions.table import FUNCTIONS, TABLE, combine
+from rrrgen.derive.functions.table import FUNCTIONS, TABLE, combine, with_sources
 from rrrgen.program import Builder, Op, Program, Role, Value, nominal_name, specialization
 from rrrgen.program.guard import guarded
 from rrrgen.program.passes.cheapest import Cheapest, Choice, Log
 from rrrgen.program.passes.folding import Fold
 from rrrgen.program.passes.interface import PassReport
+from rrrgen.program.passes.rewriting import CutSet
 from rrrgen.program.program import Node, count_operations, uses
 from rrrgen.robot.spec import RobotSpec
 
@@ -129,13 +129,6 @@ inertial parameters."""
 _ROOT = "inverse_dynamics"
 """The function that all functions that are derived by differentiation go back to."""
 
-_COMBINED_BEHIND: dict[str, list[str]] = {}
-"""Functions that are made only of optimized programs of others, by the function that stands before them in the table.
-"""
-for _before, _function in pairwise(TABLE):
-    if not _function.record:
-        _COMBINED_BEHIND.setdefault(_before.name, []).append(_function.name)
-
 
 @dataclass(frozen=True)
 class _Optimized:
@@ -164,15 +157,39 @@ class Optimizer:
     def __call__(self, recorded: RecordedModel, jobs: int = 1, tell: Tell | None = None) -> DerivedModel:
         """The optimized model, computed by up to ``jobs`` processes; the result does not depend on their number."""
         found = self._function_by_function(recorded, jobs, tell)
-        programs: dict[str, Program] = {}
-        for name in recorded.alternatives:
-            programs[name] = guarded(found[name].program)
-            if (nominal := found[name].nominal) is not None:
-                programs[nominal.name] = guarded(nominal)
-            for function in _COMBINED_BEHIND.get(name, ()):
-                programs |= combined(function, recorded.derivation, programs)
+        made: dict[str, dict[str, Program]] = {}
+        for name, one in found.items():
+            made[name] = {name: guarded(one.program)}
+            if one.nominal is not None:
+                made[name][one.nominal.name] = guarded(one.nominal)
+        self._combine_all(recorded, made, jobs, tell)
+        programs = {each: program for name in recorded.wanted for each, program in made[name].items()}
         passes = tuple(report for name in recorded.alternatives for report in found[name].reports)
         return recorded.optimized(programs, passes)
+
+    def _combine_all(
+        self, recorded: RecordedModel, made: dict[str, dict[str, Program]], jobs: int, tell: Tell | None
+    ) -> None:
+        """Make the functions that are made only of programs of others, and add them to ``made``, by their names.
+
+        Those whose sources are known are made at the same time.
+        """
+        missing = [f for f in with_sources([FUNCTIONS[name] for name in recorded.wanted]) if f.name not in made]
+        while missing:
+            ready = [f.name for f in missing if made.keys() >= {*f.of}]
+            known = {name: program for programs in made.values() for name, program in programs.items()}
+            tasks = partial(self._combined, recorded, known)
+            made |= zip(ready, parallel_map(tasks, ready, jobs, tell, "combining functions"), strict=True)
+            missing = [f for f in missing if f.name not in made]
+
+    def _combined(self, recorded: RecordedModel, programs: Mapping[str, Program], name: str) -> dict[str, Program]:
+        """The function ``name`` as :func:`combined` makes it, its specialization the cheapest of both ways."""
+        made, special = combined(name, recorded.derivation, programs), nominal_name(name)
+        if FUNCTIONS[name].differentiated and special in made:
+            ways = [made[special], Fold(recorded.nominal)(made[name])]
+            trials = [Choice(0, None), Choice(1, None), Choice(1, CutSet.LOCAL)]
+            made[special] = as_nominal(self.cheapest(ways, special, Log(), trials)[0], name, made[name].summary)
+        return made
 
     def _function_by_function(self, recorded: RecordedModel, jobs: int, tell: Tell | None) -> dict[str, _Optimized]:
         """Optimize the functions in up to ``jobs`` processes; functions that are derived from each other share one."""

@@ -93,8 +93,9 @@ class NumpyEngine:
 class CompiledEngine:
     """Engine that calls the emitted C through cffi.
 
-    ``functions`` maps program names to C functions for one state. ``build_more()`` compiles the functions that are
-    missing there when one of them is first needed: they are rarely called and take long to compile.
+    ``functions`` maps program names to C functions for one state. ``build_more(name)`` compiles a function that is
+    missing there, and those in its source file, when it is first needed: they are rarely called and take long to
+    compile.
     ``build_loops(names)`` compiles the vectorized loops over states of some programs. A loop is built alone at the
     first batch of its function, because all loops of a robot take longer to compile than everything else;
     :meth:`prepare` builds all. cffi releases the global interpreter lock during a call, so threads run in parallel.
@@ -107,7 +108,7 @@ class CompiledEngine:
         programs: Mapping[str, Program],
         ffi: Any,
         functions: Mapping[str, Any],
-        build_more: Callable[[], Mapping[str, Any]],
+        build_more: Callable[[str], Mapping[str, Any]],
         build_loops: Callable[[Sequence[str]], Mapping[str, Any]],
         dtype: np.dtype[Any],
     ) -> None:
@@ -132,7 +133,7 @@ class CompiledEngine:
     def _function(self, name: str) -> Any:
         """The C function that evaluates the program ``name`` for one state, compiled if needed."""
         if name not in self._functions:
-            self._functions |= self._build_more()
+            self._functions |= self._build_more(name)
         return self._functions[name]
 
     def _loop(self, name: str) -> Any:

@@ -52,26 +52,31 @@ def load_model(
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
     from rrrgen.emit.c.language import Dialect, InlineSinCos
-    from rrrgen.emit.c.robot_files import DERIVATIVES, header_and_sources, source_parts
+    from rrrgen.emit.c.robot_files import NOMINAL, header_and_sources, source_parts
     from rrrgen.emit.description import programs_of
 
     dialect = Dialect(derived.spec.name, real)
     programs = {name: program for name, program in programs_of(derived).items() if program.inputs}
     code = header_and_sources(derived, identity, dialect, InlineSinCos())
-    beside = source_parts(programs.values()).get(DERIVATIVES, [])
-    last = f"{DERIVATIVES}.c"
-    first = {name: program for name, program in programs.items() if name not in beside}
-    ffi, functions = _functions(first, {name: code[name] for name in code if not name.endswith(last)}, dialect)
+    parts = source_parts(programs.values())
+    later = {name: part for part, names in parts.items() if part not in ("", NOMINAL) for name in names}
 
-    def build_derivatives() -> dict[str, Any]:
-        sources = {name: code[name] for name in code if name.endswith((".h", last))}
-        return _functions({name: programs[name] for name in beside}, sources, dialect)[1]
+    def built(*wanted: str) -> tuple[Any, dict[str, Any]]:
+        """Compile the source files of the parts ``wanted``."""
+        files = {f"{dialect.prefix}{part}.c" for part in wanted}
+        sources = {name: text for name, text in code.items() if name.endswith(".h") or name in files}
+        return _functions({name: programs[name] for part in wanted for name in parts.get(part, ())}, sources, dialect)
+
+    def build_later(name: str) -> dict[str, Any]:
+        return built(later[name])[1]
+
+    ffi, functions = built("", NOMINAL)
 
     def build_loops(names: Sequence[str]) -> dict[str, Any]:
         return _loops({name: programs[name] for name in names}, code, dialect)
 
     scalar = np.dtype(np.float64 if real == "double" else np.float32)
-    return CompiledEngine(programs, ffi, functions, build_derivatives, build_loops, scalar)
+    return CompiledEngine(programs, ffi, functions, build_later, build_loops, scalar)
 
 
 def _functions(

@@ -17,6 +17,7 @@ from rrrgen.runtime.display import Drawings, html_summary
 from rrrgen.runtime.engines import BoundFunction, Engine
 from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.differential import DifferentialFunctions
+from rrrgen.runtime.functions.hessians import HessianFunctions
 from rrrgen.runtime.functions.parameters import ParameterFunctions
 from rrrgen.runtime.functions.regressors import RegressorFunctions
 from rrrgen.runtime.paths import PathFunctions
@@ -37,6 +38,7 @@ class Model(
     RegressorFunctions,
     ParameterFunctions,
     DifferentialFunctions,
+    HessianFunctions,
     PathFunctions,
 ):
     """Kinematics and dynamics of one robot, made by :func:`rrrgen.compile`.

@@ -196,3 +196,22 @@ class ForwardDynamicsDerivatives(NamedTuple):
     dddq_dq: NDArray[Any]
     dddq_dv: NDArray[Any]
     dddq_dtau: NDArray[Any]
+
+
+class Hessian(NamedTuple):
+    """``gradient`` (..., 3 n) and symmetric Hessian ``H`` (..., 3 n, 3 n) of a weighted sum, in SI units."""
+
+    gradient: NDArray[Any]
+    H: NDArray[Any]
+
+
+class SecondDerivatives(NamedTuple):
+    """Second derivatives of the torques, (..., n, n, n) each, SI units, and those of the mass matrix by q.
+
+    ``d2tau_dvq[..., i, j, k]`` is that of tau_i by dq_j and q_k; ``dM_dq`` is also that of tau_i by ddq_j and q_k.
+    """
+
+    d2tau_dqq: NDArray[Any]
+    d2tau_dvq: NDArray[Any]
+    d2tau_dvv: NDArray[Any]
+    dM_dq: NDArray[Any]

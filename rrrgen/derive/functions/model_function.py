@@ -35,8 +35,10 @@ class ModelFunction:
     a :class:`Recording` and returns a :class:`Program`, or a tuple of such functions, whose programs are equivalent;
     the cheapest is emitted. ``combine`` names, likewise, a function that takes a :class:`Recording` and the optimized
     programs of the functions ``of``: its program is another alternative, or, without ``record``, the only one. A
-    function with ``of`` thus follows those in the table. ``more_joints_than`` and ``needs`` say for which robots the
-    function exists, and ``absent`` why it does not.
+    function with ``of`` thus follows those in the table. ``differentiated``: its program is made of derivatives of the
+    others, so that the numbers of the robot file are also tried in its general program instead of in theirs.
+    ``more_joints_than``, ``most_joints`` (0 for any number) and ``needs`` say for which robots the function exists, and
+    ``absent`` why it does not.
     """
 
     name: str
@@ -54,10 +56,16 @@ class ModelFunction:
     status: bool = False
     refuses: str = ""
     links_only: str = ""
+    differentiated: bool = False
     more_joints_than: int = 0
+    most_joints: int = 0
     needs: Needs = Needs.NOTHING
     absent: str = ""
     by_hand: bool = False
+
+    def suits(self, joints: int) -> bool:
+        """Whether the function exists for robots with so many ``joints``."""
+        return joints > self.more_joints_than and not 0 < self.most_joints < joints
 
     @cached_property
     def arguments(self) -> tuple[Quantity, ...]:

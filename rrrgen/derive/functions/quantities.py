@@ -134,6 +134,7 @@ _SHARED = (
     Quantity("tool", "4 4", "1, m", "pose of the tool in the last link frame", constant=True, rigid=True),
     Quantity("Ts", "", "s", "the period"),
     Quantity("V_d", "6", "m/s, rad/s", "desired velocity of the tip", note=", base frame"),
+    Quantity("weights", "n", "any", "the weights"),
     Quantity(
         "width",
         "s",

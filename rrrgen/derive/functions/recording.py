@@ -41,6 +41,7 @@ JOINT_ROLES = {
     "ddq": Role.ACCELERATION,
     "tau": Role.TORQUE,
     "e": Role.COVECTOR,
+    "weights": Role.COVECTOR,
     "v": Role.REFERENCE_VELOCITY,
     "a": Role.REFERENCE_ACCELERATION,
     "q_d": Role.DESIRED_POSITION,
@@ -158,7 +159,7 @@ class Recording:
     def joints(self, name: str) -> list[Value]:
         """The joint vector ``name`` (n,), one of :data:`JOINT_ROLES`; declared as an input when first asked for."""
         role = JOINT_ROLES[name]
-        return self._declared.get(role) or self._input(replace(self._port(name), role=role))
+        return self._declared.get(role) or self._input(self.port(name))
 
     def chain(self) -> Chain:
         """Declare q as an input and return the chain at q, in the gravity of the robot file."""
@@ -191,17 +192,18 @@ class Recording:
         ``shape`` is needed where the table names a size that is not that of the joints or of the base parameters.
         """
         if name not in self._extra:
-            self._extra[name] = list[Value](self.builder.input(self._port(name, *shape)))
+            self._extra[name] = list[Value](self.builder.input(self.port(name, *shape)))
         return self._extra[name]
 
-    def _port(self, name: str, *shape: int) -> Port:
-        """The input ``name`` of the function, as the table states it."""
+    def port(self, name: str, *shape: int) -> Port:
+        """The port of the input ``name`` of the function, as the table states it."""
         own = {quantity.name: quantity for quantity in self.function.arguments} if self.function else {}
         quantity = own.get(name) or QUANTITIES[name]
-        sizes = {"n": self.n, "b": len(self.parametrization.names) + self.drives}
+        sizes = {"n": self.n, "3n": 3 * self.n, "b": len(self.parametrization.names) + self.drives}
         shape = shape or tuple(sizes[size] if size in sizes else int(size) for size in quantity.shape.split())
         domain = DOMAINS.get(name, Domain.FINITE)
-        return Port(name, shape, self.unit(quantity.unit), "", quantity.words, domain=domain)
+        role = JOINT_ROLES.get(name, Role.OTHER)
+        return Port(name, shape, self.unit(quantity.unit), "", quantity.words, role, domain)
 
     def unit(self, unit: str) -> str:
         """The ``unit`` of the table for the joints of this robot: of "rad | m" one part where all joints are alike."""

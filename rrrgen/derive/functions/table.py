@@ -12,6 +12,7 @@ from functools import cache, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from rrrgen.base.errors import DerivationError
 from rrrgen.derive.functions.model_function import ModelFunction, Needs
 from rrrgen.derive.functions.quantities import Quantity, like
 from rrrgen.program import Op, Program
@@ -33,6 +34,7 @@ OPERATIONAL = "rrrgen.derive.functions.operational_space"
 OBSERVERS = "rrrgen.derive.functions.contact"
 CONTACT = "rrrgen.derive.functions.contact"
 ELASTIC = "rrrgen.derive.functions.elastic_joints"
+SECOND = "rrrgen.derive.functions.second_derivatives"
 PATHS = "rrrgen.derive.functions.motions"
 MOTIONS = "rrrgen.derive.functions.motions"
 FRICTION = "rrrgen.derive.functions.friction"
@@ -889,6 +891,78 @@ TABLE = (
         refuses="the motion is then zero",
     ),
     ModelFunction(
+        "mass_matrix_derivatives",
+        "hessian",
+        "Derivatives of the mass matrix with respect to the joint positions, ``dM_ij/dq_k``.",
+        takes="q beta * Ia",
+        returns="dM_dq, (..., n, n, n), in SI units: ``dM_dq[..., i, j, k]``, symmetric in i and j.",
+        combine=f"{SECOND}:mass_matrix_derivatives",
+        of=("mass_matrix",),
+        differentiated=True,
+    ),
+    ModelFunction(
+        "inverse_dynamics_hessian",
+        "hessian",
+        "Gradient and Hessian of ``weights' tau`` with respect to (q, dq, ddq), for given weights.",
+        takes="q dq ddq weights beta * Ia gravity",
+        where=(like("weights", meaning="weights of the torques", note=", such as the multipliers of a solver"),),
+        returns="The named tuple (gradient, H): (..., 3 n), and (..., 3 n, 3 n), symmetric, in SI units times the unit "
+        "of the weights.",
+        combine=f"{SECOND}:inverse_dynamics_hessian",
+        of=("inverse_dynamics",),
+        details="The blocks of ddq and ddq, and of ddq and dq, are zero. In C the others are separate outputs, those "
+        "on the diagonal as upper triangles.",
+        result="Hessian",
+        differentiated=True,
+        by_hand=True,
+    ),
+    ModelFunction(
+        "inverse_dynamics_hessian_product",
+        "hessian",
+        "Product of the Hessian of ``weights' tau`` with respect to (q, dq, ddq) with a direction.",
+        takes="q dq ddq weights direction beta * Ia gravity",
+        where=(
+            like("weights", meaning="weights of the torques", note=", such as the multipliers of a solver"),
+            Quantity("direction", "3n", "any", "the direction", note=": changes of q, then of dq, then of ddq"),
+        ),
+        returns="``H direction``, (..., 3 n), in SI units times the units of weights and direction. H is never formed.",
+        combine=f"{SECOND}:inverse_dynamics_hessian_product",
+        of=("inverse_dynamics",),
+        differentiated=True,
+    ),
+    ModelFunction(
+        "forward_dynamics_hessian",
+        "hessian",
+        "Gradient and Hessian of ``weights' ddq`` with respect to (q, dq, tau), for given weights.",
+        takes="q dq tau weights beta * Ia gravity",
+        where=(like("weights", meaning="weights of the accelerations", note=", such as the multipliers of a solver"),),
+        returns="The named tuple (gradient, H): (..., 3 n), and (..., 3 n, 3 n), symmetric, in SI units times the unit "
+        "of the weights; zero where M is not positive definite. The status, (...), is 1 there and 0 elsewhere.",
+        combine=f"{SECOND}:forward_dynamics_hessian",
+        of=("inverse_dynamics_hessian", "forward_dynamics_derivatives"),
+        details="The blocks of tau and tau, and of tau and dq, are zero.",
+        raises=(
+            ("numpy.linalg.LinAlgError", "M is indefinite or singular at some state, and ``with_status`` is False."),
+        ),
+        result="Hessian",
+        status=True,
+        by_hand=True,
+    ),
+    ModelFunction(
+        "inverse_dynamics_second_derivatives",
+        "tensors",
+        "All second derivatives of the joint torques with respect to q, dq and ddq that can differ from zero.",
+        takes="q dq ddq beta * Ia gravity",
+        returns="The named tuple (d2tau_dqq, d2tau_dvq, d2tau_dvv, dM_dq), (..., n, n, n) each, in SI units: "
+        "``d2tau_dvq[..., i, j, k]`` is the derivative of tau_i by dq_j and q_k.",
+        combine=f"{SECOND}:inverse_dynamics_second_derivatives",
+        of=("inverse_dynamics_derivatives",),
+        result="SecondDerivatives",
+        differentiated=True,
+        most_joints=8,
+        absent="all second derivatives exist for at most eight joints; inverse_dynamics_hessian has their weighted sum",
+    ),
+    ModelFunction(
         "friction",
         "friction",
         "Friction torques of the laws of the robot file, such as ``tau_f = fv dq + fc sgn(dq) + offset``.",
@@ -975,6 +1049,10 @@ GROUPS = {
     " positions, torques and the rotor inertia J are seen at the joints.",
     "timing": "Dynamics along a given path q(s).",
     "trajectory": "Desired motions from point to point.",
+    "hessian": "Second derivatives of inverse and forward dynamics for solvers that use exact Hessians, summed with the"
+    " multipliers of the solver as weights, so that n matrices become one.",
+    "tensors": "All second derivatives of inverse dynamics, unweighted, for robots of at most eight joints: their"
+    " number grows with n^3.",
     "friction": "Friction at the joints and at coupled motors, under the laws of the robot file.",
 }
 """The groups of functions, and what they are for."""
@@ -989,7 +1067,7 @@ ALWAYS = ("model", "friction")
 
 def functions_of(group: str, joints: int) -> tuple[str, ...]:
     """Names of the functions of ``group`` for robots with so many ``joints``, whatever else the robot file states."""
-    return tuple(f.name for f in TABLE if f.group == group and joints > f.more_joints_than)
+    return tuple(f.name for f in TABLE if f.group == group and f.suits(joints))
 
 
 def exists(function: ModelFunction, spec: RobotSpec) -> bool:
@@ -1000,7 +1078,7 @@ def exists(function: ModelFunction, spec: RobotSpec) -> bool:
         return False
     if function.needs is Needs.FRICTION_STATE and not any(surface.has_state for surface in friction_of(spec)):
         return False
-    if spec.n <= function.more_joints_than:
+    if not function.suits(spec.n):
         return False
     if function.needs in (Needs.TIP_POSITION, Needs.TIP_POSE):
         from rrrgen.derive.functions.operational_space import tip_moves
@@ -1011,10 +1089,25 @@ def exists(function: ModelFunction, spec: RobotSpec) -> bool:
 
 
 def functions_for(spec: RobotSpec, groups: Sequence[str]) -> tuple[ModelFunction, ...]:
-    """The functions of ``groups`` that the robot ``spec`` has, in the order of emission."""
+    """The functions of ``groups`` that the robot ``spec`` has, in the order of emission.
+
+    Raises DerivationError if a group has functions for robots with fewer joints alone.
+    """
+    for function in TABLE:
+        if function.group in groups and 0 < function.most_joints < spec.n:
+            raise DerivationError(f"{function.group} of {spec.name}, {spec.n} joints: {function.absent}")
     if "model" in groups:
         groups = (*(group for group in groups if group != "friction"), "friction")
     return tuple(f for group in dict.fromkeys(groups) for f in TABLE if f.group == group and exists(f, spec))
+
+
+def with_sources(functions: Sequence[ModelFunction]) -> tuple[ModelFunction, ...]:
+    """The ``functions``, behind those others that they are made of where nothing records them."""
+    needed = list(functions)
+    for function in needed:  # grows on the way
+        if not function.record or function not in functions:
+            needed += [FUNCTIONS[name] for name in function.of if FUNCTIONS[name] not in needed]
+    return (*(f for f in TABLE if f in needed and f not in functions), *functions)
 
 
 def ordered(program: Program) -> Program:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.templates import render
-from rrrgen.derive.functions.table import ARGUMENT_ORDER
+from rrrgen.derive.functions.table import ARGUMENT_ORDER, FUNCTIONS
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
 from rrrgen.emit.c.header_comments import explanation, prototype
@@ -130,6 +130,9 @@ FURTHER_SOURCES = {NOMINAL: "functions with the numbers of the robot file", DERI
 """Contents of the separate source files, by the suffix of their names. A project can leave these files out, and compile
 them in parallel."""
 
+LONG = ("hessian", "tensors")
+"""Groups whose functions are so long that each has a source file of its own: compilers take seconds for it."""
+
 
 def source_parts(programs: Iterable[Program]) -> dict[str, list[str]]:
     """The functions of each source file, by the suffix of its name ("" for the main file)."""
@@ -137,6 +140,8 @@ def source_parts(programs: Iterable[Program]) -> dict[str, list[str]]:
     for program in programs:
         specialized = NOMINAL if program.specializes else ""
         part = DERIVATIVES if program.function.endswith(DERIVATIVES) else specialized
+        if program.function in FUNCTIONS and FUNCTIONS[program.function].group in LONG:
+            part = f"_{program.name}"
         parts.setdefault(part, []).append(program.name)
     return parts
 
@@ -168,9 +173,17 @@ def print_functions(programs: Mapping[str, Program], dialect: Dialect, sincos: S
 
 
 def _sources(prefix: str, model: DerivedModel) -> str:
+    parts = source_parts(model.programs.values())
+    alone = [f"{prefix}{part}.c" for part in parts if part and part not in FURTHER_SOURCES]
     return "; ".join(
-        f"{FURTHER_SOURCES[part]} in {prefix}{part}.c" if part else f"{prefix}.c"
-        for part in source_parts(model.programs.values())
+        [
+            *(
+                f"{FURTHER_SOURCES[part]} in {prefix}{part}.c" if part else f"{prefix}.c"
+                for part in parts
+                if part in ("", *FURTHER_SOURCES)
+            ),
+            *([f"one function each in {', '.join(alone)}"] if alone else []),
+        ]
     )
 
 

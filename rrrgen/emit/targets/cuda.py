@@ -175,5 +175,5 @@ EXPORTER = Exporter(
     one_file=False,
     mechanisms=True,
     options=("real",),
-    further=("control", "elastic", "gravity", "observer", "points", "timing", "trajectory"),
+    further=("control", "elastic", "gravity", "hessian", "observer", "points", "tensors", "timing", "trajectory"),
 )

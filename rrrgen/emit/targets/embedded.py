@@ -58,5 +58,16 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     options=("real",),
-    further=("control", "cpp", "elastic", "gravity", "observer", "points", "timing", "trajectory"),
+    further=(
+        "control",
+        "cpp",
+        "elastic",
+        "gravity",
+        "hessian",
+        "observer",
+        "points",
+        "tensors",
+        "timing",
+        "trajectory",
+    ),
 )

@@ -102,5 +102,5 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     mechanisms=True,
-    further=("control", "elastic", "gravity", "observer", "points", "timing", "trajectory"),
+    further=("control", "elastic", "gravity", "hessian", "observer", "points", "tensors", "timing", "trajectory"),
 )

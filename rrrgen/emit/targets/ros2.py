@@ -62,5 +62,5 @@ EXPORTER = Exporter(
     "ROS 2 package with plugins of inverse_dynamics_solver, kinematics_interface and MoveIt kinematics",
     _write,
     one_file=False,
-    further=("control", "elastic", "gravity", "observer", "points", "timing", "trajectory"),
+    further=("control", "elastic", "gravity", "hessian", "observer", "points", "tensors", "timing", "trajectory"),
 )

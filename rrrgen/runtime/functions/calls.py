@@ -75,8 +75,10 @@ class Calls:
             if name in held.derived.programs:
                 held.engine.threads = self.engine.threads
                 return held
-        from rrrgen.derive.functions.table import ALWAYS, GROUPS, functions_of
+        from rrrgen.derive.functions.table import ALWAYS, FUNCTIONS, GROUPS, functions_of
 
+        if name in FUNCTIONS and 0 < FUNCTIONS[name].most_joints < self.n:
+            raise ValueError(f"{name}: {FUNCTIONS[name].absent}")
         for group in GROUPS:
             functions = functions_of(group, self.n)
             offered = {*functions, *map(nominal_name, functions)}

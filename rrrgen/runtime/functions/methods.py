@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import linecache
 import math
+import re
 import sys
 import textwrap
 from collections.abc import Iterator
@@ -157,7 +158,7 @@ def described(q: Quantity) -> str:
 
 
 def _sizes(q: Quantity) -> list[str]:
-    return [size.replace("10n", "10 n") for size in q.shape.split()]
+    return [re.sub(r"(?<=\d)n", " n", size) for size in q.shape.split()]
 
 
 def _section(title: str, entries: list[str], width: int) -> str:
@@ -174,7 +175,7 @@ def _wrapped(text: str, width: int, further: str = "") -> str:
 
 def _body(function: ModelFunction) -> Iterator[str]:
     """The statements of ``function``'s method."""
-    if function.absent:
+    if function.absent and function.group in ALWAYS:
         yield f"{INDENT}if {function.name!r} not in self.derived.programs:"
         yield f"{INDENT * 2}raise ValueError({function.absent!r})"
     results = _evaluation(function)

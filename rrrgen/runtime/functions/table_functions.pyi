@@ -26,6 +26,7 @@ from rrrgen.runtime.results import (
     PathDynamics,
     PointMotion,
     RotorMotion,
+    SecondDerivatives,
     TimedMotion,
 )
 
@@ -2135,6 +2136,77 @@ class TableFunctions(Calls):
         *,
         with_status: bool,
     ) -> TimedMotion | tuple[TimedMotion, Array]: ...
+    def mass_matrix_derivatives(
+        self,
+        q: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+    ) -> Array:
+        """Derivatives of the mass matrix with respect to the joint positions, ``dM_ij/dq_k``.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+
+        Returns:
+            dM_dq, (..., n, n, n), in SI units: ``dM_dq[..., i, j, k]``, symmetric in i and j.
+        """
+
+    def inverse_dynamics_hessian_product(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        weights: ArrayLike,
+        direction: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
+        """Product of the Hessian of ``weights' tau`` with respect to (q, dq, ddq) with a direction.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            weights: weights of the torques, (..., n), in any unit, such as the multipliers of a solver.
+            direction: the direction, (..., 3 n), in any unit: changes of q, then of dq, then of ddq.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+
+        Returns:
+            ``H direction``, (..., 3 n), in SI units times the units of weights and direction. H is never formed.
+        """
+
+    def inverse_dynamics_second_derivatives(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+    ) -> SecondDerivatives:
+        """All second derivatives of the joint torques with respect to q, dq and ddq that can differ from zero.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+
+        Returns:
+            The named tuple (d2tau_dqq, d2tau_dvq, d2tau_dvv, dM_dq), (..., n, n, n) each, in SI units: ``d2tau_dvq[...,
+            i, j, k]`` is the derivative of tau_i by dq_j and q_k.
+        """
+
     @overload
     def friction_step(
         self,
