@@ -206,9 +206,10 @@ class Hessian(NamedTuple):
 
 
 class SecondDerivatives(NamedTuple):
-    """Second derivatives of the torques, (..., n, n, n) each, SI units, and those of the mass matrix by q.
+    """Second derivatives of the torques, (..., n, n, n) each, SI units.
 
-    ``d2tau_dvq[..., i, j, k]`` is that of tau_i by dq_j and q_k; ``dM_dq`` is also that of tau_i by ddq_j and q_k.
+    ``d2tau_dqq[..., i, j, k]`` is that of tau_i by q_j and q_k, ``d2tau_dvq`` that by dq_j and q_k, ``d2tau_dvv`` that by
+    dq_j and dq_k, and ``dM_dq`` that by ddq_j and q_k, the derivative of M_ij by q_k.
     """
 
     d2tau_dqq: NDArray[Any]
