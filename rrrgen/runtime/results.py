@@ -208,8 +208,8 @@ class Hessian(NamedTuple):
 class SecondDerivatives(NamedTuple):
     """Second derivatives of the torques, (..., n, n, n) each, SI units.
 
-    ``d2tau_dqq[..., i, j, k]`` is that of tau_i by q_j and q_k, ``d2tau_dvq`` that by dq_j and q_k, ``d2tau_dvv`` that by
-    dq_j and dq_k, and ``dM_dq`` that by ddq_j and q_k, the derivative of M_ij by q_k.
+    ``d2tau_dqq[..., i, j, k]`` is that of tau_i by q_j and q_k, ``d2tau_dvq`` that by dq_j and q_k, ``d2tau_dvv``
+    that by dq_j and dq_k, and ``dM_dq`` that by ddq_j and q_k, the derivative of M_ij by q_k.
     """
 
     d2tau_dqq: NDArray[Any]

@@ -300,7 +300,8 @@ def test_generate_with_another_language(rrrgen, tmp_path):
     code, _, err = rrrgen("generate", "pendulum", "-o", place, "--with", "fortran")
     assert code == 2
     assert "'fortran' is not known; allowed are " in err
-    assert "control, cpp, elastic, gravity, javascript, observer, points, rust, timing, trajectory" in err
+    words = "control, cpp, elastic, gravity, hessian, javascript, observer, points, rust, tensors, timing, trajectory"
+    assert words in err
 
 
 def test_generate_as_json_with_messages_on_stderr(rrrgen):
