@@ -11,9 +11,9 @@
 
 #ifndef RRR_SINCOS_KERNEL
 /*
- * Sine and cosine of one angle without branches on the way: reduction by quarter turns in three exact steps
- * (Cody and Waite), then minimax polynomials on |r| <= pi/4. Absolute error below 2.3e-16 for
- * |x| <= 1.0e6 rad; larger angles, infinities and NaN are left to the C library. So is everything where the
+ * Sine and cosine of one angle without branches on the way: reduction by quarter turns with pi/2 in three parts (Cody
+ * and Waite; the first step is exact, the other two round), then minimax polynomials on |r| <= pi/4. The absolute error
+ * is proven to be below 2.3e-16 for |x| <= 1.0e6 rad; larger angles, infinities and NaN are left to the C library. So is everything where the
  * compiler may rearrange arithmetic (-ffast-math) or keeps more digits than asked: the reduction needs it as written.
  */
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)
@@ -33,18 +33,19 @@ static inline void rrr_sincos(rrr_real x, rrr_real *sine, rrr_real *cosine)
         *cosine = cos(x);
         return;
     }
-    const rrr_real shifted = x*(rrr_real)0.63661977236758134308 + (rrr_real)6755399441055744.0;
+    const rrr_real shifted = (x*(rrr_real)0.63661977236758134308) + (rrr_real)6755399441055744.0;
     const rrr_real turns = shifted - (rrr_real)6755399441055744.0;
     const int quarter = (int)turns;
-    const rrr_real r = ((x - turns*(rrr_real)1.57079632673412561416626) - turns*(rrr_real)6.07710050630396597660e-11)
-        - turns*(rrr_real)2.02226624879595063154e-21;
+    const rrr_real r = ((x - (turns*(rrr_real)1.57079632673412561416626)) - (turns*(rrr_real)6.07710050630396597660e-11))
+        - (turns*(rrr_real)2.02226624879595063154e-21);
     const rrr_real z = r*r;
-    const rrr_real s = r + r*z*((rrr_real)-1.6666666666666632068e-1 + z*((rrr_real)8.3333333333224244268e-3 + z*((rrr_real)-1.9841269829816864792e-4 + z*((rrr_real)2.7557313695195213322e-6 + z*((rrr_real)-2.5050758648160703537e-8 + z*((rrr_real)1.5896827621544006984e-10))))));
-    const rrr_real c = ((rrr_real)1.0 - (rrr_real)0.5*z) + z*z*((rrr_real)4.1666666666666599555e-2 + z*((rrr_real)-1.3888888888874138509e-3 + z*((rrr_real)2.4801587289491743877e-5 + z*((rrr_real)-2.7557314355216540659e-7 + z*((rrr_real)2.0875723680844991363e-9 + z*((rrr_real)-1.1359669674695725385e-11))))));
+    const rrr_real s = r + (r*z*((rrr_real)-1.6666666666666632068e-1 + (z*((rrr_real)8.3333333333224244268e-3 + (z*((rrr_real)-1.9841269829816864792e-4 + (z*((rrr_real)2.7557313695195213322e-6 + (z*((rrr_real)-2.5050758648160703537e-8 + (z*((rrr_real)1.5896827621544006984e-10))))))))))));
+    const rrr_real c = ((rrr_real)1.0 - ((rrr_real)0.5*z)) + (z*z*((rrr_real)4.1666666666666599555e-2 + (z*((rrr_real)-1.3888888888874138509e-3 + (z*((rrr_real)2.4801587289491743877e-5 + (z*((rrr_real)-2.7557314355216540659e-7 + (z*((rrr_real)2.0875723680844991363e-9 + (z*((rrr_real)-1.1359669674695725385e-11))))))))))));
     static const rrr_real sines[5] = {(rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, -(rrr_real)1.0, (rrr_real)0.0};
-    const rrr_real *const turn = sines + (quarter & 3); /* sine and cosine of the quarter turns; a choice would be a branch */
-    *sine = s*turn[1] + c*turn[0];
-    *cosine = c*turn[1] - s*turn[0];
+    const rrr_real turn_sine = sines[quarter & 3]; /* sine and cosine of the quarter turns; a choice would be a branch */
+    const rrr_real turn_cosine = sines[(quarter & 3) + 1];
+    *sine = (s*turn_cosine) + (c*turn_sine);
+    *cosine = (c*turn_cosine) - (s*turn_sine);
 }
 #endif
 
@@ -56,25 +57,28 @@ const char *rrr_status_string(rrr_status status)
 
 void rrr_forward_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16])
 {
-    rrr_real s1, c1;
+    rrr_real s1;
+    rrr_real c1;
     rrr_sincos(q[0], &s1, &c1);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     T[9] = c23;
     T[0] = c1*c23;
     T[8] = s23;
     T[1] = -c1*s23;
     T[2] = s1;
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
-    const rrr_real t1 = (rrr_real)0.2*c2 + (rrr_real)0.415*c23;
-    T[3] = c1*t1 + (rrr_real)0.259*s1;
+    const rrr_real t1 = ((rrr_real)0.2*c2) + ((rrr_real)0.415*c23);
+    T[3] = (c1*t1) + ((rrr_real)0.259*s1);
     T[4] = c23*s1;
     T[5] = -s23*s1;
     T[6] = -c1;
-    T[7] = s1*t1 - (rrr_real)0.259*c1;
-    T[11] = (rrr_real)0.2*s2 + (rrr_real)0.56 + (rrr_real)0.415*s23;
+    T[7] = (s1*t1) - ((rrr_real)0.259*c1);
+    T[11] = ((rrr_real)0.2*s2) + (rrr_real)0.56 + ((rrr_real)0.415*s23);
     T[10] = (rrr_real)0.0;
     T[12] = (rrr_real)0.0;
     T[13] = (rrr_real)0.0;
@@ -84,7 +88,8 @@ void rrr_forward_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16])
 
 void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48])
 {
-    rrr_real s1, c1;
+    rrr_real s1;
+    rrr_real c1;
     rrr_sincos(q[0], &s1, &c1);
     T[0] = c1;
     T[2] = s1;
@@ -94,33 +99,35 @@ void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48])
     T[6] = -c1;
     T[22] = T[6];
     T[38] = T[6];
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     T[25] = c2;
     const rrr_real t1 = c1*c2;
     T[16] = t1;
     T[24] = s2;
     T[17] = -c1*s2;
-    T[19] = (rrr_real)0.169*s1 + (rrr_real)0.2*t1;
+    T[19] = ((rrr_real)0.169*s1) + ((rrr_real)0.2*t1);
     const rrr_real t2 = s1*c2;
     T[20] = t2;
     T[21] = -s1*s2;
-    T[23] = (rrr_real)0.2*t2 - (rrr_real)0.169*c1;
-    const rrr_real t3 = (rrr_real)0.2*s2 + (rrr_real)0.56;
+    T[23] = ((rrr_real)0.2*t2) - ((rrr_real)0.169*c1);
+    const rrr_real t3 = ((rrr_real)0.2*s2) + (rrr_real)0.56;
     T[27] = t3;
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     T[41] = c23;
     T[32] = c1*c23;
     T[40] = s23;
     T[33] = -c1*s23;
-    const rrr_real t4 = (rrr_real)0.2*c2 + (rrr_real)0.415*c23;
-    T[35] = c1*t4 + (rrr_real)0.259*s1;
+    const rrr_real t4 = ((rrr_real)0.2*c2) + ((rrr_real)0.415*c23);
+    T[35] = (c1*t4) + ((rrr_real)0.259*s1);
     T[36] = s1*c23;
     T[37] = -s1*s23;
-    T[39] = s1*t4 - (rrr_real)0.259*c1;
-    T[43] = t3 + (rrr_real)0.415*s23;
+    T[39] = (s1*t4) - ((rrr_real)0.259*c1);
+    T[43] = t3 + ((rrr_real)0.415*s23);
     T[1] = (rrr_real)0.0;
     T[3] = (rrr_real)0.0;
     T[5] = (rrr_real)0.0;
@@ -147,24 +154,27 @@ void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48])
 
 void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18])
 {
-    rrr_real s1, c1;
+    rrr_real s1;
+    rrr_real c1;
     rrr_sincos(q[0], &s1, &c1);
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t1 = c2 + (rrr_real)2.075*c23;
+    const rrr_real t1 = c2 + ((rrr_real)2.075*c23);
     J[10] = s1;
     J[11] = J[10];
     const rrr_real t2 = (rrr_real)0.2*s1;
-    J[0] = (rrr_real)0.259*c1 - t1*t2;
-    const rrr_real t3 = s2 + (rrr_real)2.075*s23;
+    J[0] = ((rrr_real)0.259*c1) - (t1*t2);
+    const rrr_real t3 = s2 + ((rrr_real)2.075*s23);
     const rrr_real t4 = (rrr_real)0.2*c1;
     J[1] = -t3*t4;
     const rrr_real t5 = (rrr_real)0.415*s23;
     J[2] = -c1*t5;
-    J[3] = (rrr_real)0.259*s1 + t1*t4;
+    J[3] = ((rrr_real)0.259*s1) + (t1*t4);
     J[4] = -t2*t3;
     J[5] = -s1*t5;
     J[7] = (rrr_real)0.2*t1;
@@ -181,33 +191,36 @@ void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18])
 
 void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54])
 {
-    rrr_real s1, c1;
+    rrr_real s1;
+    rrr_real c1;
     rrr_sincos(q[0], &s1, &c1);
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     J[28] = s1;
     J[46] = J[28];
     J[47] = J[28];
     const rrr_real t1 = (rrr_real)0.2*s1;
-    J[18] = (rrr_real)0.169*c1 - c2*t1;
+    J[18] = ((rrr_real)0.169*c1) - (c2*t1);
     const rrr_real t2 = (rrr_real)0.2*c1;
     J[19] = -s2*t2;
-    J[21] = (rrr_real)0.169*s1 + c2*t2;
+    J[21] = ((rrr_real)0.169*s1) + (c2*t2);
     J[22] = -t1*s2;
     J[25] = (rrr_real)0.2*c2;
     J[31] = -c1;
     J[49] = J[31];
     J[50] = J[31];
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t3 = c2 + (rrr_real)2.075*c23;
-    J[36] = (rrr_real)0.259*c1 - t1*t3;
-    const rrr_real t4 = s2 + (rrr_real)2.075*s23;
+    const rrr_real t3 = c2 + ((rrr_real)2.075*c23);
+    J[36] = ((rrr_real)0.259*c1) - (t1*t3);
+    const rrr_real t4 = s2 + ((rrr_real)2.075*s23);
     J[37] = -t2*t4;
     const rrr_real t5 = (rrr_real)0.415*s23;
     J[38] = -c1*t5;
-    J[39] = (rrr_real)0.259*s1 + t2*t3;
+    J[39] = ((rrr_real)0.259*s1) + (t2*t3);
     J[40] = -t1*t4;
     J[41] = -s1*t5;
     J[43] = (rrr_real)0.2*t3;
@@ -251,10 +264,12 @@ void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54])
 
 void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J[RRR_RESTRICT 18])
 {
-    rrr_real s1, c1;
+    rrr_real s1;
+    rrr_real c1;
     rrr_sincos(q[0], &s1, &c1);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     T[9] = c23;
     T[0] = c1*c23;
@@ -264,13 +279,14 @@ void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J
     T[2] = s1;
     J[10] = T[2];
     J[11] = T[2];
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real t2 = (rrr_real)0.415*c23;
     J[8] = t2;
-    const rrr_real t3 = (rrr_real)0.2*c2 + t2;
+    const rrr_real t3 = ((rrr_real)0.2*c2) + t2;
     J[7] = t3;
-    T[3] = c1*t3 + (rrr_real)0.259*s1;
+    T[3] = (c1*t3) + ((rrr_real)0.259*s1);
     J[3] = T[3];
     T[4] = c23*s1;
     const rrr_real t4 = s23*s1;
@@ -278,9 +294,9 @@ void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J
     T[6] = -c1;
     J[13] = T[6];
     J[14] = T[6];
-    const rrr_real t5 = s1*t3 - (rrr_real)0.259*c1;
+    const rrr_real t5 = (s1*t3) - ((rrr_real)0.259*c1);
     T[7] = t5;
-    const rrr_real t6 = (rrr_real)0.2*s2 + (rrr_real)0.415*s23;
+    const rrr_real t6 = ((rrr_real)0.2*s2) + ((rrr_real)0.415*s23);
     T[11] = t6 + (rrr_real)0.56;
     J[0] = -t5;
     J[1] = -c1*t6;
@@ -302,25 +318,28 @@ void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J
 
 void rrr_jacobian_dot_dq(const rrr_real q[3], const rrr_real dq[3], rrr_real a[RRR_RESTRICT 6])
 {
-    rrr_real s1, c1;
+    rrr_real s1;
+    rrr_real c1;
     rrr_sincos(q[0], &s1, &c1);
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real t1 = dq[0]*dq[0];
     const rrr_real t2 = dq[1]*dq[1];
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t3 = dq[1] + dq[2];
     const rrr_real t4 = t3*t3;
-    const rrr_real t5 = (rrr_real)0.2*(c2*(t1 + t2) + (rrr_real)2.075*c23*(t1 + t4));
+    const rrr_real t5 = (rrr_real)0.2*((c2*(t1 + t2)) + ((rrr_real)2.075*c23*(t1 + t4)));
     const rrr_real t6 = dq[0]*s1;
-    const rrr_real t7 = dq[0] - (rrr_real)1.5444015444015444*(dq[1]*s2 + (rrr_real)2.075*s23*t3);
+    const rrr_real t7 = dq[0] - ((rrr_real)1.5444015444015444*((dq[1]*s2) + ((rrr_real)2.075*s23*t3)));
     const rrr_real t8 = (rrr_real)0.259*t7;
-    a[0] = -(c1*t5 + t6*t8);
+    a[0] = -((c1*t5) + (t6*t8));
     const rrr_real t9 = dq[0]*c1;
-    a[1] = t8*t9 - t5*s1;
-    a[2] = -((rrr_real)0.2*s2*t2 + (rrr_real)0.415*s23*t4);
+    a[1] = (t8*t9) - (t5*s1);
+    a[2] = -(((rrr_real)0.2*s2*t2) + ((rrr_real)0.415*s23*t4));
     a[3] = t3*t9;
     a[4] = t3*t6;
     a[5] = (rrr_real)0.0;
@@ -328,22 +347,24 @@ void rrr_jacobian_dot_dq(const rrr_real q[3], const rrr_real dq[3], rrr_real a[R
 
 void rrr_mass_matrix(const rrr_real q[3], const rrr_real beta[15], rrr_real M[RRR_RESTRICT 9])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t1 = c2*(beta[2]*c23 - beta[3]*s23);
-    const rrr_real t2 = c2*(beta[0]*c2 + beta[1]*s2) + c23*(beta[4]*c23 - beta[5]*s23) + beta[6];
-    M[0] = t2 + (rrr_real)0.4*t1;
-    const rrr_real t3 = beta[7]*c23 + beta[8]*s23;
+    const rrr_real t1 = c2*((beta[2]*c23) - (beta[3]*s23));
+    const rrr_real t2 = (c2*((beta[0]*c2) + (beta[1]*s2))) + (c23*((beta[4]*c23) - (beta[5]*s23))) + beta[6];
+    M[0] = t2 + ((rrr_real)0.4*t1);
+    const rrr_real t3 = (beta[7]*c23) + (beta[8]*s23);
     M[2] = t3;
     M[6] = M[2];
-    M[1] = beta[9]*c2 + beta[10]*s2 + t3;
+    M[1] = (beta[9]*c2) + (beta[10]*s2) + t3;
     M[3] = M[1];
-    const rrr_real t4 = t1 + s2*(beta[3]*c23 + beta[2]*s23);
-    M[4] = beta[11] + (rrr_real)0.4*t4;
-    M[5] = beta[12] + (rrr_real)0.2*t4;
+    const rrr_real t4 = t1 + (s2*((beta[3]*c23) + (beta[2]*s23)));
+    M[4] = beta[11] + ((rrr_real)0.4*t4);
+    M[5] = beta[12] + ((rrr_real)0.2*t4);
     M[7] = M[5];
     M[8] = beta[12];
 }
@@ -353,23 +374,25 @@ void rrr_coriolis_matrix(const rrr_real q[3],
                          const rrr_real beta[15],
                          rrr_real C[RRR_RESTRICT 9])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t1 = s2*(beta[2]*c23 - beta[3]*s23);
-    const rrr_real t2 = beta[1]*(c2*c2 - (rrr_real)0.5) - ((rrr_real)0.2*t1 + c2*s2*beta[0]);
+    const rrr_real t1 = s2*((beta[2]*c23) - (beta[3]*s23));
+    const rrr_real t2 = (beta[1]*((c2*c2) - (rrr_real)0.5)) - (((rrr_real)0.2*t1) + (c2*s2*beta[0]));
     const rrr_real t3 = dq[1] + dq[2];
-    const rrr_real t4 = c2*(beta[3]*c23 + beta[2]*s23);
-    const rrr_real t5 = c23*(beta[5]*c23 + beta[4]*s23) + (rrr_real)0.2*(t4 - (rrr_real)2.5*beta[5]);
-    C[0] = dq[1]*t2 - t3*t5;
+    const rrr_real t4 = c2*((beta[3]*c23) + (beta[2]*s23));
+    const rrr_real t5 = (c23*((beta[5]*c23) + (beta[4]*s23))) + ((rrr_real)0.2*(t4 - ((rrr_real)2.5*beta[5])));
+    C[0] = (dq[1]*t2) - (t3*t5);
     const rrr_real t6 = dq[0]*t5;
     C[6] = t6;
-    const rrr_real t7 = t3*(beta[8]*c23 - beta[7]*s23) - t6;
+    const rrr_real t7 = (t3*((beta[8]*c23) - (beta[7]*s23))) - t6;
     C[2] = t7;
     const rrr_real t8 = dq[0]*t2;
-    C[1] = t7 + dq[1]*(beta[10]*c2 - beta[9]*s2) + t8;
+    C[1] = t7 + (dq[1]*((beta[10]*c2) - (beta[9]*s2))) + t8;
     C[3] = t6 - t8;
     const rrr_real t9 = (rrr_real)0.2*(t4 - t1);
     C[4] = t9*(dq[1] - t3);
@@ -380,25 +403,27 @@ void rrr_coriolis_matrix(const rrr_real q[3],
 
 void rrr_coriolis(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[15], rrr_real c[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t1 = s2*(beta[2]*c23 - beta[3]*s23);
-    const rrr_real t2 = (rrr_real)0.2*((rrr_real)2.5*beta[1] + t1) - c2*(beta[1]*c2 - beta[0]*s2);
+    const rrr_real t1 = s2*((beta[2]*c23) - (beta[3]*s23));
+    const rrr_real t2 = ((rrr_real)0.2*(((rrr_real)2.5*beta[1]) + t1)) - (c2*((beta[1]*c2) - (beta[0]*s2)));
     const rrr_real t3 = dq[1] + dq[2];
-    const rrr_real t4 = c2*(beta[3]*c23 + beta[2]*s23);
-    const rrr_real t5 = c23*(beta[5]*c23 + beta[4]*s23) + (rrr_real)0.2*(t4 - (rrr_real)2.5*beta[5]);
+    const rrr_real t4 = c2*((beta[3]*c23) + (beta[2]*s23));
+    const rrr_real t5 = (c23*((beta[5]*c23) + (beta[4]*s23))) + ((rrr_real)0.2*(t4 - ((rrr_real)2.5*beta[5])));
     const rrr_real t6 = dq[1]*dq[1];
     const rrr_real t7 = t3*t3;
-    const rrr_real t8 = (dq[0] + dq[0])*(dq[1]*t2 + t3*t5) + (beta[9]*s2 - beta[10]*c2)*t6;
-    c[0] = -(t8 + (beta[7]*s23 - beta[8]*c23)*t7);
+    const rrr_real t8 = ((dq[0] + dq[0])*((dq[1]*t2) + (t3*t5))) + (((beta[9]*s2) - (beta[10]*c2))*t6);
+    c[0] = -(t8 + (((beta[7]*s23) - (beta[8]*c23))*t7));
     const rrr_real t9 = dq[0]*dq[0];
     const rrr_real t10 = (rrr_real)0.2*(t4 - t1);
-    const rrr_real t11 = t5*t9 + t6*t10;
+    const rrr_real t11 = (t5*t9) + (t6*t10);
     c[2] = t11;
-    c[1] = t11 + t2*t9 - t7*t10;
+    c[1] = t11 + (t2*t9) - (t7*t10);
 }
 
 void rrr_coriolis_transpose(const rrr_real q[3],
@@ -406,31 +431,35 @@ void rrr_coriolis_transpose(const rrr_real q[3],
                             const rrr_real beta[15],
                             rrr_real p[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t1 = s2*(beta[2]*c23 - beta[3]*s23);
-    const rrr_real t2 = c2*(beta[3]*c23 + beta[2]*s23);
-    const rrr_real t3 = dq[1] + dq[2];
-    const rrr_real t4 = dq[0]*(c23*(beta[5]*c23 + beta[4]*s23) + (rrr_real)0.2*(t2 - (rrr_real)2.5*beta[5]));
-    const rrr_real t5 = t4 - t3*(beta[8]*c23 - beta[7]*s23);
-    const rrr_real t6 = dq[0]*(c2*(beta[1]*c2 - beta[0]*s2) - (rrr_real)0.2*((rrr_real)2.5*beta[1] + t1));
-    p[1] = dq[0]*(dq[1]*(beta[10]*c2 - beta[9]*s2) - t5 + t6);
-    p[2] = -(dq[0]*t5 + (rrr_real)0.2*dq[1]*t3*(t2 - t1));
+    const rrr_real t1 = s2*((beta[2]*c23) - (beta[3]*s23));
+    const rrr_real t2 = (c2*((beta[1]*c2) - (beta[0]*s2))) - ((rrr_real)0.2*(((rrr_real)2.5*beta[1]) + t1));
+    const rrr_real t3 = c2*((beta[3]*c23) + (beta[2]*s23));
+    const rrr_real t4 = (c23*((beta[5]*c23) + (beta[4]*s23))) + ((rrr_real)0.2*(t3 - ((rrr_real)2.5*beta[5])));
+    const rrr_real t5 = dq[1] + dq[2];
+    const rrr_real t6 = (dq[0]*t4) - (t5*((beta[8]*c23) - (beta[7]*s23)));
+    p[1] = dq[0]*((dq[1]*((beta[10]*c2) - (beta[9]*s2))) - t6 + (dq[0]*t2));
+    p[2] = -((dq[0]*t6) + ((rrr_real)0.2*dq[1]*t5*(t3 - t1)));
     p[0] = (rrr_real)0.0;
 }
 
 void rrr_gravity(const rrr_real q[3], const rrr_real beta[15], rrr_real g[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t1 = c23*beta[2] - s23*beta[3];
-    g[1] = (rrr_real)9.81*(c2*beta[13] - s2*beta[14] + t1);
+    const rrr_real t1 = (c23*beta[2]) - (s23*beta[3]);
+    g[1] = (rrr_real)9.81*((c2*beta[13]) - (s2*beta[14]) + t1);
     g[2] = (rrr_real)9.81*t1;
     g[0] = (rrr_real)0.0;
 }
@@ -439,24 +468,26 @@ void rrr_bias(const rrr_real q[3], const rrr_real dq[3], const rrr_real beta[15]
 {
     const rrr_real t1 = dq[1] + dq[2];
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
-    const rrr_real t2 = (rrr_real)0.2*c2*(beta[3]*c23 + beta[2]*s23);
-    const rrr_real t3 = c23*(beta[5]*c23 + beta[4]*s23) + t2;
+    const rrr_real t2 = (rrr_real)0.2*c2*((beta[3]*c23) + (beta[2]*s23));
+    const rrr_real t3 = (c23*((beta[5]*c23) + (beta[4]*s23))) + t2;
     const rrr_real t4 = beta[5] - (t3 + t3);
-    const rrr_real t5 = beta[2]*c23 - beta[3]*s23;
+    const rrr_real t5 = (beta[2]*c23) - (beta[3]*s23);
     const rrr_real t6 = (rrr_real)0.2*s2*t5;
-    const rrr_real t7 = t6 - c2*(beta[1]*c2 - beta[0]*s2);
+    const rrr_real t7 = t6 - (c2*((beta[1]*c2) - (beta[0]*s2)));
     const rrr_real t8 = t7 + t7 + beta[1];
-    const rrr_real t9 = dq[1]*(dq[0]*t8 + dq[1]*(beta[9]*s2 - beta[10]*c2));
-    h[0] = t1*(dq[0]*t4 - t1*(beta[7]*s23 - beta[8]*c23)) - t9;
+    const rrr_real t9 = dq[1]*((dq[0]*t8) + (dq[1]*((beta[9]*s2) - (beta[10]*c2))));
+    h[0] = (t1*((dq[0]*t4) - (t1*((beta[7]*s23) - (beta[8]*c23))))) - t9;
     const rrr_real t10 = t2 - t6;
-    const rrr_real t11 = dq[1]*dq[1]*t10 + (rrr_real)9.81*t5;
+    const rrr_real t11 = (dq[1]*dq[1]*t10) + ((rrr_real)9.81*t5);
     const rrr_real t12 = (rrr_real)0.5*(dq[0]*dq[0]);
-    h[1] = (rrr_real)9.81*(beta[13]*c2 - beta[14]*s2) + t11 - t1*t1*t10 - (t4 - t8)*t12;
-    h[2] = t11 - t4*t12;
+    h[1] = ((rrr_real)9.81*((beta[13]*c2) - (beta[14]*s2))) + t11 - (t1*t1*t10) - ((t4 - t8)*t12);
+    h[2] = t11 - (t4*t12);
 }
 
 void rrr_dynamics_terms(const rrr_real q[3],
@@ -466,45 +497,47 @@ void rrr_dynamics_terms(const rrr_real q[3],
                         rrr_real c[RRR_RESTRICT 3],
                         rrr_real g[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
-    const rrr_real t1 = beta[0]*c2 + beta[1]*s2;
+    const rrr_real t1 = (beta[0]*c2) + (beta[1]*s2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t2 = beta[4]*c23 - beta[5]*s23;
-    const rrr_real t3 = c2*t1 + c23*t2;
-    const rrr_real t4 = beta[2]*c23 - beta[3]*s23;
+    const rrr_real t2 = (beta[4]*c23) - (beta[5]*s23);
+    const rrr_real t3 = (c2*t1) + (c23*t2);
+    const rrr_real t4 = (beta[2]*c23) - (beta[3]*s23);
     const rrr_real t5 = (rrr_real)0.2*c2;
     const rrr_real t6 = t4*t5;
     const rrr_real t7 = t6 + t6 + t3;
     M[0] = beta[6] + t7;
-    const rrr_real t8 = beta[7]*c23 + beta[8]*s23;
+    const rrr_real t8 = (beta[7]*c23) + (beta[8]*s23);
     M[2] = t8;
     M[6] = M[2];
-    M[1] = beta[9]*c2 + beta[10]*s2 + t8;
+    M[1] = (beta[9]*c2) + (beta[10]*s2) + t8;
     M[3] = M[1];
-    const rrr_real t9 = beta[3]*c23 + beta[2]*s23;
+    const rrr_real t9 = (beta[3]*c23) + (beta[2]*s23);
     const rrr_real t10 = (rrr_real)0.2*s2;
     const rrr_real t11 = t9*t10;
     M[4] = beta[11] + t7 + (t11 + t11) - t3;
     M[5] = t6 + t11 + beta[12];
     M[7] = M[5];
     const rrr_real t12 = t4*t10;
-    const rrr_real t13 = s2*t1 + t12;
+    const rrr_real t13 = (s2*t1) + t12;
     const rrr_real t14 = beta[1] - (t13 + t13);
     const rrr_real t15 = dq[1] + dq[2];
     const rrr_real t16 = t5*t9;
-    const rrr_real t17 = s23*t2 + t16;
+    const rrr_real t17 = (s23*t2) + t16;
     const rrr_real t18 = t17 + t17 + beta[5];
-    const rrr_real t19 = dq[1]*(dq[0]*t14 - dq[1]*(beta[9]*s2 - beta[10]*c2));
-    c[0] = t19 - t15*(dq[0]*t18 + t15*(beta[7]*s23 - beta[8]*c23));
+    const rrr_real t19 = dq[1]*((dq[0]*t14) - (dq[1]*((beta[9]*s2) - (beta[10]*c2))));
+    c[0] = t19 - (t15*((dq[0]*t18) + (t15*((beta[7]*s23) - (beta[8]*c23)))));
     const rrr_real t20 = t12 - t16;
     const rrr_real t21 = dq[0]*dq[0];
-    const rrr_real t22 = t18*t21 - dq[1]*(dq[1] + dq[1])*t20;
-    c[1] = t15*t15*t20 - (rrr_real)0.5*(t14*t21 - t22);
+    const rrr_real t22 = (t18*t21) - (dq[1]*(dq[1] + dq[1])*t20);
+    c[1] = (t15*t15*t20) - ((rrr_real)0.5*((t14*t21) - t22));
     c[2] = (rrr_real)0.5*t22;
-    g[1] = (rrr_real)9.81*(beta[13]*c2 - beta[14]*s2 + t4);
+    g[1] = (rrr_real)9.81*((beta[13]*c2) - (beta[14]*s2) + t4);
     g[2] = (rrr_real)9.81*t4;
     M[8] = beta[12];
     g[0] = (rrr_real)0.0;
@@ -516,40 +549,42 @@ void rrr_inverse_dynamics(const rrr_real q[3],
                           const rrr_real beta[15],
                           rrr_real tau[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
-    const rrr_real t1 = beta[0]*c2 + beta[1]*s2;
+    const rrr_real t1 = (beta[0]*c2) + (beta[1]*s2);
     const rrr_real t2 = (rrr_real)0.2*s2;
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t3 = beta[2]*c23 - beta[3]*s23;
+    const rrr_real t3 = (beta[2]*c23) - (beta[3]*s23);
     const rrr_real t4 = t2*t3;
-    const rrr_real t5 = s2*t1 + t4;
+    const rrr_real t5 = (s2*t1) + t4;
     const rrr_real t6 = beta[1] - (t5 + t5);
-    const rrr_real t7 = beta[4]*c23 - beta[5]*s23;
+    const rrr_real t7 = (beta[4]*c23) - (beta[5]*s23);
     const rrr_real t8 = (rrr_real)0.2*c2;
     const rrr_real t9 = t3*t8;
-    const rrr_real t10 = dq[1]*(dq[0]*t6 - dq[1]*(beta[9]*s2 - beta[10]*c2));
-    const rrr_real t11 = beta[9]*c2 + beta[10]*s2;
+    const rrr_real t10 = dq[1]*((dq[0]*t6) - (dq[1]*((beta[9]*s2) - (beta[10]*c2))));
+    const rrr_real t11 = (beta[9]*c2) + (beta[10]*s2);
     const rrr_real t12 = ddq[1] + ddq[2];
-    const rrr_real t13 = beta[7]*c23 + beta[8]*s23;
+    const rrr_real t13 = (beta[7]*c23) + (beta[8]*s23);
     const rrr_real t14 = dq[1] + dq[2];
-    const rrr_real t15 = beta[3]*c23 + beta[2]*s23;
+    const rrr_real t15 = (beta[3]*c23) + (beta[2]*s23);
     const rrr_real t16 = t8*t15;
-    const rrr_real t17 = s23*t7 + t16;
+    const rrr_real t17 = (s23*t7) + t16;
     const rrr_real t18 = t17 + t17 + beta[5];
-    const rrr_real t19 = t10 + ddq[0]*(c2*t1 + c23*t7 + (t9 + t9 + beta[6])) + ddq[1]*t11 + t12*t13;
-    tau[0] = t19 - t14*(dq[0]*t18 + t14*(beta[7]*s23 - beta[8]*c23));
-    const rrr_real t20 = t9 + t2*t15;
-    const rrr_real t21 = ddq[0]*t11 + ddq[1]*(beta[11] - beta[12]) + t12*t20;
+    const rrr_real t19 = t10 + (ddq[0]*((c2*t1) + (c23*t7) + (t9 + t9 + beta[6]))) + (ddq[1]*t11) + (t12*t13);
+    tau[0] = t19 - (t14*((dq[0]*t18) + (t14*((beta[7]*s23) - (beta[8]*c23)))));
+    const rrr_real t20 = t9 + (t2*t15);
+    const rrr_real t21 = (ddq[0]*t11) + (ddq[1]*(beta[11] - beta[12])) + (t12*t20);
     const rrr_real t22 = t16 - t4;
     const rrr_real t23 = dq[0]*dq[0];
-    const rrr_real t24 = dq[1]*dq[1]*t22 + ddq[0]*t13 + (rrr_real)0.5*((rrr_real)19.62*t3 + t18*t23);
-    const rrr_real t25 = ddq[1]*t20 + beta[12]*t12 + t24;
+    const rrr_real t24 = (dq[1]*dq[1]*t22) + (ddq[0]*t13) + ((rrr_real)0.5*(((rrr_real)19.62*t3) + (t18*t23)));
+    const rrr_real t25 = (ddq[1]*t20) + (beta[12]*t12) + t24;
     tau[2] = t25;
-    const rrr_real t26 = t21 + (rrr_real)9.81*(beta[13]*c2 - beta[14]*s2) + t25 - t14*t14*t22;
-    tau[1] = t26 - (rrr_real)0.5*t6*t23;
+    const rrr_real t26 = t21 + ((rrr_real)9.81*((beta[13]*c2) - (beta[14]*s2))) + t25 - (t14*t14*t22);
+    tau[1] = t26 - ((rrr_real)0.5*t6*t23);
 }
 
 rrr_status rrr_forward_dynamics(const rrr_real q[3],
@@ -558,118 +593,122 @@ rrr_status rrr_forward_dynamics(const rrr_real q[3],
                                 const rrr_real beta[15],
                                 rrr_real ddq[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t1 = beta[2]*c23 - beta[3]*s23;
+    const rrr_real t1 = (beta[2]*c23) - (beta[3]*s23);
     const rrr_real t2 = c2*t1;
-    const rrr_real t3 = c2*(beta[0]*c2 + beta[1]*s2) + c23*(beta[4]*c23 - beta[5]*s23) + beta[6];
-    const rrr_real t4 = t3 + (rrr_real)0.4*t2;
-    const rrr_real t5 = beta[7]*c23 + beta[8]*s23;
-    const rrr_real t6 = beta[9]*c2 + beta[10]*s2 + t5;
-    const rrr_real t7 = beta[3]*c23 + beta[2]*s23;
-    const rrr_real t8 = t2 + s2*t7;
-    const rrr_real t9 = beta[11] + (rrr_real)0.4*t8;
+    const rrr_real t3 = (c2*((beta[0]*c2) + (beta[1]*s2))) + (c23*((beta[4]*c23) - (beta[5]*s23))) + beta[6];
+    const rrr_real t4 = t3 + ((rrr_real)0.4*t2);
+    const rrr_real t5 = (beta[7]*c23) + (beta[8]*s23);
+    const rrr_real t6 = (beta[9]*c2) + (beta[10]*s2) + t5;
+    const rrr_real t7 = (beta[3]*c23) + (beta[2]*s23);
+    const rrr_real t8 = t2 + (s2*t7);
+    const rrr_real t9 = beta[11] + ((rrr_real)0.4*t8);
     const rrr_real t10 = dq[1] + dq[2];
     const rrr_real t11 = (rrr_real)0.2*c2*t7;
-    const rrr_real t12 = beta[5] - (rrr_real)2.0*(c23*(beta[5]*c23 + beta[4]*s23) + t11);
+    const rrr_real t12 = beta[5] - ((rrr_real)2.0*((c23*((beta[5]*c23) + (beta[4]*s23))) + t11));
     const rrr_real t13 = (rrr_real)0.2*s2*t1;
-    const rrr_real t14 = beta[1] + (rrr_real)2.0*(t13 - c2*(beta[1]*c2 - beta[0]*s2));
-    const rrr_real t15 = dq[1]*(dq[0]*t14 + dq[1]*(beta[9]*s2 - beta[10]*c2));
+    const rrr_real t14 = beta[1] + ((rrr_real)2.0*(t13 - (c2*((beta[1]*c2) - (beta[0]*s2)))));
+    const rrr_real t15 = dq[1]*((dq[0]*t14) + (dq[1]*((beta[9]*s2) - (beta[10]*c2))));
     const rrr_real t16 = t11 - t13;
-    const rrr_real t17 = dq[1]*dq[1]*t16 + (rrr_real)9.81*t1;
+    const rrr_real t17 = (dq[1]*dq[1]*t16) + ((rrr_real)9.81*t1);
     const rrr_real t18 = (rrr_real)0.5*(dq[0]*dq[0]);
-    const rrr_real t19 = (rrr_real)1.0/((t4 > (rrr_real)0.0) ? t4 : (rrr_real)1.0);
-    const rrr_real t20 = t6*t19;
-    const rrr_real t21 = t9 - t6*t20;
-    const rrr_real t22 = t21 - (rrr_real)9.0949470177292824e-13*t9;
-    const rrr_real t23 = (rrr_real)1.0/((t22 > (rrr_real)0.0) ? t21 : (rrr_real)1.0);
-    const rrr_real t24 = beta[12] + (rrr_real)0.2*t8 - t5*t20;
-    const rrr_real t25 = t5*t19;
-    const rrr_real t26 = t23*t24;
-    const rrr_real t27 = beta[12] - t5*t25 - t24*t26;
-    const rrr_real t28 = t27 - (rrr_real)9.0949470177292824e-13*beta[12];
-    const rrr_real t29 = (t28 > (rrr_real)0.0) ? (rrr_real)0.0 : (rrr_real)1.0;
-    const rrr_real t30 = (t4 > (rrr_real)0.0) ? ((t22 > (rrr_real)0.0) ? t29 : (rrr_real)1.0) : (rrr_real)1.0;
-    const rrr_real t31 = tau[0] - (t10*(dq[0]*t12 - t10*(beta[7]*s23 - beta[8]*c23)) - t15);
-    const rrr_real t32 = (rrr_real)9.81*(beta[13]*c2 - beta[14]*s2) + t17 - t10*t10*t16 - (t12 - t14)*t18;
-    const rrr_real t33 = tau[1] - t32 - t20*t31;
-    const rrr_real t34 = (rrr_real)1.0/((t28 > (rrr_real)0.0) ? t27 : (rrr_real)1.0);
-    const rrr_real t35 = t34*(tau[2] - (t17 - t12*t18) - t25*t31 - t26*t33);
-    const rrr_real t36 = t23*t33 - t26*t35;
-    ddq[0] = (t30 > (rrr_real)0.0) ? (rrr_real)0.0 : t19*t31 - t20*t36 - t25*t35;
-    ddq[1] = (t30 > (rrr_real)0.0) ? (rrr_real)0.0 : t36;
-    ddq[2] = (t30 > (rrr_real)0.0) ? (rrr_real)0.0 : t35;
-    return (t30 < (rrr_real)0.5) ? RRR_OK : RRR_NOT_POSITIVE_DEFINITE;
+    const rrr_real t19 = ((rrr_real)9.81*((beta[13]*c2) - (beta[14]*s2))) + t17 - (t10*t10*t16);
+    const rrr_real t20 = (rrr_real)1.0/((t4 > (rrr_real)0.0) ? t4 : (rrr_real)1.0);
+    const rrr_real t21 = t6*t20;
+    const rrr_real t22 = t9 - (t6*t21);
+    const rrr_real t23 = t22 - ((rrr_real)9.0949470177292824e-13*t9);
+    const rrr_real t24 = (rrr_real)1.0/((t23 > (rrr_real)0.0) ? t22 : (rrr_real)1.0);
+    const rrr_real t25 = beta[12] + ((rrr_real)0.2*t8) - (t5*t21);
+    const rrr_real t26 = t5*t20;
+    const rrr_real t27 = t24*t25;
+    const rrr_real t28 = beta[12] - (t5*t26) - (t25*t27);
+    const rrr_real t29 = t28 - ((rrr_real)9.0949470177292824e-13*beta[12]);
+    const rrr_real t30 = (t29 > (rrr_real)0.0) ? (rrr_real)0.0 : (rrr_real)1.0;
+    const rrr_real t31 = (t4 > (rrr_real)0.0) ? ((t23 > (rrr_real)0.0) ? t30 : (rrr_real)1.0) : (rrr_real)1.0;
+    const rrr_real t32 = tau[0] - ((t10*((dq[0]*t12) - (t10*((beta[7]*s23) - (beta[8]*c23))))) - t15);
+    const rrr_real t33 = tau[1] - (t19 - ((t12 - t14)*t18)) - (t21*t32);
+    const rrr_real t34 = (rrr_real)1.0/((t29 > (rrr_real)0.0) ? t28 : (rrr_real)1.0);
+    const rrr_real t35 = t34*(tau[2] - (t17 - (t12*t18)) - (t26*t32) - (t27*t33));
+    const rrr_real t36 = (t24*t33) - (t27*t35);
+    ddq[0] = (t31 > (rrr_real)0.0) ? (rrr_real)0.0 : ((t20*t32) - (t21*t36) - (t26*t35));
+    ddq[1] = (t31 > (rrr_real)0.0) ? (rrr_real)0.0 : t36;
+    ddq[2] = (t31 > (rrr_real)0.0) ? (rrr_real)0.0 : t35;
+    return (t31 < (rrr_real)0.5) ? RRR_OK : RRR_NOT_POSITIVE_DEFINITE;
 }
 
 void rrr_regressor(const rrr_real q[3], const rrr_real dq[3], const rrr_real ddq[3], rrr_real Y[RRR_RESTRICT 45])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real t1 = ddq[0]*c2;
     Y[24] = t1;
     const rrr_real t2 = dq[0] + dq[0];
     const rrr_real t3 = dq[1]*s2;
-    const rrr_real t4 = t1 - t2*t3;
+    const rrr_real t4 = t1 - (t2*t3);
     Y[0] = c2*t4;
-    const rrr_real t5 = c2*c2 - (rrr_real)0.5;
-    Y[1] = t1*s2 + dq[1]*t5*t2;
+    const rrr_real t5 = (c2*c2) - (rrr_real)0.5;
+    Y[1] = (t1*s2) + (dq[1]*t5*t2);
     const rrr_real t6 = (rrr_real)0.2*c2;
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t7 = ddq[0]*c23;
     Y[22] = t7;
     Y[37] = Y[22];
     const rrr_real t8 = dq[1] + dq[2];
-    const rrr_real t9 = t7 - s23*t8*t2;
+    const rrr_real t9 = t7 - (s23*t8*t2);
     const rrr_real t10 = (rrr_real)0.2*c23;
-    Y[2] = t6*t9 + t4*t10;
+    Y[2] = (t6*t9) + (t4*t10);
     const rrr_real t11 = dq[0]*t8;
     const rrr_real t12 = ddq[0]*s23;
     Y[23] = t12;
     Y[38] = Y[23];
-    const rrr_real t13 = c23*t11 + (rrr_real)0.5*t12;
+    const rrr_real t13 = (c23*t11) + ((rrr_real)0.5*t12);
     const rrr_real t14 = t13 + t13;
     const rrr_real t15 = (rrr_real)0.2*s23;
-    Y[3] = -(t6*t14 + t4*t15);
+    Y[3] = -((t6*t14) + (t4*t15));
     Y[4] = c23*t9;
-    Y[5] = t11 - c23*t14;
+    Y[5] = t11 - (c23*t14);
     const rrr_real t16 = ddq[1] + ddq[2];
     Y[42] = t16;
     const rrr_real t17 = t8*t8;
-    Y[7] = c23*t16 - s23*t17;
-    Y[8] = c23*t17 + s23*t16;
-    const rrr_real t18 = ddq[1]*c2 - dq[1]*t3;
+    Y[7] = (c23*t16) - (s23*t17);
+    Y[8] = (c23*t17) + (s23*t16);
+    const rrr_real t18 = (ddq[1]*c2) - (dq[1]*t3);
     Y[9] = t18;
-    const rrr_real t19 = dq[1]*c2*dq[1] + ddq[1]*s2;
+    const rrr_real t19 = (dq[1]*c2*dq[1]) + (ddq[1]*s2);
     Y[10] = t19;
     const rrr_real t20 = dq[0]*dq[0];
     const rrr_real t21 = c2*t20;
     Y[15] = s2*t21;
     Y[16] = -t5*t20;
     const rrr_real t22 = (rrr_real)0.2*s2;
-    const rrr_real t23 = t6*c23 + s23*t22;
+    const rrr_real t23 = (t6*c23) + (s23*t22);
     const rrr_real t24 = c23*t20;
     const rrr_real t25 = t19 + t21;
-    const rrr_real t26 = t23*t24 + (rrr_real)0.2*t25;
-    const rrr_real t27 = t6*s23 - c23*t22;
-    const rrr_real t28 = (rrr_real)9.81*((rrr_real)0.020387359836901122*t18 + (rrr_real)1.0);
-    const rrr_real t29 = t24*t27 - t28;
-    Y[17] = s23*t26 + t16*t23 - c23*t29 - t17*t27;
-    Y[18] = c23*t26 + s23*t29 - t16*t27 - t23*(t17 + t20);
+    const rrr_real t26 = (t23*t24) + ((rrr_real)0.2*t25);
+    const rrr_real t27 = (t6*s23) - (c23*t22);
+    const rrr_real t28 = (rrr_real)9.81*(((rrr_real)0.020387359836901122*t18) + (rrr_real)1.0);
+    const rrr_real t29 = (t24*t27) - t28;
+    Y[17] = (s23*t26) + (t16*t23) - (c23*t29) - (t17*t27);
+    Y[18] = (c23*t26) + (s23*t29) - (t16*t27) - (t23*(t17 + t20));
     Y[19] = s23*t24;
     Y[34] = Y[19];
-    Y[20] = c23*t24 - (rrr_real)0.5*t20;
+    Y[20] = (c23*t24) - ((rrr_real)0.5*t20);
     Y[35] = Y[20];
     Y[25] = ddq[0]*s2;
     Y[28] = (rrr_real)9.81*c2;
     Y[29] = -(rrr_real)9.81*s2;
-    Y[32] = c23*t28 + t15*t25;
-    Y[33] = t10*t25 - s23*t28;
+    Y[32] = (c23*t28) + (t15*t25);
+    Y[33] = (t10*t25) - (s23*t28);
     Y[6] = ddq[0];
     Y[11] = (rrr_real)0.0;
     Y[12] = (rrr_real)0.0;
@@ -694,45 +733,47 @@ void rrr_regressor_transpose(const rrr_real q[3],
                              const rrr_real e[3],
                              rrr_real r[RRR_RESTRICT 15])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real t1 = ddq[0]*e[0];
     r[6] = t1;
     const rrr_real t2 = c2*t1;
     const rrr_real t3 = dq[1]*e[0];
-    const rrr_real t4 = dq[0]*(dq[0]*e[1] - (t3 + t3));
+    const rrr_real t4 = dq[0]*((dq[0]*e[1]) - (t3 + t3));
     const rrr_real t5 = s2*t4;
     r[0] = c2*(t2 + t5);
-    r[1] = t2*s2 - t4*(c2*c2 - (rrr_real)0.5);
+    r[1] = (t2*s2) - (t4*((c2*c2) - (rrr_real)0.5));
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t6 = e[1] + e[2];
     const rrr_real t7 = ddq[1] + ddq[2];
-    const rrr_real t8 = ddq[1]*t6 + e[1]*t7;
+    const rrr_real t8 = (ddq[1]*t6) + (e[1]*t7);
     const rrr_real t9 = dq[1] + dq[2];
-    const rrr_real t10 = dq[1]*dq[1]*t6 - t9*t9*e[1];
-    const rrr_real t11 = (rrr_real)49.05*(t6 + (rrr_real)0.040774719673802244*(t2 + (rrr_real)0.5*t5));
-    const rrr_real t12 = c2*t8 - s2*t10 + t11;
+    const rrr_real t10 = (dq[1]*dq[1]*t6) - (t9*t9*e[1]);
+    const rrr_real t11 = (rrr_real)49.05*(t6 + ((rrr_real)0.040774719673802244*(t2 + ((rrr_real)0.5*t5))));
+    const rrr_real t12 = (c2*t8) - (s2*t10) + t11;
     const rrr_real t13 = e[0]*t9;
-    const rrr_real t14 = dq[0]*(dq[0]*t6 - (t13 + t13));
-    const rrr_real t15 = c2*(t10 + t14) + s2*t8;
-    r[2] = (rrr_real)0.2*(c23*t12 + s23*t15);
-    r[3] = (rrr_real)0.2*(c23*t15 - t12*s23);
+    const rrr_real t14 = dq[0]*((dq[0]*t6) - (t13 + t13));
+    const rrr_real t15 = (c2*(t10 + t14)) + (s2*t8);
+    r[2] = (rrr_real)0.2*((c23*t12) + (s23*t15));
+    r[3] = (rrr_real)0.2*((c23*t15) - (t12*s23));
     const rrr_real t16 = t1*c23;
-    r[4] = c23*(s23*t14 + t16);
-    r[5] = t14*(c23*c23 - (rrr_real)0.5) - s23*t16;
-    const rrr_real t17 = ddq[0]*t6 + e[0]*t7;
+    r[4] = c23*((s23*t14) + t16);
+    r[5] = (t14*((c23*c23) - (rrr_real)0.5)) - (s23*t16);
+    const rrr_real t17 = (ddq[0]*t6) + (e[0]*t7);
     const rrr_real t18 = t9*t13;
-    r[7] = c23*t17 - s23*t18;
-    r[8] = c23*t18 + s23*t17;
-    const rrr_real t19 = ddq[0]*e[1] + ddq[1]*e[0];
+    r[7] = (c23*t17) - (s23*t18);
+    r[8] = (c23*t18) + (s23*t17);
+    const rrr_real t19 = (ddq[0]*e[1]) + (ddq[1]*e[0]);
     const rrr_real t20 = dq[1]*t3;
-    r[9] = c2*t19 - s2*t20;
-    r[10] = c2*t20 + s2*t19;
+    r[9] = (c2*t19) - (s2*t20);
+    r[10] = (c2*t20) + (s2*t19);
     const rrr_real t21 = ddq[1]*e[1];
     r[11] = t21;
-    r[12] = t6*t7 - t21;
+    r[12] = (t6*t7) - t21;
     const rrr_real t22 = (rrr_real)9.81*e[1];
     r[13] = c2*t22;
     r[14] = -s2*t22;
@@ -743,104 +784,108 @@ void rrr_standard_regressor(const rrr_real q[3],
                             const rrr_real ddq[3],
                             rrr_real Y[RRR_RESTRICT 90])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real t1 = ddq[0]*c2;
     Y[48] = t1;
     const rrr_real t2 = dq[0] + dq[0];
     const rrr_real t3 = dq[1]*s2;
-    const rrr_real t4 = c2*(t1 - t2*t3);
+    const rrr_real t4 = c2*(t1 - (t2*t3));
     Y[16] = t4;
     const rrr_real t5 = (rrr_real)0.04*t4;
-    const rrr_real t6 = dq[1]*c2*dq[1] + ddq[1]*s2;
+    const rrr_real t6 = (dq[1]*c2*dq[1]) + (ddq[1]*s2);
     Y[17] = t6;
-    Y[10] = (rrr_real)0.028561*ddq[0] + t5 - (rrr_real)0.0338*t6;
-    Y[11] = (rrr_real)0.4*t4 - (rrr_real)0.169*t6;
-    const rrr_real t7 = ddq[1]*c2 - dq[1]*t3;
+    Y[10] = ((rrr_real)0.028561*ddq[0]) + t5 - ((rrr_real)0.0338*t6);
+    Y[11] = ((rrr_real)0.4*t4) - ((rrr_real)0.169*t6);
+    const rrr_real t7 = (ddq[1]*c2) - (dq[1]*t3);
     Y[18] = t7;
-    const rrr_real t8 = c2*c2 - (rrr_real)0.5;
-    const rrr_real t9 = t1*s2 + dq[1]*t8*t2;
-    Y[12] = -((rrr_real)0.169*t7 + (rrr_real)0.4*t9);
-    Y[13] = (rrr_real)0.338*ddq[0] - (rrr_real)0.2*t6;
+    const rrr_real t8 = (c2*c2) - (rrr_real)0.5;
+    const rrr_real t9 = (t1*s2) + (dq[1]*t8*t2);
+    Y[12] = -(((rrr_real)0.169*t7) + ((rrr_real)0.4*t9));
+    Y[13] = ((rrr_real)0.338*ddq[0]) - ((rrr_real)0.2*t6);
     Y[14] = ddq[0] - t4;
     Y[15] = t9 + t9;
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t10 = ddq[0]*c23;
     Y[58] = t10;
     Y[88] = Y[58];
     const rrr_real t11 = dq[1] + dq[2];
     const rrr_real t12 = s23*t11;
-    const rrr_real t13 = c23*(t10 - t2*t12);
+    const rrr_real t13 = c23*(t10 - (t2*t12));
     Y[26] = t13;
     const rrr_real t14 = dq[0]*c2;
-    const rrr_real t15 = t1 - dq[0]*t3;
-    const rrr_real t16 = t12*t14 - c23*t15;
+    const rrr_real t15 = t1 - (dq[0]*t3);
+    const rrr_real t16 = (t12*t14) - (c23*t15);
     const rrr_real t17 = t11*t11;
     const rrr_real t18 = ddq[1] + ddq[2];
     Y[59] = t18;
     Y[89] = Y[59];
-    const rrr_real t19 = c23*t17 + s23*t18;
+    const rrr_real t19 = (c23*t17) + (s23*t18);
     Y[27] = t19;
-    const rrr_real t20 = t6 + (rrr_real)2.075*t19;
-    const rrr_real t21 = t5 + (rrr_real)0.067081*ddq[0] + (rrr_real)0.172225*t13 - (rrr_real)0.166*t16;
-    Y[20] = t21 - (rrr_real)0.0518*t20;
-    Y[21] = (rrr_real)0.83*t13 - (rrr_real)0.259*t19 - (rrr_real)0.4*t16;
-    const rrr_real t22 = c23*t18 - s23*t17;
+    const rrr_real t20 = t6 + ((rrr_real)2.075*t19);
+    const rrr_real t21 = t5 + ((rrr_real)0.067081*ddq[0]) + ((rrr_real)0.172225*t13) - ((rrr_real)0.166*t16);
+    Y[20] = t21 - ((rrr_real)0.0518*t20);
+    Y[21] = ((rrr_real)0.83*t13) - ((rrr_real)0.259*t19) - ((rrr_real)0.4*t16);
+    const rrr_real t22 = (c23*t18) - (s23*t17);
     Y[28] = t22;
     const rrr_real t23 = ddq[0]*s23;
     Y[57] = t23;
     Y[87] = Y[57];
-    const rrr_real t24 = c23*c23 - (rrr_real)0.5;
-    const rrr_real t25 = c23*t23 + t11*t24*t2;
-    Y[22] = -((rrr_real)0.259*t22 + (rrr_real)0.83*t25 + (rrr_real)0.4*(c23*t11*t14 + s23*t15));
-    Y[23] = (rrr_real)0.518*ddq[0] - (rrr_real)0.2*t20;
+    const rrr_real t24 = (c23*c23) - (rrr_real)0.5;
+    const rrr_real t25 = (c23*t23) + (t11*t24*t2);
+    const rrr_real t26 = ((rrr_real)0.259*t22) + ((rrr_real)0.83*t25);
+    Y[22] = -(t26 + ((rrr_real)0.4*((c23*t11*t14) + (s23*t15))));
+    Y[23] = ((rrr_real)0.518*ddq[0]) - ((rrr_real)0.2*t20);
     Y[24] = ddq[0] - t13;
     Y[25] = t25 + t25;
-    const rrr_real t26 = dq[0]*dq[0];
-    const rrr_real t27 = c2*t26;
-    const rrr_real t28 = s2*t27;
-    Y[46] = t28;
-    const rrr_real t29 = ddq[1] + t28;
-    const rrr_real t30 = ddq[0]*s2;
-    Y[47] = t30;
-    const rrr_real t31 = c2 - (rrr_real)0.017227319062181449*t30;
-    Y[40] = (rrr_real)0.04*t29 + (rrr_real)1.962*t31;
-    Y[41] = (rrr_real)0.4*t29 + (rrr_real)9.81*t31;
-    const rrr_real t32 = t8*t26;
-    Y[42] = (rrr_real)0.4*t32 - (rrr_real)9.81*s2 - (rrr_real)0.169*t1;
-    Y[43] = -(rrr_real)0.2*t30;
-    Y[44] = -t28;
-    Y[45] = -(t32 + t32);
-    const rrr_real t33 = (rrr_real)0.2*(c2*s23 - s2*c23);
-    const rrr_real t34 = c23*t26;
-    const rrr_real t35 = c23*t34;
-    const rrr_real t36 = t17 + t35;
-    const rrr_real t37 = ddq[0] - (rrr_real)0.77220077220077221*(t6 + t27);
-    const rrr_real t38 = s23 + (rrr_real)0.02640163098878695*(c23*t37 + (rrr_real)0.77220077220077221*s23*t7);
-    const rrr_real t39 = (rrr_real)0.2*(c2*c23 + s2*s23);
-    const rrr_real t40 = t39 + (rrr_real)0.415;
-    const rrr_real t41 = s23*t34;
-    Y[56] = t41;
+    const rrr_real t27 = dq[0]*dq[0];
+    const rrr_real t28 = c2*t27;
+    const rrr_real t29 = s2*t28;
+    Y[46] = t29;
+    const rrr_real t30 = ddq[1] + t29;
+    const rrr_real t31 = ddq[0]*s2;
+    Y[47] = t31;
+    const rrr_real t32 = c2 - ((rrr_real)0.017227319062181449*t31);
+    Y[40] = ((rrr_real)0.04*t30) + ((rrr_real)1.962*t32);
+    Y[41] = ((rrr_real)0.4*t30) + ((rrr_real)9.81*t32);
+    const rrr_real t33 = t8*t27;
+    Y[42] = ((rrr_real)0.4*t33) - ((rrr_real)9.81*s2) - ((rrr_real)0.169*t1);
+    Y[43] = -(rrr_real)0.2*t31;
+    Y[44] = -t29;
+    Y[45] = -(t33 + t33);
+    const rrr_real t34 = (rrr_real)0.2*((c2*s23) - (s2*c23));
+    const rrr_real t35 = c23*t27;
+    const rrr_real t36 = c23*t35;
+    const rrr_real t37 = t17 + t36;
+    const rrr_real t38 = ddq[0] - ((rrr_real)0.77220077220077221*(t6 + t28));
+    const rrr_real t39 = (rrr_real)0.02640163098878695*((c23*t38) + ((rrr_real)0.77220077220077221*s23*t7));
+    const rrr_real t40 = s23 + t39;
+    const rrr_real t41 = (rrr_real)0.2*((c2*c23) + (s2*s23));
+    const rrr_real t42 = t41 + (rrr_real)0.415;
+    const rrr_real t43 = s23*t35;
+    Y[56] = t43;
     Y[86] = Y[56];
-    const rrr_real t42 = t18 + t41;
-    const rrr_real t43 = c23 + (rrr_real)0.020387359836901122*(t7*c23 - (rrr_real)1.295*s23*t37);
-    const rrr_real t44 = t42 + (rrr_real)23.638554216867469*t43;
-    Y[50] = -(rrr_real)0.415*(t33*(t36 - (rrr_real)23.638554216867469*t38) - t40*t44);
-    const rrr_real t45 = (rrr_real)0.83*(t42 + (rrr_real)11.819277108433734*t43);
-    Y[81] = t45;
-    Y[51] = t39*t42 + t45 - t33*t36;
-    const rrr_real t46 = t24*t26;
-    const rrr_real t47 = (rrr_real)9.81*(t38 - (rrr_real)0.084607543323139647*t46);
-    Y[52] = -(t33*(t18 - t41) + t39*(t17 - (t35 - t26)) + t47);
-    Y[53] = t10*t33 - t23*t40;
-    Y[54] = -t41;
+    const rrr_real t44 = t18 + t43;
+    const rrr_real t45 = c23 + ((rrr_real)0.020387359836901122*((t7*c23) - ((rrr_real)1.295*s23*t38)));
+    const rrr_real t46 = t44 + ((rrr_real)23.638554216867469*t45);
+    Y[50] = -(rrr_real)0.415*((t34*(t37 - ((rrr_real)23.638554216867469*t40))) - (t42*t46));
+    const rrr_real t47 = (rrr_real)0.83*(t44 + ((rrr_real)11.819277108433734*t45));
+    Y[81] = t47;
+    Y[51] = (t41*t44) + t47 - (t34*t37);
+    const rrr_real t48 = t24*t27;
+    const rrr_real t49 = (rrr_real)9.81*(t40 - ((rrr_real)0.084607543323139647*t48));
+    Y[52] = -((t34*(t18 - t43)) + (t41*(t17 - (t36 - t27))) + t49);
+    Y[53] = (t10*t34) - (t23*t42);
+    Y[54] = -t43;
     Y[84] = Y[54];
-    Y[55] = -(t46 + t46);
+    Y[55] = -(t48 + t48);
     Y[85] = Y[55];
-    Y[80] = (rrr_real)0.172225*t44;
-    Y[82] = -t47;
+    Y[80] = (rrr_real)0.172225*t46;
+    Y[82] = -t49;
     Y[83] = -(rrr_real)0.415*t23;
     Y[0] = (rrr_real)0.0;
     Y[1] = (rrr_real)0.0;
@@ -893,42 +938,45 @@ void rrr_energy(const rrr_real q[3],
                 rrr_real *RRR_RESTRICT kinetic,
                 rrr_real *RRR_RESTRICT potential)
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real t1 = dq[1] + dq[2];
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t2 = dq[0]*dq[0];
-    const rrr_real t3 = (c2*(beta[0]*c2 + beta[1]*s2) + c23*(beta[4]*c23 - beta[5]*s23) + beta[6])*t2;
-    const rrr_real t4 = dq[0]*(dq[1]*(beta[9]*c2 + beta[10]*s2) + t1*(beta[7]*c23 + beta[8]*s23));
-    const rrr_real t5 = beta[3]*c23 + beta[2]*s23;
-    const rrr_real t6 = c2*(beta[2]*c23 - beta[3]*s23)*(t2 + dq[1]*t1);
-    const rrr_real t7 = (rrr_real)0.2*(t6 + t1*(dq[1]*s2*t5 + (rrr_real)2.5*beta[12]*t1));
-    *kinetic = t4 + (rrr_real)0.5*(dq[1]*dq[1]*(beta[11] - beta[12]) + t3) + t7;
-    *potential = (rrr_real)9.81*(beta[14]*c2 + beta[13]*s2 + t5);
+    const rrr_real t3 = (c2*((beta[0]*c2) + (beta[1]*s2))) + (c23*((beta[4]*c23) - (beta[5]*s23))) + beta[6];
+    const rrr_real t4 = dq[0]*((dq[1]*((beta[9]*c2) + (beta[10]*s2))) + (t1*((beta[7]*c23) + (beta[8]*s23))));
+    const rrr_real t5 = (beta[3]*c23) + (beta[2]*s23);
+    const rrr_real t6 = c2*((beta[2]*c23) - (beta[3]*s23))*(t2 + (dq[1]*t1));
+    const rrr_real t7 = (rrr_real)0.2*(t6 + (t1*((dq[1]*s2*t5) + ((rrr_real)2.5*beta[12]*t1))));
+    *kinetic = t4 + ((rrr_real)0.5*((dq[1]*dq[1]*(beta[11] - beta[12])) + (t3*t2))) + t7;
+    *potential = (rrr_real)9.81*((beta[14]*c2) + (beta[13]*s2) + t5);
 }
 
 void rrr_base_parameters(const rrr_real phi[30], rrr_real beta[RRR_RESTRICT 15])
 {
-    const rrr_real t1 = (rrr_real)0.04*phi[10] + (rrr_real)0.4*phi[11];
-    beta[0] = phi[16] + t1 + (rrr_real)0.04*phi[20] - phi[14];
-    beta[1] = phi[15] + phi[15] - (rrr_real)0.4*phi[12];
-    beta[2] = phi[21] + (rrr_real)0.415*phi[20];
+    const rrr_real t1 = ((rrr_real)0.04*phi[10]) + ((rrr_real)0.4*phi[11]);
+    beta[0] = phi[16] + t1 + ((rrr_real)0.04*phi[20]) - phi[14];
+    beta[1] = phi[15] + phi[15] - ((rrr_real)0.4*phi[12]);
+    beta[2] = phi[21] + ((rrr_real)0.415*phi[20]);
     const rrr_real t2 = (rrr_real)0.83*phi[21];
-    const rrr_real t3 = t2 + (rrr_real)0.172225*phi[20];
+    const rrr_real t3 = t2 + ((rrr_real)0.172225*phi[20]);
     beta[4] = phi[26] + t3 - phi[24];
-    beta[5] = (rrr_real)0.83*phi[22] - (phi[25] + phi[25]);
-    const rrr_real t4 = phi[14] + phi[24] + phi[6] + (rrr_real)0.028561*phi[10] + (rrr_real)0.338*phi[13];
-    beta[6] = t4 + (rrr_real)0.067081*phi[20] + (rrr_real)0.518*phi[23];
-    beta[7] = phi[28] - (rrr_real)0.259*phi[22];
-    beta[8] = phi[27] - (rrr_real)0.107485*phi[20] - (rrr_real)0.259*phi[21] - (rrr_real)0.415*phi[23];
-    beta[9] = phi[18] - (rrr_real)0.169*phi[12];
-    const rrr_real t5 = phi[17] - (rrr_real)0.0338*phi[10] - (rrr_real)0.169*phi[11] - (rrr_real)0.0518*phi[20];
-    beta[10] = t5 - (rrr_real)0.2*(phi[13] + phi[23]);
-    beta[11] = phi[29] + t2 + phi[19] + t1 + (rrr_real)0.212225*phi[20];
+    beta[5] = ((rrr_real)0.83*phi[22]) - (phi[25] + phi[25]);
+    const rrr_real t4 = phi[14] + phi[24] + phi[6] + ((rrr_real)0.028561*phi[10]) + ((rrr_real)0.338*phi[13]);
+    beta[6] = t4 + ((rrr_real)0.067081*phi[20]) + ((rrr_real)0.518*phi[23]);
+    beta[7] = phi[28] - ((rrr_real)0.259*phi[22]);
+    const rrr_real t5 = phi[27] - ((rrr_real)0.107485*phi[20]) - ((rrr_real)0.259*phi[21]);
+    beta[8] = t5 - ((rrr_real)0.415*phi[23]);
+    beta[9] = phi[18] - ((rrr_real)0.169*phi[12]);
+    const rrr_real t6 = phi[17] - ((rrr_real)0.0338*phi[10]) - ((rrr_real)0.169*phi[11]);
+    beta[10] = t6 - ((rrr_real)0.0518*phi[20]) - ((rrr_real)0.2*(phi[13] + phi[23]));
+    beta[11] = phi[29] + t2 + phi[19] + t1 + ((rrr_real)0.212225*phi[20]);
     beta[12] = phi[29] + t3;
-    beta[13] = phi[11] + (rrr_real)0.2*(phi[10] + phi[20]);
+    beta[13] = phi[11] + ((rrr_real)0.2*(phi[10] + phi[20]));
     beta[3] = phi[22];
     beta[14] = phi[12];
 }
@@ -939,9 +987,9 @@ void rrr_add_payload(rrr_real mass,
                      const rrr_real beta[15],
                      rrr_real beta_loaded[RRR_RESTRICT 15])
 {
-    beta_loaded[0] = beta[0] + (rrr_real)0.04*mass;
+    beta_loaded[0] = beta[0] + ((rrr_real)0.04*mass);
     const rrr_real t1 = mass*com[0];
-    beta_loaded[2] = beta[2] + (rrr_real)0.415*mass + t1;
+    beta_loaded[2] = beta[2] + ((rrr_real)0.415*mass) + t1;
     const rrr_real t2 = mass*com[1];
     beta_loaded[3] = beta[3] + t2;
     const rrr_real t3 = (rrr_real)0.172225*mass;
@@ -949,19 +997,19 @@ void rrr_add_payload(rrr_real mass,
     const rrr_real t5 = com[1]*t2;
     const rrr_real t6 = inertia[0] + t5;
     beta_loaded[4] = inertia[4] + beta[4] + t3 + t4 - t6;
-    const rrr_real t7 = com[1]*t1 - inertia[1];
-    beta_loaded[5] = beta[5] + (rrr_real)0.83*t2 + (t7 + t7);
+    const rrr_real t7 = (com[1]*t1) - inertia[1];
+    beta_loaded[5] = beta[5] + ((rrr_real)0.83*t2) + (t7 + t7);
     const rrr_real t8 = mass*com[2];
-    beta_loaded[6] = beta[6] + (rrr_real)0.067081*mass + t8*(com[2] + (rrr_real)0.518) + t6;
+    beta_loaded[6] = beta[6] + ((rrr_real)0.067081*mass) + (t8*(com[2] + (rrr_real)0.518)) + t6;
     const rrr_real t9 = com[2] + (rrr_real)0.259;
-    beta_loaded[7] = inertia[5] + beta[7] - t2*t9;
-    const rrr_real t10 = mass + (rrr_real)3.8610038610038608*t8;
-    beta_loaded[8] = inertia[2] + beta[8] - t1*t9 - (rrr_real)0.107485*t10;
-    beta_loaded[10] = beta[10] - (rrr_real)0.0518*t10;
+    beta_loaded[7] = inertia[5] + beta[7] - (t2*t9);
+    const rrr_real t10 = mass + ((rrr_real)3.8610038610038608*t8);
+    beta_loaded[8] = inertia[2] + beta[8] - (t1*t9) - ((rrr_real)0.107485*t10);
+    beta_loaded[10] = beta[10] - ((rrr_real)0.0518*t10);
     const rrr_real t11 = inertia[8] + t5 + t4;
-    beta_loaded[11] = beta[11] + (rrr_real)0.212225*mass + t11;
+    beta_loaded[11] = beta[11] + ((rrr_real)0.212225*mass) + t11;
     beta_loaded[12] = beta[12] + t3 + t11;
-    beta_loaded[13] = beta[13] + (rrr_real)0.2*mass;
+    beta_loaded[13] = beta[13] + ((rrr_real)0.2*mass);
     beta_loaded[1] = beta[1];
     beta_loaded[9] = beta[9];
     beta_loaded[14] = beta[14];
@@ -974,43 +1022,44 @@ void rrr_add_payload_at(rrr_real mass,
                         const rrr_real beta[15],
                         rrr_real beta_loaded[RRR_RESTRICT 15])
 {
-    beta_loaded[0] = beta[0] + (rrr_real)0.04*mass;
-    const rrr_real t1 = com[0]*frame[0] + com[1]*frame[1] + com[2]*frame[2] + frame[3];
+    beta_loaded[0] = beta[0] + ((rrr_real)0.04*mass);
+    const rrr_real t1 = (com[0]*frame[0]) + (com[1]*frame[1]) + (com[2]*frame[2]) + frame[3];
     const rrr_real t2 = mass*t1;
-    const rrr_real t3 = mass + (rrr_real)2.4096385542168677*t2;
+    const rrr_real t3 = mass + ((rrr_real)2.4096385542168677*t2);
     const rrr_real t4 = (rrr_real)0.415*t3;
     beta_loaded[2] = beta[2] + t4;
-    const rrr_real t5 = com[0]*frame[4] + com[1]*frame[5] + com[2]*frame[6] + frame[7];
+    const rrr_real t5 = (com[0]*frame[4]) + (com[1]*frame[5]) + (com[2]*frame[6]) + frame[7];
     const rrr_real t6 = mass*t5;
     beta_loaded[3] = beta[3] + t6;
-    const rrr_real t7 = inertia[0]*frame[4] + inertia[1]*frame[5] + inertia[2]*frame[6];
-    const rrr_real t8 = inertia[1]*frame[4] + inertia[4]*frame[5] + inertia[5]*frame[6];
-    const rrr_real t9 = inertia[2]*frame[4] + inertia[5]*frame[5] + inertia[8]*frame[6];
+    const rrr_real t7 = (inertia[0]*frame[4]) + (inertia[1]*frame[5]) + (inertia[2]*frame[6]);
+    const rrr_real t8 = (inertia[1]*frame[4]) + (inertia[4]*frame[5]) + (inertia[5]*frame[6]);
+    const rrr_real t9 = (inertia[2]*frame[4]) + (inertia[5]*frame[5]) + (inertia[8]*frame[6]);
     const rrr_real t10 = (rrr_real)0.83*t2;
-    const rrr_real t11 = (rrr_real)0.172225*mass + t10;
+    const rrr_real t11 = ((rrr_real)0.172225*mass) + t10;
     const rrr_real t12 = t1*t2;
-    const rrr_real t13 = com[0]*frame[8] + com[1]*frame[9] + com[2]*frame[10] + frame[11];
+    const rrr_real t13 = (com[0]*frame[8]) + (com[1]*frame[9]) + (com[2]*frame[10]) + frame[11];
     const rrr_real t14 = mass*t13;
     const rrr_real t15 = t13*t14;
-    const rrr_real t16 = inertia[0]*frame[0] + inertia[1]*frame[1] + inertia[2]*frame[2];
-    const rrr_real t17 = inertia[1]*frame[0] + inertia[4]*frame[1] + inertia[5]*frame[2];
-    const rrr_real t18 = inertia[2]*frame[0] + inertia[5]*frame[1] + inertia[8]*frame[2];
+    const rrr_real t16 = (inertia[0]*frame[0]) + (inertia[1]*frame[1]) + (inertia[2]*frame[2]);
+    const rrr_real t17 = (inertia[1]*frame[0]) + (inertia[4]*frame[1]) + (inertia[5]*frame[2]);
+    const rrr_real t18 = (inertia[2]*frame[0]) + (inertia[5]*frame[1]) + (inertia[8]*frame[2]);
     const rrr_real t19 = t5*t6;
-    const rrr_real t20 = frame[0]*t16 + frame[1]*t17 + frame[2]*t18 + t19 + t15;
-    beta_loaded[4] = frame[4]*t7 + frame[5]*t8 + frame[6]*t9 + beta[4] + t11 + t12 + t15 - t20;
-    const rrr_real t21 = frame[4]*t16 + frame[5]*t17 + frame[6]*t18;
-    beta_loaded[5] = beta[5] + (rrr_real)0.83*t5*t3 - (t21 + t21);
-    beta_loaded[6] = beta[6] + (rrr_real)0.067081*mass + t20 + (rrr_real)0.518*t14;
+    const rrr_real t20 = (frame[0]*t16) + (frame[1]*t17) + (frame[2]*t18) + t19 + t15;
+    beta_loaded[4] = (frame[4]*t7) + (frame[5]*t8) + (frame[6]*t9) + beta[4] + t11 + t12 + t15 - t20;
+    const rrr_real t21 = (frame[4]*t16) + (frame[5]*t17) + (frame[6]*t18);
+    beta_loaded[5] = beta[5] + ((rrr_real)0.83*t5*t3) - (t21 + t21);
+    beta_loaded[6] = beta[6] + ((rrr_real)0.067081*mass) + t20 + ((rrr_real)0.518*t14);
     const rrr_real t22 = t13 + (rrr_real)0.259;
-    beta_loaded[7] = frame[8]*t7 + frame[9]*t8 + frame[10]*t9 + beta[7] - t6*t22;
-    beta_loaded[8] = frame[8]*t16 + frame[9]*t17 + frame[10]*t18 + beta[8] - t4*t22;
-    beta_loaded[10] = beta[10] - (rrr_real)0.0518*mass - (rrr_real)0.2*t14;
-    const rrr_real t23 = inertia[1]*frame[9] + inertia[2]*frame[10];
-    const rrr_real t24 = inertia[8]*frame[10]*frame[10] + frame[8]*(t23 + t23 + inertia[0]*frame[8]);
-    const rrr_real t25 = t24 + frame[9]*(inertia[4]*frame[9] + frame[10]*(inertia[5] + inertia[5])) + t12 + t19;
-    beta_loaded[11] = beta[11] + (rrr_real)0.212225*mass + t25 + t10;
-    beta_loaded[12] = beta[12] + t11 + t25;
-    beta_loaded[13] = beta[13] + (rrr_real)0.2*mass;
+    beta_loaded[7] = (frame[8]*t7) + (frame[9]*t8) + (frame[10]*t9) + beta[7] - (t6*t22);
+    beta_loaded[8] = (frame[8]*t16) + (frame[9]*t17) + (frame[10]*t18) + beta[8] - (t4*t22);
+    beta_loaded[10] = beta[10] - ((rrr_real)0.0518*mass) - ((rrr_real)0.2*t14);
+    const rrr_real t23 = (inertia[1]*frame[9]) + (inertia[2]*frame[10]);
+    const rrr_real t24 = (inertia[8]*frame[10]*frame[10]) + (frame[8]*(t23 + t23 + (inertia[0]*frame[8])));
+    const rrr_real t25 = t24 + (frame[9]*((inertia[4]*frame[9]) + (frame[10]*(inertia[5] + inertia[5])))) + t12;
+    const rrr_real t26 = t19 + t25;
+    beta_loaded[11] = beta[11] + ((rrr_real)0.212225*mass) + t26 + t10;
+    beta_loaded[12] = beta[12] + t11 + t26;
+    beta_loaded[13] = beta[13] + ((rrr_real)0.2*mass);
     beta_loaded[1] = beta[1];
     beta_loaded[9] = beta[9];
     beta_loaded[14] = beta[14];
@@ -1019,11 +1068,11 @@ void rrr_add_payload_at(rrr_real mass,
 void rrr_friction_with(const rrr_real dq[3], const rrr_real friction[9], rrr_real tau_f[RRR_RESTRICT 3])
 {
     const rrr_real t1 = (dq[0] > (rrr_real)0.0) ? (rrr_real)1.0 : ((dq[0] < (rrr_real)0.0) ? -(rrr_real)1.0 : dq[0]);
-    tau_f[0] = dq[0]*friction[0] + friction[1]*t1 + friction[2];
+    tau_f[0] = (dq[0]*friction[0]) + (friction[1]*t1) + friction[2];
     const rrr_real t2 = (dq[1] > (rrr_real)0.0) ? (rrr_real)1.0 : ((dq[1] < (rrr_real)0.0) ? -(rrr_real)1.0 : dq[1]);
-    tau_f[1] = dq[1]*friction[3] + friction[4]*t2 + friction[5];
+    tau_f[1] = (dq[1]*friction[3]) + (friction[4]*t2) + friction[5];
     const rrr_real t3 = (dq[2] > (rrr_real)0.0) ? (rrr_real)1.0 : ((dq[2] < (rrr_real)0.0) ? -(rrr_real)1.0 : dq[2]);
-    tau_f[2] = dq[2]*friction[6] + friction[7]*t3 + friction[8];
+    tau_f[2] = (dq[2]*friction[6]) + (friction[7]*t3) + friction[8];
 }
 
 void rrr_smooth_friction(const rrr_real dq[3],
@@ -1031,9 +1080,9 @@ void rrr_smooth_friction(const rrr_real dq[3],
                          const rrr_real width[3],
                          rrr_real tau_f[RRR_RESTRICT 3])
 {
-    tau_f[0] = dq[0]*friction[0] + friction[1]*tanh(dq[0]/width[0]) + friction[2];
-    tau_f[1] = dq[1]*friction[3] + friction[4]*tanh(dq[1]/width[1]) + friction[5];
-    tau_f[2] = dq[2]*friction[6] + friction[7]*tanh(dq[2]/width[2]) + friction[8];
+    tau_f[0] = (dq[0]*friction[0]) + (friction[1]*tanh(dq[0]/width[0])) + friction[2];
+    tau_f[1] = (dq[1]*friction[3]) + (friction[4]*tanh(dq[1]/width[1])) + friction[5];
+    tau_f[2] = (dq[2]*friction[6]) + (friction[7]*tanh(dq[2]/width[2])) + friction[8];
 }
 
 void rrr_nominal_parameters(rrr_real beta[RRR_RESTRICT 15])

@@ -294,23 +294,23 @@ static int rrr_ik_branches(
     const rrr_real t1 = a1*k1;
     const rrr_real t2 = b1*k1;
     const rrr_real t3 = pz*pz;
-    const rrr_real r = T[0]*T[0] + T[1]*T[1] + t3;
+    const rrr_real r = (T[0]*T[0]) + (T[1]*T[1]) + t3;
     rrr_real k3 = (rrr_real)6.024096385542168*(r - (rrr_real)0.279306), w3;
     unsigned f3 = 0u;
     const int n3 = rrr_ik_cosine(&k3, ((rrr_real)1.0 - k3)*(k3 + (rrr_real)1.0), slack, &w3, &f3);
     if (n3 == 0) { *stage = *stage < 2 ? 2 : *stage; return 0; }
-    const rrr_real vx = (rrr_real)0.415*k3 + (rrr_real)0.2;
+    const rrr_real vx = ((rrr_real)0.415*k3) + (rrr_real)0.2;
     const rrr_real t4 = vx*vx;
     const rrr_real t5 = pz*vx;
     for (int i1 = 0; i1 < n1; ++i1) {
         const rrr_real v1 = i1 == 0 ? -w1 : w1;
-        const rrr_real c1 = t1 - b1*v1;
-        const rrr_real s1 = t2 + a1*v1;
+        const rrr_real c1 = t1 - (b1*v1);
+        const rrr_real s1 = t2 + (a1*v1);
         cosine[i1] = c1;
         sine[i1] = s1;
-        const rrr_real ux = T[0]*c1 + T[1]*s1;
-        const rrr_real uz = T[0]*s1 - T[1]*c1;
-        const rrr_real onto2 = sqrt(ux*ux + t3);
+        const rrr_real ux = (T[0]*c1) + (T[1]*s1);
+        const rrr_real uz = (T[0]*s1) - (T[1]*c1);
+        const rrr_real onto2 = sqrt((ux*ux) + t3);
         const rrr_real t6 = ux*vx;
         const rrr_real t7 = (rrr_real)0.259 - uz;
         const rrr_real t8 = t7*t7;
@@ -319,9 +319,9 @@ static int rrr_ik_branches(
             cosine[2 + i3] = k3;
             sine[2 + i3] = v3;
             const rrr_real vy = (rrr_real)0.415*v3;
-            const rrr_real from2 = sqrt(t4 + vy*vy);
+            const rrr_real from2 = sqrt(t4 + (vy*vy));
             const rrr_real size2 = from2*onto2;
-            rrr_real a2 = t6 + pz*vy, b2 = t5 - ux*vy;
+            rrr_real a2 = t6 + (pz*vy), b2 = t5 - (ux*vy);
             unsigned f2 = 0u;
             if (size2 <= (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312)) {
                 f2 = 512u;
@@ -334,7 +334,7 @@ static int rrr_ik_branches(
             cosine[4 + 2 * i1 + i3] = a2;
             sine[4 + 2 * i1 + i3] = b2;
             const rrr_real t9 = from2 - onto2;
-            const rrr_real error = (rrr_real)0.5457442971434324*(t9*t9 + t8);
+            const rrr_real error = (rrr_real)0.5457442971434324*((t9*t9) + t8);
             found->flags[rows] = f1 | f3 | f2;
             found->branch[rows] = (unsigned)i1 | ((unsigned)i3 << 1);
             found->residual[rows] = error;

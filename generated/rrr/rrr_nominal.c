@@ -11,9 +11,9 @@
 
 #ifndef RRR_SINCOS_KERNEL
 /*
- * Sine and cosine of one angle without branches on the way: reduction by quarter turns in three exact steps
- * (Cody and Waite), then minimax polynomials on |r| <= pi/4. Absolute error below 2.3e-16 for
- * |x| <= 1.0e6 rad; larger angles, infinities and NaN are left to the C library. So is everything where the
+ * Sine and cosine of one angle without branches on the way: reduction by quarter turns with pi/2 in three parts (Cody
+ * and Waite; the first step is exact, the other two round), then minimax polynomials on |r| <= pi/4. The absolute error
+ * is proven to be below 2.3e-16 for |x| <= 1.0e6 rad; larger angles, infinities and NaN are left to the C library. So is everything where the
  * compiler may rearrange arithmetic (-ffast-math) or keeps more digits than asked: the reduction needs it as written.
  */
 #if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(_M_FP_FAST)
@@ -33,124 +33,140 @@ static inline void rrr_sincos(rrr_real x, rrr_real *sine, rrr_real *cosine)
         *cosine = cos(x);
         return;
     }
-    const rrr_real shifted = x*(rrr_real)0.63661977236758134308 + (rrr_real)6755399441055744.0;
+    const rrr_real shifted = (x*(rrr_real)0.63661977236758134308) + (rrr_real)6755399441055744.0;
     const rrr_real turns = shifted - (rrr_real)6755399441055744.0;
     const int quarter = (int)turns;
-    const rrr_real r = ((x - turns*(rrr_real)1.57079632673412561416626) - turns*(rrr_real)6.07710050630396597660e-11)
-        - turns*(rrr_real)2.02226624879595063154e-21;
+    const rrr_real r = ((x - (turns*(rrr_real)1.57079632673412561416626)) - (turns*(rrr_real)6.07710050630396597660e-11))
+        - (turns*(rrr_real)2.02226624879595063154e-21);
     const rrr_real z = r*r;
-    const rrr_real s = r + r*z*((rrr_real)-1.6666666666666632068e-1 + z*((rrr_real)8.3333333333224244268e-3 + z*((rrr_real)-1.9841269829816864792e-4 + z*((rrr_real)2.7557313695195213322e-6 + z*((rrr_real)-2.5050758648160703537e-8 + z*((rrr_real)1.5896827621544006984e-10))))));
-    const rrr_real c = ((rrr_real)1.0 - (rrr_real)0.5*z) + z*z*((rrr_real)4.1666666666666599555e-2 + z*((rrr_real)-1.3888888888874138509e-3 + z*((rrr_real)2.4801587289491743877e-5 + z*((rrr_real)-2.7557314355216540659e-7 + z*((rrr_real)2.0875723680844991363e-9 + z*((rrr_real)-1.1359669674695725385e-11))))));
+    const rrr_real s = r + (r*z*((rrr_real)-1.6666666666666632068e-1 + (z*((rrr_real)8.3333333333224244268e-3 + (z*((rrr_real)-1.9841269829816864792e-4 + (z*((rrr_real)2.7557313695195213322e-6 + (z*((rrr_real)-2.5050758648160703537e-8 + (z*((rrr_real)1.5896827621544006984e-10))))))))))));
+    const rrr_real c = ((rrr_real)1.0 - ((rrr_real)0.5*z)) + (z*z*((rrr_real)4.1666666666666599555e-2 + (z*((rrr_real)-1.3888888888874138509e-3 + (z*((rrr_real)2.4801587289491743877e-5 + (z*((rrr_real)-2.7557314355216540659e-7 + (z*((rrr_real)2.0875723680844991363e-9 + (z*((rrr_real)-1.1359669674695725385e-11))))))))))));
     static const rrr_real sines[5] = {(rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, -(rrr_real)1.0, (rrr_real)0.0};
-    const rrr_real *const turn = sines + (quarter & 3); /* sine and cosine of the quarter turns; a choice would be a branch */
-    *sine = s*turn[1] + c*turn[0];
-    *cosine = c*turn[1] - s*turn[0];
+    const rrr_real turn_sine = sines[quarter & 3]; /* sine and cosine of the quarter turns; a choice would be a branch */
+    const rrr_real turn_cosine = sines[(quarter & 3) + 1];
+    *sine = (s*turn_cosine) + (c*turn_sine);
+    *cosine = (c*turn_cosine) - (s*turn_sine);
 }
 #endif
 
 void rrr_mass_matrix_nominal(const rrr_real q[3], rrr_real M[RRR_RESTRICT 9])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t1 = (rrr_real)0.001*c23*(s23 - (rrr_real)67.2*(c2 + (rrr_real)0.47395833333333331*c23));
-    M[0] = (rrr_real)0.2696*c2*(c2 + (rrr_real)0.02967359050445104*s2) + (rrr_real)0.8531086 - t1;
-    const rrr_real t2 = c23 + (rrr_real)33.526153846153846*s23;
-    M[1] = -(rrr_real)0.0013*(t2 + (rrr_real)3.0769230769230771*(c2 + (rrr_real)74.861*s2));
+    const rrr_real t1 = (rrr_real)0.001*c23*(s23 - ((rrr_real)67.2*(c2 + ((rrr_real)0.47395833333333331*c23))));
+    const rrr_real t2 = ((rrr_real)0.2696*c2*(c2 + ((rrr_real)0.02967359050445104*s2))) + (rrr_real)0.8531086;
+    M[0] = t2 - t1;
+    const rrr_real t3 = c23 + ((rrr_real)33.526153846153846*s23);
+    M[1] = -(rrr_real)0.0013*(t3 + ((rrr_real)3.0769230769230771*(c2 + ((rrr_real)74.861*s2))));
     M[3] = M[1];
-    M[2] = -(rrr_real)0.0013*t2;
+    M[2] = -(rrr_real)0.0013*t3;
     M[6] = M[2];
-    const rrr_real t3 = c2*c23 + s2*s23;
-    M[4] = (rrr_real)0.0672*t3 + (rrr_real)0.38897;
-    M[5] = (rrr_real)0.0336*t3 + (rrr_real)0.03637;
+    const rrr_real t4 = (c2*c23) + (s2*s23);
+    M[4] = ((rrr_real)0.0672*t4) + (rrr_real)0.38897;
+    M[5] = ((rrr_real)0.0336*t4) + (rrr_real)0.03637;
     M[7] = M[5];
     M[8] = (rrr_real)0.03637;
 }
 
 void rrr_coriolis_matrix_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real C[RRR_RESTRICT 9])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t1 = (rrr_real)0.168*c23*s2;
-    const rrr_real t2 = (rrr_real)0.008*(c2*c2 - (rrr_real)0.5) - ((rrr_real)0.2*t1 + (rrr_real)0.2696*(c2*s2));
-    const rrr_real t3 = dq[1] + dq[2];
-    const rrr_real t4 = (rrr_real)0.168*s23*c2;
-    const rrr_real t5 = c23*((rrr_real)0.001*c23 + (rrr_real)0.03185*s23);
-    const rrr_real t6 = t5 + (rrr_real)0.2*(t4 - (rrr_real)0.0025);
-    C[0] = dq[1]*t2 - t3*t6;
-    const rrr_real t7 = dq[0]*t6;
-    C[6] = t7;
-    const rrr_real t8 = t3*((rrr_real)0.0013*s23 - (rrr_real)0.043584*c23) - t7;
-    C[2] = t8;
-    const rrr_real t9 = dq[0]*t2;
-    C[1] = t8 + dq[1]*((rrr_real)0.004*s2 - (rrr_real)0.299444*c2) + t9;
-    C[3] = t7 - t9;
-    const rrr_real t10 = (rrr_real)0.2*(t4 - t1);
-    C[4] = t10*(dq[1] - t3);
-    C[5] = -t3*t10;
-    C[7] = dq[1]*t10;
+    const rrr_real t2 = ((rrr_real)0.2*t1) + ((rrr_real)0.2696*(c2*s2));
+    const rrr_real t3 = ((rrr_real)0.008*((c2*c2) - (rrr_real)0.5)) - t2;
+    const rrr_real t4 = dq[1] + dq[2];
+    const rrr_real t5 = (rrr_real)0.168*s23*c2;
+    const rrr_real t6 = c23*(((rrr_real)0.001*c23) + ((rrr_real)0.03185*s23));
+    const rrr_real t7 = t6 + ((rrr_real)0.2*(t5 - (rrr_real)0.0025));
+    C[0] = (dq[1]*t3) - (t4*t7);
+    const rrr_real t8 = dq[0]*t7;
+    C[6] = t8;
+    const rrr_real t9 = (t4*(((rrr_real)0.0013*s23) - ((rrr_real)0.043584*c23))) - t8;
+    C[2] = t9;
+    const rrr_real t10 = dq[0]*t3;
+    C[1] = t9 + (dq[1]*(((rrr_real)0.004*s2) - ((rrr_real)0.299444*c2))) + t10;
+    C[3] = t8 - t10;
+    const rrr_real t11 = (rrr_real)0.2*(t5 - t1);
+    C[4] = t11*(dq[1] - t4);
+    C[5] = -t4*t11;
+    C[7] = dq[1]*t11;
     C[8] = (rrr_real)0.0;
 }
 
 void rrr_coriolis_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real c[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t1 = (rrr_real)0.168*c23*s2;
-    const rrr_real t2 = (rrr_real)0.2*(t1 + (rrr_real)0.02) - c2*((rrr_real)0.008*c2 - (rrr_real)0.2696*s2);
-    const rrr_real t3 = dq[1] + dq[2];
-    const rrr_real t4 = (rrr_real)0.168*s23*c2;
-    const rrr_real t5 = c23*((rrr_real)0.001*c23 + (rrr_real)0.03185*s23);
-    const rrr_real t6 = t5 + (rrr_real)0.2*(t4 - (rrr_real)0.0025);
-    const rrr_real t7 = dq[1]*dq[1];
-    const rrr_real t8 = t3*t3;
-    const rrr_real t9 = (dq[0] + dq[0])*(dq[1]*t2 + t3*t6) + ((rrr_real)0.299444*c2 - (rrr_real)0.004*s2)*t7;
-    c[0] = -(t9 + ((rrr_real)0.043584*c23 - (rrr_real)0.0013*s23)*t8);
-    const rrr_real t10 = dq[0]*dq[0];
-    const rrr_real t11 = (rrr_real)0.2*(t4 - t1);
-    const rrr_real t12 = t6*t10 + t7*t11;
-    c[2] = t12;
-    c[1] = t12 + t2*t10 - t8*t11;
+    const rrr_real t2 = c2*(((rrr_real)0.008*c2) - ((rrr_real)0.2696*s2));
+    const rrr_real t3 = ((rrr_real)0.2*(t1 + (rrr_real)0.02)) - t2;
+    const rrr_real t4 = dq[1] + dq[2];
+    const rrr_real t5 = (rrr_real)0.168*s23*c2;
+    const rrr_real t6 = c23*(((rrr_real)0.001*c23) + ((rrr_real)0.03185*s23));
+    const rrr_real t7 = t6 + ((rrr_real)0.2*(t5 - (rrr_real)0.0025));
+    const rrr_real t8 = dq[1]*dq[1];
+    const rrr_real t9 = (((rrr_real)0.299444*c2) - ((rrr_real)0.004*s2))*t8;
+    const rrr_real t10 = t4*t4;
+    const rrr_real t11 = (((rrr_real)0.043584*c23) - ((rrr_real)0.0013*s23))*t10;
+    c[0] = -(((dq[0] + dq[0])*((dq[1]*t3) + (t4*t7))) + t9 + t11);
+    const rrr_real t12 = dq[0]*dq[0];
+    const rrr_real t13 = (rrr_real)0.2*(t5 - t1);
+    const rrr_real t14 = (t7*t12) + (t8*t13);
+    c[2] = t14;
+    c[1] = t14 + (t3*t12) - (t10*t13);
 }
 
 void rrr_coriolis_transpose_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real p[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t1 = (rrr_real)0.168*c23*s2;
-    const rrr_real t2 = c2*((rrr_real)0.008*c2 - (rrr_real)0.2696*s2) - (rrr_real)0.2*(t1 + (rrr_real)0.02);
+    const rrr_real t2 = c2*(((rrr_real)0.008*c2) - ((rrr_real)0.2696*s2));
     const rrr_real t3 = (rrr_real)0.168*s23*c2;
-    const rrr_real t4 = c23*((rrr_real)0.001*c23 + (rrr_real)0.03185*s23);
+    const rrr_real t4 = c23*(((rrr_real)0.001*c23) + ((rrr_real)0.03185*s23));
     const rrr_real t5 = dq[1] + dq[2];
-    const rrr_real t6 = dq[0]*(t4 + (rrr_real)0.2*(t3 - (rrr_real)0.0025));
-    const rrr_real t7 = t6 - t5*((rrr_real)0.0013*s23 - (rrr_real)0.043584*c23);
-    p[1] = dq[0]*(dq[1]*((rrr_real)0.004*s2 - (rrr_real)0.299444*c2) - t7 + dq[0]*t2);
-    p[2] = -(dq[0]*t7 + (rrr_real)0.2*dq[1]*t5*(t3 - t1));
+    const rrr_real t6 = t5*(((rrr_real)0.0013*s23) - ((rrr_real)0.043584*c23));
+    const rrr_real t7 = (dq[0]*(t4 + ((rrr_real)0.2*(t3 - (rrr_real)0.0025)))) - t6;
+    const rrr_real t8 = (dq[1]*(((rrr_real)0.004*s2) - ((rrr_real)0.299444*c2))) - t7;
+    p[1] = dq[0]*((dq[0]*(t2 - ((rrr_real)0.2*(t1 + (rrr_real)0.02)))) + t8);
+    p[2] = -((dq[0]*t7) + ((rrr_real)0.2*dq[1]*t5*(t3 - t1)));
     p[0] = (rrr_real)0.0;
 }
 
 void rrr_gravity_nominal(const rrr_real q[3], rrr_real g[RRR_RESTRICT 3])
 {
-    rrr_real c2_other, c2;
+    rrr_real c2_other;
+    rrr_real c2;
     rrr_sincos(q[1], &c2_other, &c2);
     (void)c2_other;
-    rrr_real c23_other, c23;
+    rrr_real c23_other;
+    rrr_real c23;
     rrr_sincos(q[1] + q[2], &c23_other, &c23);
     (void)c23_other;
     const rrr_real t1 = (rrr_real)1.64808*c23;
     g[2] = t1;
-    g[1] = (rrr_real)15.06816*c2 + t1;
+    g[1] = ((rrr_real)15.06816*c2) + t1;
     g[0] = (rrr_real)0.0;
 }
 
@@ -158,23 +174,25 @@ void rrr_bias_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_real h[RRR_
 {
     const rrr_real t1 = dq[1] + dq[2];
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real t2 = (rrr_real)0.2*c2*((rrr_real)0.168*s23);
-    const rrr_real t3 = c23*((rrr_real)0.001*c23 + (rrr_real)0.03185*s23) + t2;
+    const rrr_real t3 = (c23*(((rrr_real)0.001*c23) + ((rrr_real)0.03185*s23))) + t2;
     const rrr_real t4 = (rrr_real)0.001 - (t3 + t3);
     const rrr_real t5 = (rrr_real)0.2*s2*((rrr_real)0.168*c23);
-    const rrr_real t6 = t5 - c2*((rrr_real)0.008*c2 - (rrr_real)0.2696*s2);
+    const rrr_real t6 = t5 - (c2*(((rrr_real)0.008*c2) - ((rrr_real)0.2696*s2)));
     const rrr_real t7 = t6 + t6 + (rrr_real)0.008;
-    const rrr_real t8 = dq[1]*(dq[0]*t7 + dq[1]*((rrr_real)0.299444*c2 - (rrr_real)0.004*s2));
-    h[0] = t1*(dq[0]*t4 - t1*((rrr_real)0.043584*c23 - (rrr_real)0.0013*s23)) - t8;
+    const rrr_real t8 = dq[1]*((dq[0]*t7) + (dq[1]*(((rrr_real)0.299444*c2) - ((rrr_real)0.004*s2))));
+    h[0] = (t1*((dq[0]*t4) - (t1*(((rrr_real)0.043584*c23) - ((rrr_real)0.0013*s23))))) - t8;
     const rrr_real t9 = t2 - t5;
-    const rrr_real t10 = dq[1]*dq[1]*t9 + (rrr_real)1.64808*c23;
+    const rrr_real t10 = (dq[1]*dq[1]*t9) + ((rrr_real)1.64808*c23);
     const rrr_real t11 = (rrr_real)0.5*(dq[0]*dq[0]);
-    h[1] = (rrr_real)15.06816*c2 + t10 - t1*t1*t9 - (t4 - t7)*t11;
-    h[2] = t10 - t4*t11;
+    h[1] = ((rrr_real)15.06816*c2) + t10 - (t1*t1*t9) - ((t4 - t7)*t11);
+    h[2] = t10 - (t4*t11);
 }
 
 void rrr_dynamics_terms_nominal(const rrr_real q[3],
@@ -183,21 +201,23 @@ void rrr_dynamics_terms_nominal(const rrr_real q[3],
                                 rrr_real c[RRR_RESTRICT 3],
                                 rrr_real g[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
-    const rrr_real t1 = (rrr_real)0.2696*c2 + (rrr_real)0.008*s2;
+    const rrr_real t1 = ((rrr_real)0.2696*c2) + ((rrr_real)0.008*s2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t2 = (rrr_real)0.03185*c23 - (rrr_real)0.001*s23;
-    const rrr_real t3 = c2*t1 + c23*t2;
+    const rrr_real t2 = ((rrr_real)0.03185*c23) - ((rrr_real)0.001*s23);
+    const rrr_real t3 = (c2*t1) + (c23*t2);
     const rrr_real t4 = (rrr_real)0.168*c23;
     const rrr_real t5 = (rrr_real)0.2*c2;
     const rrr_real t6 = t4*t5;
     const rrr_real t7 = t6 + t6 + t3;
     M[0] = t7 + (rrr_real)0.8531086;
-    const rrr_real t8 = (rrr_real)0.0013*c23 + (rrr_real)0.043584*s23;
-    M[1] = -(t8 + (rrr_real)0.004*(c2 + (rrr_real)74.861*s2));
+    const rrr_real t8 = ((rrr_real)0.0013*c23) + ((rrr_real)0.043584*s23);
+    M[1] = -(t8 + ((rrr_real)0.004*(c2 + ((rrr_real)74.861*s2))));
     M[3] = M[1];
     M[2] = -t8;
     M[6] = M[2];
@@ -208,23 +228,23 @@ void rrr_dynamics_terms_nominal(const rrr_real q[3],
     M[5] = t6 + t11 + (rrr_real)0.03637;
     M[7] = M[5];
     const rrr_real t12 = t4*t10;
-    const rrr_real t13 = s2*t1 + t12;
+    const rrr_real t13 = (s2*t1) + t12;
     const rrr_real t14 = dq[1] + dq[2];
     const rrr_real t15 = t5*t9;
-    const rrr_real t16 = s23*t2 + t15;
-    const rrr_real t17 = dq[1]*dq[1];
-    const rrr_real t18 = (dq[0] + dq[0])*(dq[1]*t13 + t14*t16 - (rrr_real)0.004*(dq[1] - (rrr_real)0.125*t14));
+    const rrr_real t16 = (s23*t2) + t15;
+    const rrr_real t17 = (dq[1]*t13) + (t14*t16) - ((rrr_real)0.004*(dq[1] - ((rrr_real)0.125*t14)));
+    const rrr_real t18 = dq[1]*dq[1];
     const rrr_real t19 = t14*t14;
-    const rrr_real t20 = t18 + ((rrr_real)0.299444*c2 - (rrr_real)0.004*s2)*t17;
-    c[0] = -(t20 + ((rrr_real)0.043584*c23 - (rrr_real)0.0013*s23)*t19);
+    const rrr_real t20 = ((dq[0] + dq[0])*t17) + ((((rrr_real)0.299444*c2) - ((rrr_real)0.004*s2))*t18);
+    c[0] = -(t20 + ((((rrr_real)0.043584*c23) - ((rrr_real)0.0013*s23))*t19));
     const rrr_real t21 = t12 - t15;
     const rrr_real t22 = dq[0]*dq[0];
-    const rrr_real t23 = t16*t22 - t17*t21;
-    c[1] = t19*t21 + t23 + t22*(t13 - (rrr_real)0.0035);
-    c[2] = t23 + (rrr_real)0.0005*t22;
+    const rrr_real t23 = (t16*t22) - (t18*t21);
+    c[1] = (t19*t21) + t23 + (t22*(t13 - (rrr_real)0.0035));
+    c[2] = t23 + ((rrr_real)0.0005*t22);
     const rrr_real t24 = (rrr_real)1.64808*c23;
     g[2] = t24;
-    g[1] = (rrr_real)15.06816*c2 + t24;
+    g[1] = ((rrr_real)15.06816*c2) + t24;
     M[8] = (rrr_real)0.03637;
     g[0] = (rrr_real)0.0;
 }
@@ -234,39 +254,42 @@ void rrr_inverse_dynamics_nominal(const rrr_real q[3],
                                   const rrr_real ddq[3],
                                   rrr_real tau[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
-    const rrr_real t1 = (rrr_real)0.2696*c2 + (rrr_real)0.008*s2;
+    const rrr_real t1 = ((rrr_real)0.2696*c2) + ((rrr_real)0.008*s2);
     const rrr_real t2 = (rrr_real)0.2*s2;
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t3 = (rrr_real)0.168*c23;
     const rrr_real t4 = t2*t3;
-    const rrr_real t5 = s2*t1 + t4;
+    const rrr_real t5 = (s2*t1) + t4;
     const rrr_real t6 = (rrr_real)0.008 - (t5 + t5);
-    const rrr_real t7 = (rrr_real)0.03185*c23 - (rrr_real)0.001*s23;
+    const rrr_real t7 = ((rrr_real)0.03185*c23) - ((rrr_real)0.001*s23);
     const rrr_real t8 = (rrr_real)0.2*c2;
     const rrr_real t9 = t3*t8;
-    const rrr_real t10 = dq[1]*(dq[0]*t6 - dq[1]*((rrr_real)0.299444*c2 - (rrr_real)0.004*s2));
-    const rrr_real t11 = (rrr_real)0.004*c2 + (rrr_real)0.299444*s2;
+    const rrr_real t10 = dq[1]*((dq[0]*t6) - (dq[1]*(((rrr_real)0.299444*c2) - ((rrr_real)0.004*s2))));
+    const rrr_real t11 = ((rrr_real)0.004*c2) + ((rrr_real)0.299444*s2);
     const rrr_real t12 = ddq[1] + ddq[2];
-    const rrr_real t13 = (rrr_real)0.0013*c23 + (rrr_real)0.043584*s23;
-    const rrr_real t14 = dq[1] + dq[2];
-    const rrr_real t15 = (rrr_real)0.168*s23;
-    const rrr_real t16 = t8*t15;
-    const rrr_real t17 = s23*t7 + t16;
-    const rrr_real t18 = t17 + t17 + (rrr_real)0.001;
-    const rrr_real t19 = t10 + ddq[0]*(c2*t1 + c23*t7 + (t9 + t9 + (rrr_real)0.8531086)) - ddq[1]*t11 - t12*t13;
-    tau[0] = t19 - t14*(dq[0]*t18 + t14*((rrr_real)0.043584*c23 - (rrr_real)0.0013*s23));
-    const rrr_real t20 = t9 + t2*t15;
-    const rrr_real t21 = t16 - t4;
-    const rrr_real t22 = dq[0]*dq[0];
-    const rrr_real t23 = dq[1]*dq[1]*t21 - ddq[0]*t13 + (rrr_real)0.5*((rrr_real)3.29616*c23 + t18*t22);
-    const rrr_real t24 = ddq[1]*t20 + (rrr_real)0.03637*t12 + t23;
-    tau[2] = t24;
-    const rrr_real t25 = (rrr_real)0.3526*ddq[1] - ddq[0]*t11 + t12*t20 + (rrr_real)15.06816*c2 + t24;
-    tau[1] = t25 - t14*t14*t21 - (rrr_real)0.5*t6*t22;
+    const rrr_real t13 = ((rrr_real)0.0013*c23) + ((rrr_real)0.043584*s23);
+    const rrr_real t14 = t10 + (ddq[0]*((c2*t1) + (c23*t7) + (t9 + t9 + (rrr_real)0.8531086))) - (ddq[1]*t11);
+    const rrr_real t15 = dq[1] + dq[2];
+    const rrr_real t16 = (rrr_real)0.168*s23;
+    const rrr_real t17 = t8*t16;
+    const rrr_real t18 = (s23*t7) + t17;
+    const rrr_real t19 = t18 + t18 + (rrr_real)0.001;
+    const rrr_real t20 = t15*((dq[0]*t19) + (t15*(((rrr_real)0.043584*c23) - ((rrr_real)0.0013*s23))));
+    tau[0] = t14 - (t12*t13) - t20;
+    const rrr_real t21 = t9 + (t2*t16);
+    const rrr_real t22 = t17 - t4;
+    const rrr_real t23 = dq[0]*dq[0];
+    const rrr_real t24 = (dq[1]*dq[1]*t22) - (ddq[0]*t13) + ((rrr_real)0.5*(((rrr_real)3.29616*c23) + (t19*t23)));
+    const rrr_real t25 = (ddq[1]*t21) + ((rrr_real)0.03637*t12) + t24;
+    tau[2] = t25;
+    const rrr_real t26 = ((rrr_real)0.3526*ddq[1]) - (ddq[0]*t11) + (t12*t21) + ((rrr_real)15.06816*c2) + t25;
+    tau[1] = t26 - (t15*t15*t22) - ((rrr_real)0.5*t6*t23);
 }
 
 rrr_status rrr_forward_dynamics_nominal(const rrr_real q[3],
@@ -274,49 +297,53 @@ rrr_status rrr_forward_dynamics_nominal(const rrr_real q[3],
                                         const rrr_real tau[3],
                                         rrr_real ddq[RRR_RESTRICT 3])
 {
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
     const rrr_real t1 = (rrr_real)0.001*c23;
-    const rrr_real t2 = (rrr_real)0.2696*c2*(c2 + (rrr_real)0.02967359050445104*s2) + (rrr_real)0.8531086;
-    const rrr_real t3 = t2 - t1*(s23 - (rrr_real)67.2*(c2 + (rrr_real)0.47395833333333331*c23));
-    const rrr_real t4 = c23 + (rrr_real)33.526153846153846*s23;
-    const rrr_real t5 = (rrr_real)0.0013*(t4 + (rrr_real)3.0769230769230771*(c2 + (rrr_real)74.861*s2));
+    const rrr_real t2 = ((rrr_real)0.2696*c2*(c2 + ((rrr_real)0.02967359050445104*s2))) + (rrr_real)0.8531086;
+    const rrr_real t3 = t2 - (t1*(s23 - ((rrr_real)67.2*(c2 + ((rrr_real)0.47395833333333331*c23)))));
+    const rrr_real t4 = c23 + ((rrr_real)33.526153846153846*s23);
+    const rrr_real t5 = (rrr_real)0.0013*(t4 + ((rrr_real)3.0769230769230771*(c2 + ((rrr_real)74.861*s2))));
     const rrr_real t6 = (rrr_real)0.0013*t4;
-    const rrr_real t7 = c2*c23 + s2*s23;
-    const rrr_real t8 = (rrr_real)0.0672*t7 + (rrr_real)0.38897;
+    const rrr_real t7 = (c2*c23) + (s2*s23);
+    const rrr_real t8 = ((rrr_real)0.0672*t7) + (rrr_real)0.38897;
     const rrr_real t9 = dq[1] + dq[2];
     const rrr_real t10 = (rrr_real)0.2*c2*((rrr_real)0.168*s23);
-    const rrr_real t11 = (rrr_real)0.001 - (rrr_real)2.0*(c23*(t1 + (rrr_real)0.03185*s23) + t10);
+    const rrr_real t11 = (rrr_real)0.001 - ((rrr_real)2.0*((c23*(t1 + ((rrr_real)0.03185*s23))) + t10));
     const rrr_real t12 = (rrr_real)0.2*s2*((rrr_real)0.168*c23);
-    const rrr_real t13 = (rrr_real)0.008 + (rrr_real)2.0*(t12 - c2*((rrr_real)0.008*c2 - (rrr_real)0.2696*s2));
-    const rrr_real t14 = dq[1]*(dq[0]*t13 + dq[1]*((rrr_real)0.299444*c2 - (rrr_real)0.004*s2));
-    const rrr_real t15 = t10 - t12;
-    const rrr_real t16 = dq[1]*dq[1]*t15 + (rrr_real)1.64808*c23;
-    const rrr_real t17 = (rrr_real)0.5*(dq[0]*dq[0]);
-    const rrr_real t18 = (rrr_real)1.0/((t3 > (rrr_real)0.0) ? t3 : (rrr_real)1.0);
-    const rrr_real t19 = t5*t18;
-    const rrr_real t20 = t8 - t5*t19;
-    const rrr_real t21 = t20 - (rrr_real)9.0949470177292824e-13*t8;
-    const rrr_real t22 = (rrr_real)1.0/((t21 > (rrr_real)0.0) ? t20 : (rrr_real)1.0);
-    const rrr_real t23 = (rrr_real)0.0336*t7 + (rrr_real)0.03637 - t6*t19;
-    const rrr_real t24 = t6*t18;
-    const rrr_real t25 = t22*t23;
-    const rrr_real t26 = (rrr_real)0.03637 - t6*t24 - t23*t25;
-    const rrr_real t27 = t26 - (rrr_real)3.30783223034814e-14;
-    const rrr_real t28 = (t27 > (rrr_real)0.0) ? (rrr_real)0.0 : (rrr_real)1.0;
-    const rrr_real t29 = (t3 > (rrr_real)0.0) ? ((t21 > (rrr_real)0.0) ? t28 : (rrr_real)1.0) : (rrr_real)1.0;
-    const rrr_real t30 = tau[0] - (t9*(dq[0]*t11 - t9*((rrr_real)0.043584*c23 - (rrr_real)0.0013*s23)) - t14);
-    const rrr_real t31 = tau[1] - ((rrr_real)15.06816*c2 + t16 - t9*t9*t15 - (t11 - t13)*t17) + t19*t30;
-    const rrr_real t32 = (rrr_real)1.0/((t27 > (rrr_real)0.0) ? t26 : (rrr_real)1.0);
-    const rrr_real t33 = t32*(tau[2] - (t16 - t11*t17) + t24*t30 - t25*t31);
-    const rrr_real t34 = t22*t31 - t25*t33;
-    ddq[0] = (t29 > (rrr_real)0.0) ? (rrr_real)0.0 : t18*t30 + t19*t34 + t24*t33;
-    ddq[1] = (t29 > (rrr_real)0.0) ? (rrr_real)0.0 : t34;
-    ddq[2] = (t29 > (rrr_real)0.0) ? (rrr_real)0.0 : t33;
-    return (t29 < (rrr_real)0.5) ? RRR_OK : RRR_NOT_POSITIVE_DEFINITE;
+    const rrr_real t13 = (rrr_real)2.0*(t12 - (c2*(((rrr_real)0.008*c2) - ((rrr_real)0.2696*s2))));
+    const rrr_real t14 = (rrr_real)0.008 + t13;
+    const rrr_real t15 = dq[1]*((dq[0]*t14) + (dq[1]*(((rrr_real)0.299444*c2) - ((rrr_real)0.004*s2))));
+    const rrr_real t16 = t10 - t12;
+    const rrr_real t17 = (dq[1]*dq[1]*t16) + ((rrr_real)1.64808*c23);
+    const rrr_real t18 = (rrr_real)0.5*(dq[0]*dq[0]);
+    const rrr_real t19 = (rrr_real)1.0/((t3 > (rrr_real)0.0) ? t3 : (rrr_real)1.0);
+    const rrr_real t20 = t5*t19;
+    const rrr_real t21 = t8 - (t5*t20);
+    const rrr_real t22 = t21 - ((rrr_real)9.0949470177292824e-13*t8);
+    const rrr_real t23 = (rrr_real)1.0/((t22 > (rrr_real)0.0) ? t21 : (rrr_real)1.0);
+    const rrr_real t24 = ((rrr_real)0.0336*t7) + (rrr_real)0.03637 - (t6*t20);
+    const rrr_real t25 = t6*t19;
+    const rrr_real t26 = t23*t24;
+    const rrr_real t27 = (rrr_real)0.03637 - (t6*t25) - (t24*t26);
+    const rrr_real t28 = t27 - (rrr_real)3.30783223034814e-14;
+    const rrr_real t29 = (t28 > (rrr_real)0.0) ? (rrr_real)0.0 : (rrr_real)1.0;
+    const rrr_real t30 = (t3 > (rrr_real)0.0) ? ((t22 > (rrr_real)0.0) ? t29 : (rrr_real)1.0) : (rrr_real)1.0;
+    const rrr_real t31 = (t9*((dq[0]*t11) - (t9*(((rrr_real)0.043584*c23) - ((rrr_real)0.0013*s23))))) - t15;
+    const rrr_real t32 = tau[0] - t31;
+    const rrr_real t33 = tau[1] - (((rrr_real)15.06816*c2) + t17 - (t9*t9*t16) - ((t11 - t14)*t18)) + (t20*t32);
+    const rrr_real t34 = (rrr_real)1.0/((t28 > (rrr_real)0.0) ? t27 : (rrr_real)1.0);
+    const rrr_real t35 = t34*(tau[2] - (t17 - (t11*t18)) + (t25*t32) - (t26*t33));
+    const rrr_real t36 = (t23*t33) - (t26*t35);
+    ddq[0] = (t30 > (rrr_real)0.0) ? (rrr_real)0.0 : ((t19*t32) + (t20*t36) + (t25*t35));
+    ddq[1] = (t30 > (rrr_real)0.0) ? (rrr_real)0.0 : t36;
+    ddq[2] = (t30 > (rrr_real)0.0) ? (rrr_real)0.0 : t35;
+    return (t30 < (rrr_real)0.5) ? RRR_OK : RRR_NOT_POSITIVE_DEFINITE;
 }
 
 void rrr_energy_nominal(const rrr_real q[3],
@@ -326,18 +353,21 @@ void rrr_energy_nominal(const rrr_real q[3],
 {
     const rrr_real t1 = dq[1] + dq[2];
     const rrr_real t2 = dq[0]*dq[0];
-    rrr_real s2, c2;
+    rrr_real s2;
+    rrr_real c2;
     rrr_sincos(q[1], &s2, &c2);
     const rrr_real q23 = q[1] + q[2];
-    rrr_real s23, c23;
+    rrr_real s23;
+    rrr_real c23;
     rrr_sincos(q23, &s23, &c23);
-    const rrr_real t3 = (rrr_real)0.03185*c23*(c23 - (rrr_real)0.031397174254317109*s23);
-    const rrr_real t4 = (rrr_real)0.2696*c2*(c2 + (rrr_real)0.02967359050445104*s2) + t3 + (rrr_real)0.8531086;
-    const rrr_real t5 = c2*c23*(t2 + dq[1]*t1) + dq[1]*(s2*s23*t1 + (rrr_real)5.2470238095238093*dq[1]);
-    const rrr_real t6 = dq[1]*((rrr_real)0.004*c2 + (rrr_real)0.299444*s2);
-    const rrr_real t7 = (rrr_real)0.018185*t1*t1 + (rrr_real)0.5*t2*t4 + (rrr_real)0.0336*t5;
-    *kinetic = t7 - dq[0]*(t6 + t1*((rrr_real)0.0013*c23 + (rrr_real)0.043584*s23));
-    *potential = (rrr_real)15.06816*s2 + (rrr_real)1.64808*s23;
+    const rrr_real t3 = (rrr_real)0.03185*c23*(c23 - ((rrr_real)0.031397174254317109*s23));
+    const rrr_real t4 = ((rrr_real)0.2696*c2*(c2 + ((rrr_real)0.02967359050445104*s2))) + t3;
+    const rrr_real t5 = dq[1]*((s2*s23*t1) + ((rrr_real)5.2470238095238093*dq[1]));
+    const rrr_real t6 = ((rrr_real)0.018185*t1*t1) + ((rrr_real)0.5*t2*(t4 + (rrr_real)0.8531086));
+    const rrr_real t7 = dq[1]*(((rrr_real)0.004*c2) + ((rrr_real)0.299444*s2));
+    const rrr_real t8 = dq[0]*(t7 + (t1*(((rrr_real)0.0013*c23) + ((rrr_real)0.043584*s23))));
+    *kinetic = t6 + ((rrr_real)0.0336*((c2*c23*(t2 + (dq[1]*t1))) + t5)) - t8;
+    *potential = ((rrr_real)15.06816*s2) + ((rrr_real)1.64808*s23);
 }
 
 #if defined(__AVX512F__) && !defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 8

@@ -56,6 +56,7 @@ class PythonTarget:
     calls: Mapping[Op, str]
     reserved: frozenset[str] = RESERVED
     whole: bool = False
+    explicit: bool = False
 
     def literal(self, value: Fraction | int) -> str:
         """The text of a number: the decimal of the nearest double, or an integer."""

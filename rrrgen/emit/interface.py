@@ -51,6 +51,11 @@ class Target(Protocol):
     """A language with infix arithmetic, in which :mod:`rrrgen.emit.printing` writes expressions."""
 
     @property
+    def explicit(self) -> bool:
+        """Whether products in sums are put in parentheses, ``(a*b) + c``, as coding rules for C ask."""
+        ...
+
+    @property
     def reserved(self) -> frozenset[str]:
         """Names that local variables must not have, such as keywords of the language."""
         ...

@@ -234,9 +234,9 @@ class Statements:
             left, right = texts[args[0]], texts[args[1]]
             if right.strength == SUM and left.strength > SUM:
                 left, right = right, left  # (a + b) + c needs no parentheses
-            return Text(f"{left.within(SUM)} + {right.within(PRODUCT)}", SUM)
+            return Text(f"{self._first_term(left)} + {right.within(self._term)}", SUM)
         if op is Op.SUB:
-            return Text(f"{texts[args[0]].within(SUM)} - {texts[args[1]].within(PRODUCT)}", SUM)
+            return Text(f"{self._first_term(texts[args[0]])} - {texts[args[1]].within(self._term)}", SUM)
         if op is Op.NEG:
             return Text(f"-{texts[args[0]].within(PRODUCT)}", SUM)  # in parentheses wherever it is an operand
         if op is Op.DIV:
@@ -248,6 +248,14 @@ class Statements:
         if op is Op.SELECT:
             return self.target.select(*(texts[arg] for arg in args))
         return Text(self.target.call(op, texts[args[0]].code))
+
+    @property
+    def _term(self) -> int:
+        """How tightly a term of a sum must bind to stand without parentheses."""
+        return UNARY if self.target.explicit else PRODUCT
+
+    def _first_term(self, text: Text) -> str:
+        return text.within(self._term) if text.strength == PRODUCT else text.within(SUM)
 
     def _product(self, args: tuple[int, ...]) -> Text:
         left, right = self.texts[args[0]], self.texts[args[1]]

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from rrrgen.base.cache import digest
 from rrrgen.base.errors import installed
 from rrrgen.base.files import Contents, checksum
 from rrrgen.base.templates import templates_digest
@@ -19,6 +20,7 @@ from rrrgen.derive.functions.table import FUNCTIONS
 from rrrgen.emit.c.language import ERROR_BOUND, RANGE, Trig
 from rrrgen.emit.c.stack import stack_bound
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of
+from rrrgen.evidence.kernel_proof import scripts
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, RoundingBounds, rounding_bounds
 from rrrgen.evidence.sampling import has_wide_format, largest_errors
 from rrrgen.evidence.vectors import test_vectors
@@ -177,7 +179,8 @@ def certificate_files(
         "templates": templates_digest(),
         "tools": tool_versions(),
         "kernel": {
-            name: {"absolute_error": ERROR_BOUND[name], "range_rad": float(RANGE[name])} for name in ("double", "float")
+            "double": _kernel("double"),
+            "float": _kernel("float"),
         },
         "functions": functions,
         "verification": None if verification is None else verification.to_dict(),
@@ -194,6 +197,16 @@ def certificate_files(
         MARKDOWN: markdown(content),
         PAGE: html(content),
         VECTORS: vector_text,
+    }
+
+
+def _kernel(real: Real) -> dict[str, Any]:
+    """The entry of the kernel of sine and cosine, with the digest of the scripts that prove its bound."""
+    return {
+        "absolute_error": ERROR_BOUND[real],
+        "range_rad": float(RANGE[real]),
+        "proof": "Gappa, Sollya and the mean-value form: rrrgen/evidence/kernel_proof.py",
+        "scripts": digest(*(part for item in sorted(scripts(real).items()) for part in item)),
     }
 
 

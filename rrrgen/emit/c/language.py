@@ -9,7 +9,7 @@ from typing import Literal, Protocol
 
 from rrrgen.base.templates import render
 from rrrgen.emit import Real, printing
-from rrrgen.emit.interface import CHOICE, PRODUCT, SUM, Text
+from rrrgen.emit.interface import CHOICE, UNARY, Text
 from rrrgen.emit.printing import decimal
 from rrrgen.program import Failure, Op, Port, Program, Status
 from rrrgen.robot.spec import KEYWORDS
@@ -167,7 +167,8 @@ RANGE = {"double": "1.0e6", "float": "2.0e3"}
 """Largest angle in rad for the kernel; beyond it the C library is called."""
 
 ERROR_BOUND = {"double": 2.3e-16, "float": 1.2e-7}
-"""Absolute error of both results for |angle| <= RANGE: one unit in the last place of 1, shown by dense tests."""
+"""Bound of the absolute error of both results for |angle| <= RANGE, with and without contraction to fused operations;
+``rrrgen/evidence/kernel_proof.py`` proves it."""
 
 
 class InlineSinCos:
@@ -191,7 +192,8 @@ class InlineSinCos:
         """One call of the kernel for both sine and cosine; compilers drop the computation of one that is not wanted."""
         first, second = sine or f"{cosine}_other", cosine or f"{sine}_other"
         lines = [
-            f"{dialect.real_type} {first}, {second};",
+            f"{dialect.real_type} {first};",
+            f"{dialect.real_type} {second};",
             f"{dialect.prefix}_sincos({angle}, &{first}, &{second});",
         ]
         unused = second if cosine is None else first if sine is None else None
@@ -239,6 +241,7 @@ class CTarget:
 
     dialect: Dialect
     trigonometry: SinCos
+    explicit: bool = True
 
     @property
     def reserved(self) -> frozenset[str]:
@@ -265,11 +268,11 @@ class CTarget:
 
     def minimum(self, x: Text, y: Text) -> Text:
         """The C expression of the smaller of two numbers, which compiles to one instruction."""
-        return Text(self.dialect.minimum(x.within(SUM), y.within(SUM)), CHOICE)
+        return Text(self.dialect.minimum(x.within(UNARY), y.within(UNARY)), CHOICE)
 
     def select(self, condition: Text, positive: Text, otherwise: Text) -> Text:
         """The conditional expression of C that is ``positive`` where ``condition > 0``, else ``otherwise``."""
-        texts = condition.within(PRODUCT), positive.within(SUM), otherwise.within(SUM)
+        texts = condition.within(UNARY), positive.within(UNARY), otherwise.within(UNARY)
         return Text(self.dialect.select(*texts), CHOICE)
 
     def sincos(self, angle: str, sine: str | None, cosine: str | None) -> list[str]:
@@ -288,7 +291,7 @@ class CTarget:
 
     def branch(self, condition: Text, yes: Sequence[str], no: Sequence[str]) -> list[str]:
         """The if statement with the statements ``yes`` where ``condition > 0``, else ``no``."""
-        return self.dialect.branch(condition.within(PRODUCT), yes, no)
+        return self.dialect.branch(condition.within(UNARY), yes, no)
 
     def outcome(self, status: Status, value: Text) -> list[str]:
         """The return statement with the enumerator of success or failure."""
@@ -298,7 +301,7 @@ class CTarget:
         codes = [0, *(failure.code for failure in status.failures)]
         for k, name in reversed(list(enumerate([self.dialect.success, *failures]))):
             below = self.dialect.literal(Fraction(2 * codes[k] + 1, 2))
-            text = f"({value.within(SUM)} < {below}) ? {name} : {text if k == len(failures) else f'({text})'}"
+            text = f"({value.within(UNARY)} < {below}) ? {name} : {text if k == len(failures) else f'({text})'}"
         return [f"return {text};"]
 
 

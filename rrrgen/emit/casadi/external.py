@@ -110,6 +110,7 @@ class _ExternalC:
     """C as a target language, in CasADi's real type, with mathematical functions that the emitted file defines."""
 
     robot: str
+    explicit: bool = False
 
     @property
     def reserved(self) -> frozenset[str]:

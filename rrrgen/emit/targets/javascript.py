@@ -78,6 +78,8 @@ class _Function:
 class _JavaScript:
     """JavaScript as a target of the shared printer."""
 
+    explicit: bool = False
+
     @property
     def reserved(self) -> frozenset[str]:
         """Names that local variables must not have: keywords, names of the module."""

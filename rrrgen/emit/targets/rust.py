@@ -96,6 +96,7 @@ class _Rust:
     """Rust as a target of the shared printer."""
 
     real: Real
+    explicit: bool = False
 
     @property
     def reserved(self) -> frozenset[str]:
