@@ -45,7 +45,7 @@ def test_an_equation_that_does_not_need_a_root_is_solved_outside_its_loop(pool):
         "    for (int j = 0; j < m; ++j) {",
         "        found->flags[rows] = 0u;",
         "        found->branch[rows] = 0u;",
-        "        found->residual[rows] = v*j + t1;",
+        "        found->residual[rows] = (v*j) + t1;",
         "        ++rows;",
         "    }",
         "}",
