@@ -93,6 +93,8 @@ def scripts(real: Real) -> dict[str, str]:
 
 def prove(real: Real) -> KernelProof:
     """Run the proof for one precision. Raises UnprovenError where a step fails or a sum exceeds the stated bound."""
+    if missing := tools_missing():
+        raise UnprovenError(f"the proof needs {' and '.join(missing)}")
     texts = scripts(real)
     _gappa(texts["turns.g"])
     approximation = _sollya(texts["polynomials.sollya"])
