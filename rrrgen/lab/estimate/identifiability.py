@@ -10,6 +10,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.base.yamltext.suggestions import did_you_mean
+from rrrgen.lab.estimate.linear import scaled
 from rrrgen.lab.estimate.regression import Estimate, weighted_least_squares
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.robot.model.inertial_parameters import STANDARD, standard_names
@@ -285,9 +286,8 @@ def weak_directions(
     """
     p = factors.parameters
     R = factors.stacked(weights)[:p, :p]
-    size = np.linalg.norm(R, axis=0)
-    size[size == 0.0] = 1.0
-    _, s, Vt = np.linalg.svd(R / size)
+    B, size = scaled(R)
+    _, s, Vt = np.linalg.svd(B)
     found = []
     for value, row in zip(s[::-1], Vt[::-1], strict=True):
         if s[0] == 0.0 or value >= limit * s[0]:
@@ -311,9 +311,8 @@ def collinear(factors: JointFactors, estimate: Estimate) -> tuple[str, ...]:
     """
     p = factors.parameters
     R = factors.stacked(estimate.weights)[:p, :p]
-    size = np.linalg.norm(R, axis=0)
-    size[size == 0.0] = 1.0
-    _, s, Vt = np.linalg.svd(R / size)
+    B, size = scaled(R)
+    _, s, Vt = np.linalg.svd(B)
     if s[0] == 0.0:
         return ()
     inverse = np.divide(1.0, s, out=np.zeros(len(s)), where=s > NOT_EXCITED * s[0])

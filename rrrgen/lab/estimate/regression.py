@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.lab.estimate.linear import RANK, solve
 from rrrgen.lab.estimate.statistics import confidence_factor, normal_expectation_of_clipped_square
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_rows
 
-RANK_TOLERANCE = 1e-10
-"""Singular values of the scaled regressor below this share of the largest are zero; factors have round-off 1e-14."""
+RANK_TOLERANCE = RANK
 NOISE_FLOOR = 1e-11  # residuals below this share of the torque are round-off and not used as a weight
 HUBER = 1.345  # 95 % efficiency for normal noise
 SETTLED = 1e-8  # relative change of the weights at which their iteration stops
@@ -101,14 +101,10 @@ def least_squares(
     if len(names) != p:
         raise InputError(f"{len(names)} names for {p} parameters")
     R = factors.stacked(weights)
-    size = np.linalg.norm(R[:p, :p], axis=0)
-    safe = np.where(size > 0, size, 1.0)
-    U, s, Vt = np.linalg.svd(R[:p, :p] / safe)
-    rank = int(np.sum(s > tolerance * s[0])) if p and s[0] > 0 else 0
+    fit = solve(R[:p, :p], R[:p, p], tolerance)
+    x, rank = fit.x, fit.rank
     if rank == 0:
         raise DerivationError("the motion excites no parameter at all: every column of the regressor is zero")
-    inverse = Vt[:rank].T / s[:rank]
-    x = inverse @ (U[:, :rank].T @ R[:p, p]) / safe
     total = float(np.sum(factors.counts))
     freedom = total - rank
     if freedom <= 0:
@@ -118,20 +114,19 @@ def least_squares(
     sigma = np.sqrt(squares / own)
     weighted = squares if weights is None else squares * np.asarray(weights) ** 2
     variance = float(np.sum(weighted)) / freedom
-    covariance = variance * (inverse @ inverse.T) / np.outer(safe, safe)
     plain = np.linalg.svd(R[:p, :p], compute_uv=False)
     return Estimate(
         names=tuple(names),
         x=x,
-        covariance=covariance,
+        covariance=variance * fit.covariance,
         method=method,
         joint_sigma=sigma,
         joint_rms=np.sqrt(squares / np.maximum(1, factors.counts)),
         counts=factors.counts,
         relative_error=float(np.sqrt(np.sum(squares) / np.sum(factors.torque_squares))),
         condition=float(plain[0] / plain[-1]) if rank == p and plain[-1] > 0 else np.inf,
-        scaled_condition=float(s[0] / s[-1]) if rank == p else np.inf,
-        singular=s,
+        scaled_condition=fit.condition,
+        singular=fit.singular,
         rank=rank,
         variance=variance,
         weights=np.ones(len(squares)) if weights is None else np.asarray(weights, float),

@@ -23,6 +23,7 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.base.option_names import option_name
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.estimate.identifiability import structure_of
+from rrrgen.lab.estimate.linear import solve
 from rrrgen.lab.estimate.statistics import residual_whiteness
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows
 from rrrgen.lab.identify.bandwidth import Tuning, tune
@@ -152,7 +153,7 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
         # parameters for these gains, then both together
         A = np.concatenate([w * hj * Wj for w, hj, Wj in zip(weights, h, W, strict=True)]) / scale
         y = np.concatenate([w * (cj - hj * lj) for w, cj, hj, lj in zip(weights, current, h, load, strict=True)])
-        beta = np.linalg.lstsq(A, y, rcond=1e-10)[0] / scale
+        beta = solve(A, y).x / scale
         model = W @ beta + load
         residual = current - h[:, None] * model
         floor = np.maximum(1e-9 * np.linalg.norm(current, axis=1), np.finfo(float).tiny)
@@ -180,7 +181,7 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
         raise DerivationError("; ".join(notes))
     total = float(np.sum(current**2))
     error = float(np.sqrt(np.sum(residual**2) / total))
-    plain = np.linalg.lstsq((W / scale).reshape(-1, p), (current - load).ravel(), rcond=1e-10)[0] / scale
+    plain = solve(W.reshape(-1, p), (current - load).ravel()).x
     alone = float(np.sqrt(np.sum((current - load - W @ plain) ** 2) / total))
     return DriveGains(tuple(joints), gain, std, determined, error, alone, tuning, notes)
 
@@ -197,12 +198,8 @@ def _step(W: Array, model: Array, residual: Array, weights: Array, h: Array) -> 
         J[j, :, :p] = weights[j] * h[j] * W[j]
         J[j, :, p + j] = weights[j] * model[j]
     stacked = J.reshape(-1, p + n)
-    size = np.maximum(np.linalg.norm(stacked, axis=0), np.finfo(float).tiny)
-    U, singular, Vt = np.linalg.svd(stacked / size, full_matrices=False)
-    told = singular > TOLD * singular[0]
-    inverse = (Vt[told].T / singular[told] / size[:, None])[p:]
-    step = inverse @ (U[:, told].T @ (weights[:, None] * residual).ravel())
-    return step, inverse, np.linalg.norm(Vt[~told][:, p:], axis=0) > UNTOLD
+    fit = solve(stacked, (weights[:, None] * residual).ravel(), TOLD)
+    return fit.x[p:], fit.inverse[p:], np.linalg.norm(fit.weak[:, p:], axis=0) > UNTOLD
 
 
 def _start(W: Array, load: Array, current: Array, weights: Array) -> Array:

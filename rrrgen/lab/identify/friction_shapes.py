@@ -21,6 +21,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.preprocessing import Decimator
 from rrrgen.lab.data.uniform_stream import Part, joined
+from rrrgen.lab.estimate.linear import solve
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, along
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Recording, Regressor, RowMaker, Window, reconstruct
@@ -245,7 +246,7 @@ class _Search:
         count = np.maximum(1, np.sum(self.use, axis=0))
         sigma = np.sqrt(np.sum(np.where(self.use, residual, 0.0) ** 2, axis=0) / count)
         self.weights = 1.0 / np.maximum(sigma, 1e-9 * max(float(np.max(sigma)), np.finfo(float).tiny))
-        self.basis = _basis(self.stack(self.fixed))
+        self.basis = solve(self.stack(self.fixed), np.zeros(np.count_nonzero(self.use)), RANK).U
         self.y = self.left(self.stack(self.tau[..., None])[:, 0])
 
     def stack(self, columns: Array) -> Array:
@@ -279,12 +280,8 @@ class _Search:
         """
         parts = [self.stack(self.columns(k, each)) for k, each in enumerate(self.shaped(logs))]
         A = self.left(np.hstack(parts))
-        size = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
-        U, s, Vt = np.linalg.svd(A / size, full_matrices=False)
-        kept = s > RANK * s[0]
-        U = U[:, kept]
-        c = (Vt[kept].T / s[kept]) @ (U.T @ self.y) / size
-        return self.y - U @ (U.T @ self.y), U, c, parts
+        fit = solve(A, self.y, RANK)
+        return fit.residual(self.y), fit.U, fit.x, parts
 
     def cost(self, logs: Array) -> float:
         return float(np.sum(self.projected(logs)[0] ** 2))
@@ -343,8 +340,7 @@ class _Search:
         surfaces = self.shaped(logs)
         W = np.concatenate([self.fixed, *(self.columns(k, each) for k, each in enumerate(surfaces))], axis=-1)
         A = self.stack(W)
-        size = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
-        theta = np.linalg.lstsq(A / size, self.stack(self.tau[..., None])[:, 0], rcond=RANK)[0] / size
+        theta = solve(A, self.stack(self.tau[..., None])[:, 0], RANK).x
         return self.tau - W @ theta, theta
 
 
@@ -467,10 +463,3 @@ def _independent_share(search: _Search, logs: Array) -> float:
     pairs = np.sum(np.where(both, residual[1:] * residual[:-1], 0.0), axis=0)
     a = np.clip(np.divide(pairs, own, out=np.zeros(len(own)), where=own > 0.0), 0.0, 0.97)
     return float(np.mean((1.0 - a) / (1.0 + a)))
-
-
-def _basis(A: Array) -> Array:
-    """Orthonormal basis of the columns of A (rows, p), of which some may depend on others."""
-    size = np.linalg.norm(A, axis=0)
-    U, s, _ = np.linalg.svd(A[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    return np.asarray(U[:, s > RANK * s[0]]) if len(s) else np.zeros((len(A), 0))
