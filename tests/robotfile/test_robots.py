@@ -14,7 +14,14 @@ from rrrgen.robot.file import LinkSpec, RobotSpec, bundled_names, bundled_path, 
 from rrrgen.robot.file.links import is_positive_semidefinite, physical_fault, principal_moments
 
 JOINTS = {"rrr": "RRR", "planar2r": "RR", "scara": "RRPR", "stanford": "RRPRRR", "puma560": "RRRRRR", "ur5": "RRRRRR",
-          "ur10e": "RRRRRR", "iiwa14": "RRRRRRR", "panda": "RRRRRRR", "pendulum": "R", "gantry": "PPP"}  # fmt: skip
+          "ur10e": "RRRRRR", "iiwa14": "RRRRRRR", "panda": "RRRRRRR", "pendulum": "R", "gantry": "PPP",
+          "ur3e": "RRRRRR", "ur5e": "RRRRRR", "ur20": "RRRRRR", "xarm6": "RRRRRR", "so101": "RRRRR", "gen3": "RRRRRRR",
+          "fr3": "RRRRRRR"}  # fmt: skip
+MODIFIED = ("panda", "fr3", "gen3")
+WITHOUT_LINKS = ("ur3e", "ur5e", "xarm6")
+"""Arms whose makers publish no inertias."""
+AS_BUILT = ("gen3", "so101")
+"""Arms with small offsets in the maker's own data, of which a file is warned."""
 
 
 def test_the_robots_that_were_promised_are_there() -> None:
@@ -23,11 +30,11 @@ def test_the_robots_that_were_promised_are_there() -> None:
 
 @pytest.mark.parametrize("name", bundled_names())
 def test_robot_loads_without_a_warning(name: str) -> None:
-    spec = load_spec(name, strict=True)
-    assert spec.faults == ()
+    spec = load_spec(name, strict=name not in AS_BUILT)
+    assert all(name in AS_BUILT and "lengths below 1 mm" in fault.message for fault in spec.faults)
     assert spec.name == name
     assert "".join("R" if joint.is_revolute else "P" for joint in spec.joints) == JOINTS[name]
-    assert spec.convention == ("modified" if name == "panda" else "standard")
+    assert spec.convention == ("modified" if name in MODIFIED else "standard")
     assert spec.description
     assert spec.source
     assert spec == load_spec(bundled_path(name))
@@ -36,7 +43,7 @@ def test_robot_loads_without_a_warning(name: str) -> None:
 @pytest.mark.parametrize("name", bundled_names())
 def test_every_joint_has_limits(name: str) -> None:
     for joint in load_spec(name).joints:
-        turns_forever = name in ("rrr", "pendulum")  # slip rings: limits of speed and torque only
+        turns_forever = name in ("rrr", "pendulum", "gen3")  # limits of speed and torque only
         assert (joint.limits.velocity is not None) if turns_forever else (joint.limits.upper is not None)
 
 
@@ -55,8 +62,8 @@ def pseudo_inertia(link: LinkSpec) -> np.ndarray:
 @pytest.mark.parametrize("name", bundled_names())
 def test_every_pseudo_inertia_is_positive_definite(name: str) -> None:
     links = load_spec(name).links
-    assert links is not None
-    for link in links:
+    assert (links is None) == (name in WITHOUT_LINKS)
+    for link in links or ():
         assert np.linalg.eigvalsh(pseudo_inertia(link))[0] > 0
 
 
@@ -167,6 +174,9 @@ def test_gantry_moves_along_the_axes_of_its_base() -> None:
 def test_angles_are_exact() -> None:
     for name in bundled_names():
         for joint in load_spec(name).joints:
+            if name in ("xarm6", "so101"):  # zero positions that the makers chose by the shape of their links
+                assert (joint.alpha / (sp.pi / 2)).is_Integer
+                continue
             assert (joint.alpha / (sp.pi / 2)).is_Integer
             assert (joint.theta / (sp.pi / 2)).is_Integer
 

@@ -20,7 +20,7 @@ from rrrgen.ik.classify import plan
 from rrrgen.ik.interpreter.results import IKBatch, IKResult
 from rrrgen.ik.inverse_kinematics import InverseKinematics
 from rrrgen.program import Program
-from rrrgen.robot.file import bundled_names, load_spec, loads_spec
+from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.runtime.model import Model
 
 PYTHON_ONLY = {"with_status"}
@@ -70,7 +70,7 @@ def results(method: object) -> tuple[str, ...] | None:
     return getattr(getattr(rrrgen.runtime.results, kind, None), "_fields", None)
 
 
-@pytest.mark.parametrize("name", [*bundled_names(), "with_friction"])
+@pytest.mark.parametrize("name", ["rrr", "gantry", "scara", "puma560", "panda", "with_friction"])
 def test_arguments_and_results(name):
     found = programs(name)
     assert len(found) >= 20
