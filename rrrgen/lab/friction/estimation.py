@@ -13,6 +13,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.lab.friction.candidate_laws import DELAY, Candidate, candidates
 from rrrgen.lab.friction.choice import FOLDS, Score, choose, fold_of, score
+from rrrgen.lab.friction.drift import friction_drift
 from rrrgen.lab.friction.initial_values import LEAST_INERTIA, best_delay, growth_rate, sliding_samples, start_values
 from rrrgen.lab.friction.joint_recording import JointData
 from rrrgen.lab.friction.kalman_filter import kalman_estimates
@@ -319,7 +320,9 @@ def estimate_friction(
     chosen = estimates[best]
     _check(chosen, data)
     largest = chosen.values["inertia"] * (2.0 * np.pi * FASTEST / data.period) ** 2
-    told = (*notes(chosen, data), *stiff_bristles(chosen, estimates, largest))
+    drift = friction_drift(data, max(gravity, 1), delay)
+    drifts = () if drift is None or not drift.is_certain else (drift.sentence,)
+    told = (*drifts, *notes(chosen, data), *stiff_bristles(chosen, estimates, largest))
     return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), told)
 
 

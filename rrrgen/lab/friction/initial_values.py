@@ -23,12 +23,13 @@ RIDGE = 1e-3  # relative to a column's norm: keeps nearly dependent columns from
 
 @dataclass(frozen=True, eq=False)
 class SlidingSamples:
-    """Samples at which the joint slides: position, speed, acceleration and torque of each, (n,)."""
+    """Samples at which the joint slides: position, speed, acceleration, torque and time (s) of each, (n,)."""
 
     q: Array
     dq: Array
     ddq: Array
     tau: Array
+    t: Array
 
     def rigid_columns(self, gravity: int) -> list[Array]:
         """Regressor columns (n,) of the inertia and of the ``gravity`` (0 to 3) gravity coefficients."""
@@ -49,7 +50,7 @@ def sliding_samples(data: JointData, delay: float) -> SlidingSamples:
     chosen = np.flatnonzero(data.sliding)
     chosen = chosen[:: max(1, len(chosen) // MOST_SAMPLES)]
     q, dq, ddq = (part[chosen] for part in data.motion)
-    return SlidingSamples(q, dq, ddq, torque[chosen])
+    return SlidingSamples(q, dq, ddq, torque[chosen], chosen * data.period)
 
 
 def best_delay(data: JointData, gravity: int) -> float:

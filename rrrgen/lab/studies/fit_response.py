@@ -88,7 +88,14 @@ class FitResponseResult(StudyResult):
             (low, high), (least, most) = mode["frequency"], mode["damping"]
             where = f"over {len(mode['postures'])} postures"
             lines.append(f"{where}: {low:.4g} to {high:.4g} Hz, damping {least:.3g} to {most:.3g}")
-        return [*lines, *(_elastic_line(row) for row in self.elastic or ())]
+        return [*lines, *self._alias_lines(), *(_elastic_line(row) for row in self.elastic or ())]
+
+    def _alias_lines(self) -> list[str]:
+        """Sentences on the frequencies above half the sampling rate that the resonances may stand for."""
+        from rrrgen.lab.response.aliases import alias_lines
+
+        rates = {round(1.0 / model.period, 9): model for model in self.fitted.models}
+        return [line for rate, model in rates.items() for line in alias_lines(model.resonances, rate)]
 
     def table(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
         """Header and rows of the resonances of all models, with their standard deviations."""

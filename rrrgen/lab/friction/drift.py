@@ -1,0 +1,139 @@
+"""Test whether the friction of a joint drifts during a recording, as it does while a gear warms up.
+
+The torques in sliding are fitted with inertia, gravity, Coulomb and viscous friction and a Stribeck term, once alone
+and once with viscous and Coulomb friction that change linearly with the time s from -1/2 to 1/2. Friction drifts if the
+change explains torques in blocks of time that were left out, clearly and by more than a model error would.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.base.arrays import Array
+from rrrgen.lab.friction.initial_values import SPEEDS, sliding_samples
+from rrrgen.lab.friction.joint_recording import JointData
+
+SLOWEST = 0.03  # rad/s (m/s): slower rows depend on the bristles
+BLOCK, FOLDS = 2.0, 5  # s; interleaved folds of blocks
+GAIN, AHEAD, UNLIKELY = 0.05, 2.0, 0.01
+"""A drift is reported if it explains 5 % of the held-out squares, the mean gain of a block is two standard errors and
+the test over blocks has p < 0.01. The last alone reports drift where there is none, in 10 to 20 % of recordings."""
+FEWEST_BLOCKS = 8
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Linear change of the friction over a recording, from its beginning to its end.
+
+    ``viscous`` and ``coulomb`` are the changes with standard deviations ``viscous_std`` and ``coulomb_std`` over
+    blocks, ``mean_viscous`` and ``mean_coulomb`` the values in the middle, all in SI. ``gain`` is the explained share
+    of the held-out squares, ``t`` the mean gain of a block over its standard error, ``p`` the probability of at least
+    this change without drift.
+    """
+
+    viscous: float
+    viscous_std: float
+    coulomb: float
+    coulomb_std: float
+    mean_viscous: float
+    mean_coulomb: float
+    gain: float
+    t: float
+    p: float
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the friction drifts."""
+        return self.gain >= GAIN and self.t >= AHEAD and self.p < UNLIKELY
+
+    @property
+    def sentence(self) -> str:
+        """The drift in words."""
+        share = f" ({100 * self.viscous / self.mean_viscous:+.0f} %)" if self.mean_viscous > 0.0 else ""
+        return (
+            f"friction drifts: from beginning to end viscous friction changes by {self.viscous:+.3g} +- "
+            f"{self.viscous_std:.1g}{share} and Coulomb friction by {self.coulomb:+.3g} +- {self.coulomb_std:.1g}, "
+            f"which explains {100 * self.gain:.0f} % of the squared torque errors that are left; the estimates mix "
+            f"beginning and end (with the drift, in the middle, viscous {self.mean_viscous:.4g} and coulomb "
+            f"{self.mean_coulomb:.4g}): warm the joint up, and record again"
+        )
+
+
+def friction_drift(data: JointData, gravity: int, delay: float) -> Drift | None:
+    """Estimate the drift of the friction in ``data``; None if there are too few samples in sliding.
+
+    ``gravity`` is the number of gravity coefficients; the motion lags the torque by ``delay`` sampling periods.
+    """
+    samples = sliding_samples(data, delay)
+    fast = np.abs(samples.dq) > SLOWEST
+    s = samples.t[fast] / (len(data.q) * data.period) - 0.5
+    block = np.unique((samples.t[fast] / BLOCK).astype(int), return_inverse=True)[1]
+    if fast.sum() < 100 or block[-1] + 1 < FEWEST_BLOCKS:
+        return None
+    dq, tau = samples.dq[fast], samples.tau[fast]
+    sign = np.sign(dq)
+    rigid = [column[fast] for column in samples.rigid_columns(gravity)]
+    change = np.column_stack([s * dq, s * sign])
+    fits = []
+    for speed in SPEEDS * data.speed:
+        ratio = (dq / speed) ** 2
+        stribeck = [sign * np.exp(-ratio), sign * ratio * np.exp(-ratio)]  # with its derivative by the Stribeck speed
+        W = np.column_stack([dq, sign, *rigid, *stribeck])
+        A = np.column_stack([W, change])
+        fits.append((float(np.sum((tau - A @ _solution(A, tau)) ** 2)), W))
+    W = min(fits, key=lambda fit: fit[0])[1]
+    A = np.column_stack([W, change])
+    before, after = (_held_out(columns, tau, block) for columns in (W, A))
+    decrease = before - after
+    spread = float(np.std(decrease, ddof=1)) / np.sqrt(len(decrease))
+    x = _solution(A, tau)
+    covariance = _block_covariance(A, tau - A @ x, block)[-2:, -2:]
+    moved = x[-2:]
+    std = np.sqrt(np.diag(covariance))
+    return Drift(
+        float(moved[0]),
+        float(std[0]),
+        float(moved[1]),
+        float(std[1]),
+        float(x[0]),
+        float(x[1]),
+        float(np.sum(decrease) / max(float(np.sum(before)), np.finfo(float).tiny)),
+        float(np.mean(decrease)) / spread if spread > 0.0 else 0.0,
+        _probability(float(moved @ np.linalg.pinv(covariance) @ moved), 2, len(decrease)),
+    )
+
+
+def _solution(A: Array, y: Array) -> Array:
+    """Least squares of ``A x = y`` with columns scaled to unit length."""
+    size = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
+    return np.asarray(np.linalg.lstsq(A / size, y, rcond=1e-10)[0] / size)
+
+
+def _held_out(A: Array, y: Array, block: NDArray[np.int64]) -> Array:
+    """Squared errors of every block, (B,), predicted by a fit to the other folds."""
+    errors = np.zeros(int(block[-1]) + 1)
+    for fold in range(FOLDS):
+        out = block % FOLDS == fold
+        if out.any() and not out.all():
+            left = y[out] - A[out] @ _solution(A[~out], y[~out])
+            errors += np.bincount(block[out], left**2, minlength=len(errors))
+    return errors
+
+
+def _block_covariance(A: Array, residual: Array, block: NDArray[np.int64]) -> Array:
+    """Covariance of the least-squares estimate with residuals that are correlated within blocks alone."""
+    inverse = np.linalg.pinv(A.T @ A)
+    count = int(block[-1]) + 1
+    scores = np.stack([np.bincount(block, column * residual, minlength=count) for column in A.T], axis=1)
+    return np.asarray(inverse @ (scores.T @ scores) @ inverse * count / max(1, count - 1))
+
+
+def _probability(statistic: float, parameters: int, blocks: int) -> float:
+    """Probability of Hotelling's statistic or more with ``parameters`` q and ``blocks`` G: F(q, G - q)."""
+    from scipy.stats import f as fisher
+
+    freedom = max(1, blocks - parameters)
+    return float(fisher.sf(statistic * freedom / (parameters * max(1, blocks - 1)), parameters, freedom))
