@@ -25,6 +25,8 @@ from rrrgen.cli.arguments import (
 from rrrgen.cli.long_help import LongHelpCommand
 from rrrgen.cli.terminal import progress_bar, say
 from rrrgen.derive import derive
+from rrrgen.emit.controller.unit.table import GROUPS as UNIT_GROUPS
+from rrrgen.emit.controller.unit.table import MODES, PARTS, USUAL_PARTS
 from rrrgen.robot.file.fields import EMIT, LANGUAGES
 from rrrgen.robot.friction.laws import LAWS
 
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from rrrgen.emit import Real
     from rrrgen.emit.c.language import Trig
     from rrrgen.emit.controller.online_estimators import Regression
+    from rrrgen.emit.controller.unit.table import Unit
     from rrrgen.program import Program
     from rrrgen.robot.spec import RobotSpec
 
@@ -218,6 +221,24 @@ def controller_options(function: F) -> F:
             multiple=True,
             help="Also write <name>_friction.h/.c with this law, parameters as arguments; repeat for several.",
         ),
+        click.option(
+            "--modes",
+            callback=words([mode.name for mode in MODES]),
+            multiple=True,
+            metavar="MODE,...",
+            help="Modes of --with controller, instead of all: " + ", ".join(mode.name for mode in MODES) + ".",
+        ),
+        click.option(
+            "--parts",
+            callback=words(PARTS),
+            multiple=True,
+            metavar="PART,...",
+            help="Parts of --with controller, instead of "
+            + ", ".join(USUAL_PARTS)
+            + ": "
+            + "; ".join(map(": ".join, PARTS.items()))
+            + ".",
+        ),
         estimator_options,
     ]
     for option in reversed(options):
@@ -246,6 +267,18 @@ def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -
     for kind, title, programs in parts:
         files |= function_files(f"{spec.name}_{kind}", title, programs, real)
     return files
+
+
+def _unit(model: DerivedModel, any_gravity: DerivedModel | None, options: dict[str, Any]) -> Unit:
+    """The controller with the modes and parts of the options; it calls ``model`` or that with gravity as an input."""
+    from rrrgen.emit.controller.unit.table import unit_of
+
+    modes, parts = options["modes"] or None, options["parts"] or None
+    if "any_gravity" not in options["parts"]:
+        return unit_of(model, modes, parts)
+    if any_gravity is None:
+        raise click.UsageError("the part any_gravity calls the model with gravity as an input: add --with gravity")
+    return unit_of(any_gravity, modes, parts)
 
 
 def _motion(path: Path, joints: int) -> Program:
@@ -395,6 +428,7 @@ def generate(
       rrrgen generate rrr -o generated/rrr
       rrrgen generate my_robot.yaml -o firmware/model --real float
       rrrgen generate rrr -o generated/rrr --check    # in continuous integration
+      rrrgen generate rrr -o firmware --with controller --modes computed_torque,impedance --parts observer,kalman
       rrrgen generate rrr -o firmware --with control,observer --tuning runs/motion/results/tuning.json
     """
     from rrrgen.base.files import differences, write
@@ -444,10 +478,14 @@ def emitted(
     ``tell(done, total, message)`` is called as the work proceeds.
     """
     from rrrgen.emit.controller.template_files import checks_beside, files_beside
+    from rrrgen.emit.controller.unit.files import unit_check, unit_files
     from rrrgen.emit.package import emit
 
     wanted = {*spec.emit, *further}
-    groups = ("model", *sorted(wanted & set(GROUPS)))
+    if (experiment["modes"] or experiment["parts"]) and "controller" not in wanted:
+        raise click.UsageError("--modes and --parts belong to --with controller")
+    needed = wanted | (set(UNIT_GROUPS) if "controller" in wanted else set())
+    groups = ("model", *sorted(needed & set(GROUPS)))
     languages = tuple(each for each in LANGUAGES if each in wanted)
     tell(0, 0, "deriving")
     model = derive(spec, jobs, groups, tell)
@@ -455,6 +493,10 @@ def emitted(
     code |= files_beside(spec, real, groups, trig)
     any_gravity = derive(spec.in_any_gravity(), jobs, groups, tell) if "gravity" in wanted else None
     checks = checks_beside(spec, groups)
+    if "controller" in wanted:
+        unit = _unit(model, any_gravity, experiment)
+        code |= unit_files(unit, real)
+        checks = (*checks, unit_check(unit))
     files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks)
     return model, files | _exported(spec, real, further)
 

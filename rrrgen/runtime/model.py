@@ -6,7 +6,7 @@ Control, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -29,8 +29,10 @@ if TYPE_CHECKING:
 
     from rrrgen.derive.closed_forms import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.emit import Real
     from rrrgen.ik.interpreter.results import IKBatch, IKResult
     from rrrgen.ik.inverse_kinematics import InverseKinematics
+    from rrrgen.runtime.controller import Controller
 
 
 class Model(
@@ -260,6 +262,42 @@ class Model(
         chosen, parameters = model._chosen(name, beta, Ia)
         known = {"gravity": self.nominal_gravity, **{key: np.asarray(value) for key, value in parameters.items()}}
         return BoundFunction(model.derived.programs[chosen], model.engine, known)
+
+    def controller(
+        self,
+        mode: str | None = None,
+        *,
+        modes: Sequence[str] | None = None,
+        parts: Sequence[str] | None = None,
+        **parameters: Any,
+    ) -> Controller:
+        """The controller of the robot as one unit, in compiled C: gates, modes, observer, faults, one call a period.
+
+        ``c = m.controller("computed_torque"); c.start(q=q, dq=dq); out = c.step(q=q, dq=dq, q_d=q_d); out.tau``. It is
+        the unit that ``rrrgen generate --with controller`` writes.
+
+        Args:
+            mode: the mode of the first tick; ``step(mode=...)`` changes it.
+            modes: names of modes to have; by default all that the robot can have.
+            parts: names of optional parts, such as "kalman"; by default the observer, friction and payload.
+            parameters: parameters of the controller by name, such as ``kp``; by default limits of the robot file and
+                untuned gains.
+
+        Returns:
+            The controller, with ``start``, ``step``, ``run``, ``set`` and ``reset``.
+
+        Raises:
+            InputError: a mode or part is unknown, or the robot cannot have it.
+            ValueError: a parameter is unknown or wrong.
+            BuildError: the model has no compiler (backend="numpy").
+        """
+        from rrrgen.base.errors import BuildError
+        from rrrgen.runtime.controller import compiled_controller
+
+        if self.engine.name != "c":
+            raise BuildError("controller runs compiled C, and this model was made with backend='numpy'")
+        real: Real = "double" if self.engine.dtype == np.float64 else "float"
+        return compiled_controller(self.spec, real, mode, modes, parts, parameters)
 
 
 def _with_position(target: ArrayLike, tool: ArrayLike) -> Array:

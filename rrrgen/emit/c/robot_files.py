@@ -301,6 +301,7 @@ def build_files(
 
 
 FURTHER_FUNCTIONS = {
+    "controller": "the controller as one unit: modes, observer, faults, one call a period",
     "differential_ik": "joint speeds for a velocity of the tip, within all limits",
     "fourier": "a Fourier series whose coefficients the caller owns",
     "timing": "time-optimal timing of a path",

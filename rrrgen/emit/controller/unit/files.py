@@ -1,0 +1,300 @@
+"""The files of the unit, ``<name>_controller.h`` and ``.c``: a template around calls of the model functions."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any
+
+from rrrgen.base.templates import render
+from rrrgen.base.version import VERSION
+from rrrgen.emit import Real
+from rrrgen.emit.c.language import Dialect, nonfinite_function
+from rrrgen.emit.controller.unit.layout import COUNTERS, HEAD, Place, Struct, Structs, structs
+from rrrgen.emit.controller.unit.proposals import proposals
+from rrrgen.emit.controller.unit.table import MODES, PARTS, PHASES, STATUS, Field, Unit, mode_number
+from rrrgen.emit.interface import Check
+from rrrgen.emit.printing import columns
+from rrrgen.program import Program
+from rrrgen.robot.identity import identify
+
+ARGUMENTS = {
+    "q": "tick->q",
+    "dq": "tick->dq",
+    "q_d": "input->q_d",
+    "dq_d": "input->dq_d",
+    "ddq_d": "input->ddq_d",
+    "T_d": "input->T_d",
+    "V_d": "input->V_d",
+    "A_d": "input->A_d",
+    "z": "tick->next.z",
+    "Ts": "p->Ts",
+    "beta": "beta",
+    "tau_max": "p->tau_max",
+    "tau": "tick->tau",
+    "z_next": "z",
+}
+"""Arguments of the laws -> C expressions, where they do not depend on the mode."""
+
+OF_MODES: dict[str, dict[str, str]] = {
+    "pd_gravity": {"kp": "p->pd_kp", "kd": "p->pd_kd", "ki": "p->pd_ki"},
+    "feedforward": {"kp": "p->pd_kp", "kd": "p->pd_kd", "ki": "p->pd_ki"},
+    "computed_torque": {"kp": "p->kp", "kd": "p->kd", "ki": "p->ki"},
+    "velocity": {
+        "kp": "p->kp", "kd": "p->kd", "ki": "p->ki",
+        "q_d": "tick->next.q_r", "dq_d": "tick->next.dq_r", "ddq_d": "ddq_r",
+    },
+    "impedance": {"stiffness": "p->stiffness", "damping": "p->damping"},
+    "adaptive": {
+        "lam": "p->lam", "k": "p->k", "gamma": "p->gamma", "beta_min": "p->beta_min", "beta_max": "p->beta_max",
+        "beta_next": "adapted",
+    },
+    "operational_space": {
+        "kp": "p->tip_kp", "kd": "p->tip_kd", "ki": "p->tip_ki", "damping": "p->tip_damping", "p_d": "p_d",
+        "tau_0": "tau_0", "tau_add": "none",
+    },
+}  # fmt: skip
+
+OBSERVER = {
+    "tau": "tick->next.tau_last", "p_last": "state->memory.p", "u_last": "state->memory.u",
+    "r_last": "state->memory.r", "gain": "p->observer_gain", "r": "tick->next.r", "p": "tick->next.p",
+    "u": "tick->next.u", "change_last": "state->memory.change", "threshold": "p->threshold",
+    "change_threshold": "p->change_threshold", "ratio": "ratio", "touches": "&touches", "change": "tick->next.change",
+}  # fmt: skip
+
+
+def unit_files(unit: Unit, real: Real) -> dict[str, str]:
+    """Print ``<name>_controller.h`` and ``.c``; the functions of the model and the differential inverse kinematics are
+    those of the other emitted files."""
+    robot = unit.model.spec.name.removesuffix("_any_gravity")
+    dialect, proposed = Dialect(f"{robot}_controller", real), proposals(unit.model)
+    laid = structs(unit, real, proposed)
+    values = {
+        "P": dialect.prefix,
+        "M": dialect.macro,
+        "T": dialect.real_type,
+        "real": real,
+        "n": unit.n,
+        "unit": unit,
+        "has": unit.has,
+        "robot": robot,
+        "model_header": f"{unit.model.spec.name}.h",
+        "model_number": identify(unit.model.spec).model_hash[:16],
+        "structs": laid,
+        "head": HEAD,
+        "counters": COUNTERS,
+        "modes": [(mode, mode_number(mode.name)) for mode in MODES if mode.name in unit.modes],
+        "mode_mask": sum(1 << mode_number(name) for name in unit.modes),
+        "status": list(STATUS.items()),
+        "phases": list(PHASES.items()),
+        "reference": _references(unit),
+        "call": _Calls(unit),
+        "defaults": _default_table(laid.parameters, dialect),
+        "literal": lambda value: _literal(value, dialect),
+        "declaration": _declaration(dialect),
+        "function": dialect.function,
+        "nonfinite": nonfinite_function(dialect),
+        "version": VERSION,
+        "opening": _opening(unit, dialect, laid),
+        "needs_z": unit.integrators,
+        "friction_size": len(proposed["friction"]),
+        "takes_friction": not unit.has("friction") and _takes_friction(unit),
+    }
+    files = {f"{dialect.prefix}.{kind}": render(f"c/controller.{kind}.j2", **values) for kind in ("h", "c")}
+    description = described(unit, real, laid)
+    return files | {f"{dialect.prefix}.json": json.dumps(description, indent=1, allow_nan=False) + "\n"}
+
+
+def unit_check(unit: Unit) -> Check:
+    """The self-test of the unit: every fault in every mode, with its status, phase and recovery."""
+    robot = unit.model.spec.name.removesuffix("_any_gravity")
+    followed = {name for mode in MODES if mode.name in unit.modes for name in mode.reference}
+    text = render(
+        "c/controller_selftest.c.j2",
+        P=f"{robot}_controller",
+        M=f"{robot}_controller".upper(),
+        robot=robot,
+        modes=[mode_number(name) for name in unit.modes],
+        references=[int(bool(mode.reference)) for mode in MODES if mode.name in unit.modes],
+        joint_reference="q_d" in followed,
+        tip_reference="T_d" in followed,
+        filtered=unit.filtered,
+    )
+    return Check("controller", f"{robot}_controller.h", text, digested=True)
+
+
+def described(unit: Unit, real: Real, laid: Structs | None = None) -> dict[str, Any]:
+    """Describe the unit for programs in other languages, as pure data: modes, status, phases, and structs with fields.
+
+    An infinite number is the string "inf" or "-inf".
+    """
+    laid = laid or structs(unit, real, proposals(unit.model))
+    parts = {"params": laid.parameters, "input": laid.input, "output": laid.output}
+    return {
+        "name": unit.model.spec.name.removesuffix("_any_gravity") + "_controller",
+        "joints": unit.n,
+        "real": real,
+        "abi": laid.abi,
+        "model": identify(unit.model.spec).model_hash[:16],
+        "modes": {name: mode_number(name) for name in unit.modes},
+        "parts": list(unit.parts),
+        "status": dict(STATUS),
+        "phases": list(PHASES),
+        "state_size": laid.state_size,
+        "structs": {name: _described_struct(struct) for name, struct in parts.items()},
+    }
+
+
+def _described_struct(struct: Struct) -> dict[str, Any]:
+    fields = []
+    for place in field_places(struct):
+        field = place.field
+        row: dict[str, Any] = {
+            "name": field.name,
+            "unit": field.unit,
+            "text": field.text,
+            "offset": place.offset,
+            "count": field.count if field.array else None,
+            "type": "real" if not field.integer else ("int32" if field.signed else "uint32"),
+        }
+        if struct.name == "params":
+            row |= {"low": field.low, "high": field.high, "infinite": field.infinite}
+            row["default"] = [_number(value) for value in field.values]
+        fields.append(row)
+    return {"size": struct.size, "fields": fields}
+
+
+def _number(value: float) -> float | str:
+    return value if math.isfinite(value) else str(value)
+
+
+class _Calls:
+    """Prints calls of the model functions: the arguments of a function, in its order, as C expressions."""
+
+    def __init__(self, unit: Unit) -> None:
+        self.unit, self.prefix = unit, unit.model.spec.name
+
+    def law(self, mode: str) -> str:
+        """The call of the law of ``mode``."""
+        return self.function(self.unit.law(mode), {**ARGUMENTS, **OF_MODES.get(mode, {})})
+
+    def observer(self, name: str) -> str:
+        """The call of a function of the observer: its start, its step, or contact detection."""
+        given = {**ARGUMENTS, **OBSERVER}
+        if name == "contact":
+            given |= {"r": "tick->next.r"}
+        return self.function(name, given)
+
+    def function(self, name: str, given: Mapping[str, str]) -> str:
+        """The call of the model function ``name`` with the expressions ``given`` by argument."""
+        program = self.unit.model.programs[name]
+        return f"{self.prefix}_{name}({', '.join(self._arguments(program, given))})"
+
+    def gravity(self, q: str, g: str) -> str:
+        """The call that computes the gravity torques ``g`` at ``q``."""
+        return self.function("gravity", {**ARGUMENTS, "q": q, "g": g})
+
+    def status(self, mode: str) -> bool:
+        """Whether the law of ``mode`` has a status."""
+        return self.unit.model.programs[self.unit.law(mode)].status is not None
+
+    def _arguments(self, program: Program, given: Mapping[str, str]) -> list[str]:
+        known = {**given}
+        if self.unit.has("any_gravity"):
+            known["gravity"] = "p->gravity"
+        compensated = self.unit.has("friction")
+        known["friction"] = "p->friction" if compensated else "no_friction"
+        known["width"] = "p->friction_width" if compensated else "unit_width"
+        return [known[port.name] for port in (*program.inputs, *program.data_outputs)]
+
+
+def called_programs(unit: Unit) -> list[Program]:
+    """The model functions that the unit calls."""
+    names = [unit.law(mode) for mode in unit.modes]
+    names += ["momentum_observer", "momentum_observer_start", "contact"] if unit.has("observer") else []
+    names += ["add_payload"] if unit.has("payload") else []
+    names += ["jacobian"] if unit.has("velocity") else []
+    return [unit.model.programs[name] for name in dict.fromkeys(filter(None, names))]
+
+
+def _takes_friction(unit: Unit) -> bool:
+    return any(port.name == "friction" for program in called_programs(unit) for port in program.inputs)
+
+
+def _references(unit: Unit) -> list[tuple[int, list[tuple[str, int]]]]:
+    """For every generated mode with a reference its number and the fields of the input that must be finite."""
+    sizes = {"q_d": unit.n, "dq_d": unit.n, "ddq_d": unit.n, "T_d": 16, "V_d": 6, "A_d": 6}
+    return [
+        (mode_number(mode.name), [(name, sizes[name]) for name in mode.reference])
+        for mode in MODES
+        if mode.name in unit.modes and mode.reference
+    ]
+
+
+def _declaration(dialect: Dialect) -> Any:
+    def declaration(field: Field) -> str:
+        kind = dialect.real_type if not field.integer else ("int32_t" if field.signed else "uint32_t")
+        return f"{kind} {field.name}{f'[{field.count}]' if field.array else ''};"
+
+    return declaration
+
+
+def _literal(value: float, dialect: Dialect) -> str:
+    if math.isinf(value):
+        return f"({dialect.real_type}){'-' if value < 0 else ''}INFINITY".replace(")-I", ")(-I") + (
+            ")" if value < 0 else ""
+        )
+    return dialect.literal(Fraction(value))
+
+
+def _default_table(params: Struct, dialect: Dialect) -> dict[str, Any]:
+    """The rows of the field table and the array of all defaults; equal defaults of a field are stored once."""
+    values: list[float] = []
+    rows = []
+    for place in params.places:
+        field = place.field
+        if field.name == "reserved":
+            continue
+        first = len(values)
+        single = len(set(field.values)) == 1
+        values += field.values[:1] if single else field.values
+        rows.append(
+            {
+                "field": field,
+                "offset": place.offset,
+                "first": first,
+                "step": 0 if single else 1,
+                "low": _literal(field.low, dialect),
+                "high": _literal(field.high, dialect),
+            }
+        )
+    return {"rows": rows, "numbers": [_literal(value, dialect) for value in values]}
+
+
+def _opening(unit: Unit, dialect: Dialect, laid: Structs) -> list[str]:
+    parts = ", ".join(unit.parts) or "none"
+    return [
+        f"{dialect.prefix}.h: the controller of {unit.model.spec.name} as one unit",
+        "",
+        *columns(
+            [
+                ("Generated by", f"rrrgen {VERSION}. The generated code belongs to you: use it freely."),
+                ("Modes", ", ".join(unit.modes)),
+                ("Parts", f"{parts} (of {', '.join(PARTS)})"),
+                (
+                    "Bytes",
+                    f"parameters {laid.parameters.size}, state {laid.state_size}, input {laid.input.size}, "
+                    f"output {laid.output.size}",
+                ),
+                ("Precision", f"{dialect.real}; the typedef {dialect.real_type} is the only switch"),
+            ],
+            indent="",
+        ),
+    ]
+
+
+def field_places(struct: Struct) -> list[Place]:
+    """The places of the fields of a struct that a caller uses."""
+    return [place for place in struct.places if place.field.name != "reserved"]

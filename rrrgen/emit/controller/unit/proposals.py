@@ -1,0 +1,108 @@
+"""Default gains of the controller from the inertia of the arm at one configuration: proposals, not a tuning."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rrrgen.derive.derived_model import DerivedModel
+from rrrgen.derive.functions.friction import friction_parameters
+from rrrgen.program import evaluate
+
+STIFF, SOFT = 20.0, 8.0
+"""Bandwidths of tracking and of impedances, rad/s: far below what a period of 1 ms allows."""
+
+SPEED_POLE = 250.0
+"""Pole of the filters of the speeds, 1/s; the loops are ten times slower."""
+
+PERIOD = 1e-3
+DIGITS = 2
+"""Significant digits of proposals, so that they do not depend on the rounding of the machine that makes them."""
+
+JUMP = 4.0
+"""Steps of the position above this many times the largest speed times the period are no motion."""
+
+
+def proposals(model: DerivedModel) -> dict[str, tuple[float, ...]]:
+    """Defaults of gains and parameters by the name of the field; zero is left out.
+
+    With the diagonal of the mass matrix at the middle of the joint limits, ``kp = w^2 M_ii`` and ``kd = 2 w M_ii``; for
+    the tip, the inertia that it has along and about each axis of the base.
+    """
+    spec, n = model.spec, model.spec.n
+    inertia, tip = _inertias(model)
+    found: dict[str, tuple[float, ...]] = {
+        "stop_damping": _scaled(inertia, 2.0 * STIFF),
+        "guide_damping": _scaled(inertia, 0.5),
+        "pd_kp": _scaled(inertia, STIFF**2),
+        "pd_kd": _scaled(inertia, 2.0 * STIFF),
+        "joint_stiffness": _scaled(inertia, SOFT**2),
+        "joint_damping": _scaled(inertia, 2.0 * SOFT),
+        "stiffness": _scaled(tip, SOFT**2),
+        "damping": _scaled(tip, 2.0 * SOFT),
+        "null_damping": _scaled(inertia, SOFT),
+        "k": _scaled(inertia, STIFF),
+        "kp": (STIFF**2,), "kd": (2.0 * STIFF,),
+        "tip_kp": (STIFF**2,), "tip_kd": (2.0 * STIFF,), "tip_damping": (0.02,),
+        "lam": (STIFF / 2.0,),
+        "ik_weight": (1.0,) * 3 + ((1.0,) * 3 if n >= 6 else (0.0,) * 3),
+        "speed_pole": (SPEED_POLE,),
+        "kalman_gain": _kalman_gain() * n,
+    }  # fmt: skip
+    speeds = [joint.limits.velocity for joint in spec.joints]
+    found["q_jump"] = tuple(math.inf if v is None else _rounded(JUMP * float(v) * PERIOD) for v in speeds)
+    beta = [float(value) for value in (*(model.beta_nominal or (0,) * model.b), *(model.drive_inertia_nominal or ()))]
+    drives = len(model.drive_inertia_nominal or ())
+    found["beta"] = tuple(beta)
+    links = beta[: model.b]
+    found["gamma"] = (*(_rounded(0.1 * value * value) for value in links), *(0.0,) * drives)
+    found["beta_min"] = (*(_rounded(value - abs(value)) for value in links), *(-math.inf,) * drives)
+    found["beta_max"] = (*(_rounded(value + abs(value)) for value in links), *(math.inf,) * drives)
+    found["friction"] = tuple(float(value) for _, value in friction_parameters(spec))
+    return found
+
+
+def _kalman_gain() -> tuple[float, ...]:
+    """Gains of position, speed and acceleration that give the filter three equal poles (the fading-memory filter)."""
+    pole = math.exp(-SPEED_POLE * PERIOD)
+    gain = (
+        1.0 - pole**3,
+        1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / PERIOD,
+        (1.0 - pole) ** 3 / PERIOD**2,
+    )
+    return tuple(_rounded(value, 4) for value in gain)
+
+
+def _inertias(model: DerivedModel) -> tuple[list[float], list[float]]:
+    """The diagonal of M (n,) and the inertia of the tip (6,); ones where the robot file states no links."""
+    import numpy as np
+
+    n = model.spec.n
+    if model.beta_nominal is None:
+        return [1.0] * n, [1.0] * 6
+    beta = [float(value) for value in (*model.beta_nominal, *(model.drive_inertia_nominal or ()))]
+    q = [_middle(joint.limits.lower, joint.limits.upper) for joint in model.spec.joints]
+    (M,) = evaluate(model.programs["mass_matrix"], *_arguments(model.programs["mass_matrix"], q, beta))
+    (J,) = evaluate(model.programs["jacobian"], *_arguments(model.programs["jacobian"], q, beta))
+    mobility = np.diag(J @ np.linalg.pinv(M) @ J.T)
+    tip = [1.0 / float(each) if each > 1e-6 * float(np.max(mobility)) else 0.0 for each in mobility]
+    return [float(value) for value in np.diag(M)], tip
+
+
+def _arguments(program: Any, q: list[float], beta: list[float]) -> list[list[float]]:
+    return [{"q": q, "beta": beta}[port.name] for port in program.inputs]
+
+
+def _middle(lower: Any, upper: Any) -> float:
+    """A configuration between the limits, off the singular ones at the middle of many arms."""
+    if lower is None or upper is None:
+        return 0.5
+    return float(lower) + 0.6 * (float(upper) - float(lower))
+
+
+def _scaled(values: list[float], factor: float) -> tuple[float, ...]:
+    return tuple(_rounded(factor * value) for value in values)
+
+
+def _rounded(value: float, digits: int = DIGITS) -> float:
+    return float(f"{value:.{digits}g}")

@@ -1,0 +1,61 @@
+"""The controller of a model: compiles the unit in C and makes the Python class that calls it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rrrgen.emit import Real
+from rrrgen.emit.c.function_files import function_files
+from rrrgen.emit.controller.differential_ik import differential_ik_files
+from rrrgen.emit.controller.unit.files import called_programs, described, unit_files
+from rrrgen.emit.controller.unit.python_class import Controller
+from rrrgen.emit.controller.unit.table import Unit
+from rrrgen.emit.targets.c_package import robot_unit
+from rrrgen.robot.spec import RobotSpec
+
+__all__ = ["Controller", "compiled_controller"]
+
+
+def compiled_controller(
+    spec: RobotSpec,
+    real: Real,
+    mode: str | None,
+    modes: Sequence[str] | None,
+    parts: Sequence[str] | None,
+    parameters: dict[str, Any],
+) -> Controller:
+    """Compile the unit of the robot ``spec`` ; the other arguments are those of ``Model.controller``."""
+    unit = robot_unit(spec, modes, parts)
+    call, name_of = _compiled(unit, real)
+    return Controller(call, name_of, described(unit, real), mode, **parameters)
+
+
+def _compiled(unit: Unit, real: Real) -> tuple[Any, Any]:
+    """The functions of the compiled unit: one that calls by name with addresses, and that of the field names."""
+    from rrrgen.runtime.build import build_extension
+
+    prefix = unit.model.spec.name
+    robot = prefix.removesuffix("_any_gravity")
+    files = function_files(prefix, f"functions of the controller of {robot}", called_programs(unit), real)
+    files |= {name: text for name, text in unit_files(unit, real).items() if not name.endswith(".json")}
+    if unit.has("velocity"):
+        files |= differential_ik_files(robot, unit.n, real)
+    p = f"{robot}_controller"
+    cdef = f"""
+        void {p}_default(void *); int32_t {p}_check(void *); int32_t {p}_init(void *, void *, void *);
+        int32_t {p}_set(void *, void *); uint32_t {p}_step(void *, void *, void *); int32_t {p}_reset(void *, void *);
+        const char *{p}_field_name(int32_t, char *);
+    """
+    ffi, lib = build_extension(files, cdef, p)
+    functions = {name: getattr(lib, f"{p}_{name}") for name in ("default", "check", "init", "set", "step", "reset")}
+
+    def call(function: str, *addresses: int) -> int:
+        return int(functions[function](*(ffi.cast("void *", address) for address in addresses)) or 0)
+
+    def name_of(result: int) -> str:
+        text = ffi.new("char[64]")
+        found: bytes = ffi.string(getattr(lib, f"{p}_field_name")(result, text))
+        return found.decode()
+
+    return call, name_of

@@ -1,0 +1,146 @@
+"""The controller as a unit: against the stateless laws, under faults, and its structs against the C compiler."""
+
+from __future__ import annotations
+
+import subprocess
+
+import numpy as np
+import pytest
+
+import rrrgen
+from rrrgen.base.errors import InputError
+
+Ts = 1e-3
+
+
+@pytest.fixture(scope="module")
+def rrr():
+    return rrrgen.compile("rrr")
+
+
+@pytest.fixture(scope="module")
+def controller(rrr):
+    return lambda mode="computed_torque", **parameters: rrr.controller(mode, **parameters)
+
+
+def motion(t):
+    w = np.array([1.0, 1.5, 2.0])
+    return 0.3 * (1 - np.cos(w * t)), 0.3 * w * np.sin(w * t), 0.3 * w * w * np.cos(w * t)
+
+
+@pytest.mark.parametrize("mode", ["pd_gravity", "feedforward", "computed_torque"])
+def test_torques_are_those_of_the_law(rrr, controller, mode):
+    c = controller(mode)
+    q, dq = np.array([0.2, -0.4, 0.3]), np.array([0.3, -0.1, 0.2])
+    c.start(q=q, dq=dq)
+    z, p = np.zeros(3), c.params
+    names = ("kp", "kd", "ki") if mode == "computed_torque" else ("pd_kp", "pd_kd", "pd_ki")
+    c.set(**{names[2]: np.ones(3)})
+    gains = [getattr(p, name) for name in names]
+    limits = {"friction": p.friction, "tau_max": p.tau_max}
+    for k in range(5):
+        q_d, dq_d, ddq_d = motion(0.1 + k * Ts)
+        out = c.step(q=q, dq=dq, q_d=q_d, dq_d=dq_d, ddq_d=ddq_d)
+        step = getattr(rrr, mode)(q, dq, q_d, dq_d, ddq_d, *gains, z, width=p.friction_width, Ts=Ts, **limits)
+        z = step.z_next
+        np.testing.assert_allclose(out.tau, step.tau, rtol=1e-13)
+
+
+def test_a_change_of_mode_is_without_a_step(controller):
+    c = controller("gravity")
+    q = np.array([0.2, -0.4, 0.3])
+    c.start(q=q, dq=np.zeros(3))
+    before = c.step(q=q, dq=np.zeros(3)).tau.copy()
+    after = c.step(mode="computed_torque", q_d=q + 0.1).tau.copy()
+    np.testing.assert_allclose(after, before, rtol=1e-12)
+    for _ in range(1000):
+        last = c.step().tau.copy()
+    assert np.abs(last - before).max() > 1.0
+
+
+def test_random_faults_leave_nothing_that_is_not_finite(controller):
+    rng = np.random.default_rng(3)
+    c = controller("computed_torque", tau_rate=1e4, hold_ticks=2, contact_action=1, threshold=20.0)
+    wild = [np.nan, np.inf, -np.inf, 1e300, -1e160, 1e20, 5e-324]
+    q = np.array([0.2, -0.4, 0.3])
+    c.start(q=q, dq=np.zeros(3))
+    reals = c.description["state_size"] // 8
+    first = c.description["structs"]["params"]["size"] // 8
+    seen, last = set(), np.zeros(3)
+    for k in range(6000):
+        given = {"q": q.copy(), "dq": 0.01 * rng.standard_normal(3), "q_d": q.copy(), "V_d": np.zeros(6)}
+        if rng.random() < 0.1:
+            name = str(rng.choice(list(given)))
+            given[name][rng.integers(3)] = rng.choice(wild)
+        dt = rng.choice(wild) if rng.random() < 0.02 else Ts
+        out = c.step(mode=str(rng.choice(c.modes)) if k % 50 == 0 else None, dt=dt, **given)
+        assert np.all(np.isfinite(out.tau)) and np.all(np.abs(out.tau) <= c.params.tau_max)
+        assert out.phase == 3 or np.all(np.abs(out.tau - last) <= 1e4 * Ts * (1 + 1e-9))
+        memory = np.frombuffer(c.state_bytes, np.float64, count=reals)[first : reals - 5]
+        assert np.all(np.isfinite(memory))
+        seen |= set(c.faults(out.status))
+        last = out.tau.copy()
+        if out.phase > 1 and k % 20 == 19:
+            try:
+                c.reset(q=q, dq=np.zeros(3))
+            except ValueError as refused:
+                assert "samples" in str(refused)
+    assert {"NOT_FINITE", "JUMP", "PERIOD", "REFERENCE"} <= seen
+
+
+def test_a_push_is_felt_after_a_damaged_sample(rrr, controller):
+    c = controller("computed_torque", threshold=10.0, contact_action=1)
+    q, dq = np.array([0.2, -0.4, 0.3]), np.zeros(3)
+    target = q.copy()
+    c.start(q=q, dq=dq)
+    touched = []
+    for k in range(400):
+        seen = np.full(3, np.nan) if k == 100 else q
+        out = c.step(q=seen, dq=dq, q_d=target, dq_d=np.zeros(3), ddq_d=np.zeros(3))
+        push = np.array([0.0, 30.0, 0.0]) if k > 200 else np.zeros(3)
+        dq = dq + Ts * rrr.forward_dynamics(q, dq, out.tau + push)
+        q = q + Ts * dq
+        touched.append("CONTACT" in c.faults(out.status))
+    assert not any(touched[:200])
+    assert any(touched[200:230])
+    assert c.modes[out.mode] == "gravity"
+
+
+def test_parameters_are_checked_by_name(controller):
+    for wrong, name in (
+        ({"kp": np.nan}, r"kp\[0\]"),
+        ({"dq_max": [1.0, 1.0, -1.0]}, r"dq_max\[2\]"),
+        ({"Ts": 0.0}, "Ts"),
+        ({"hold_ticks": -1}, "hold_ticks"),
+        ({"q_min": 1.0, "q_max": 1.0}, r"q_min\[0\]"),
+        ({"kd": 1000.0}, r"kd\[0\]"),
+        ({"kpp": 1.0}, "did you mean 'kp'"),
+    ):
+        with pytest.raises(ValueError, match=name):
+            controller(**wrong)
+
+
+def test_unknown_modes_and_parts(rrr):
+    with pytest.raises(InputError, match="did you mean 'computed_torque'"):
+        rrr.controller(modes=["computed_torqe"])
+    with pytest.raises(InputError, match="exclude"):
+        rrr.controller(parts=["kalman", "differences"])
+
+
+def test_generated_with_the_filter_and_its_self_test(tmp_path):
+    from click.testing import CliRunner
+
+    from rrrgen.cli.generate import generate
+
+    words = ["--with", "controller", "--modes", "computed_torque,impedance", "--parts", "kalman,observer"]
+    arguments = ["pendulum", "-o", str(tmp_path), "--real", "float", "--no-casadi-files", "-j", "1", *words]
+    done = CliRunner().invoke(generate, arguments)
+    assert done.exit_code == 0, done.output
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror"]
+    sources = sorted(path.name for path in tmp_path.glob("*.c"))
+    build = ["cc", *strict, "-fsanitize=undefined", "-fno-sanitize-recover=all", *sources, "-o", "selftest", "-lm"]
+    built = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr[:2000]
+    ran = subprocess.run(["./selftest"], cwd=tmp_path, capture_output=True, text=True)
+    assert ran.returncode == 0, ran.stdout
+    assert "ok      controller: status and phase of every fault in every mode" in ran.stdout
