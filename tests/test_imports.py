@@ -21,6 +21,7 @@ ROOMS = (
     "derive",
     "ik",
     "emit",
+    "controller",
     "runtime",
     "verify",
     "evidence",

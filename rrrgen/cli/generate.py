@@ -24,20 +24,20 @@ from rrrgen.cli.arguments import (
 )
 from rrrgen.cli.long_help import LongHelpCommand
 from rrrgen.cli.terminal import progress_bar, say
+from rrrgen.controller.table import GROUPS as UNIT_GROUPS
+from rrrgen.controller.table import MODES, PARTS, USUAL_PARTS
 from rrrgen.derive import derive
-from rrrgen.emit.controller.unit.table import GROUPS as UNIT_GROUPS
-from rrrgen.emit.controller.unit.table import MODES, PARTS, USUAL_PARTS
 from rrrgen.robot.file.fields import EMIT, LANGUAGES
 from rrrgen.robot.friction.laws import LAWS
 
 if TYPE_CHECKING:
     from rrrgen.base.files import Contents
     from rrrgen.base.parallel import Tell
+    from rrrgen.controller.table import Unit
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
     from rrrgen.emit.c.language import Trig
     from rrrgen.emit.controller.online_estimators import Regression
-    from rrrgen.emit.controller.unit.table import Unit
     from rrrgen.program import Program
     from rrrgen.robot.spec import RobotSpec
 
@@ -271,7 +271,7 @@ def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -
 
 def _unit(model: DerivedModel, any_gravity: DerivedModel | None, options: dict[str, Any]) -> Unit:
     """The controller with the modes and parts of the options; it calls ``model`` or that with gravity as an input."""
-    from rrrgen.emit.controller.unit.table import unit_of
+    from rrrgen.controller.table import unit_of
 
     modes, parts = options["modes"] or None, options["parts"] or None
     if "any_gravity" not in options["parts"]:
@@ -477,8 +477,8 @@ def emitted(
     ``casadi`` adds serialized CasADi functions; ``experiment`` holds the options of :func:`controller_options`;
     ``tell(done, total, message)`` is called as the work proceeds.
     """
+    from rrrgen.controller.files import unit_check, unit_files
     from rrrgen.emit.controller.template_files import checks_beside, files_beside
-    from rrrgen.emit.controller.unit.files import unit_check, unit_files
     from rrrgen.emit.package import emit
 
     wanted = {*spec.emit, *further}

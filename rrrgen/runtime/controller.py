@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from rrrgen.controller.files import called_programs, described, unit_files
+from rrrgen.controller.python_class import Controller
+from rrrgen.controller.table import GROUPS, Unit, unit_of
 from rrrgen.emit import Real
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.controller.differential_ik import differential_ik_files
-from rrrgen.emit.controller.unit.files import called_programs, described, unit_files
-from rrrgen.emit.controller.unit.python_class import Controller
-from rrrgen.emit.controller.unit.table import Unit
-from rrrgen.emit.targets.c_package import robot_unit
+from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.robot.spec import RobotSpec
 
 __all__ = ["Controller", "compiled_controller"]
@@ -26,7 +26,8 @@ def compiled_controller(
     parameters: dict[str, Any],
 ) -> Controller:
     """Compile the unit of the robot ``spec`` ; the other arguments are those of ``Model.controller``."""
-    unit = robot_unit(spec, modes, parts)
+    moved = spec.in_any_gravity() if parts is not None and "any_gravity" in parts else spec
+    unit = unit_of(derived_model(moved, GROUPS)[0], modes, parts)
     call, name_of = _compiled(unit, real)
     return Controller(call, name_of, described(unit, real), mode, **parameters)
 

@@ -21,9 +21,6 @@ from rrrgen.emit.c.path_timing import further_inputs
 from rrrgen.emit.c.robot_files import CBackend, Files
 from rrrgen.emit.controller.differential_ik import Declaration, declaration
 from rrrgen.emit.controller.template_files import files_beside
-from rrrgen.emit.controller.unit.files import unit_files
-from rrrgen.emit.controller.unit.table import GROUPS as UNIT_GROUPS
-from rrrgen.emit.controller.unit.table import Unit, unit_of
 from rrrgen.emit.description import programs_of
 from rrrgen.emit.printing import plain, port_text, wrapped
 from rrrgen.ik.classify import plan as make_plan
@@ -53,7 +50,6 @@ class Code:
     plan: SolverPlan
     declared: tuple[Declaration, ...] = ()
     further: tuple[str, ...] = ()
-    unit: Unit | None = None
 
     @property
     def sources(self) -> list[str]:
@@ -97,17 +93,14 @@ def emitted_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] 
     groups of functions, and "gravity" for the model with gravity as an input beside it; other words change nothing.
     """
     model, identity = derived_model(spec, further)
-    groups = ("model", *_groups(further))
+    groups = ("model", *(group for group in GROUPS if group in further))
     dialect, c = Dialect(spec.name, real), CBackend()
     files = c.sources(model, identity, real) | solver_sources(spec, real)
     files |= files_beside(spec, real, groups)
-    unit = unit_of(model) if "controller" in further else None
-    files |= {} if unit is None else unit_files(unit, real)
     declared = (declaration(spec.n),) if "control" in groups else ()
     if "gravity" in further:
         files |= c.sources(*derived_model(spec.in_any_gravity(), further), real)
-    plan = make_plan(spec)
-    return Code(model, identity, dialect, files, programs_of(model), plan, declared, tuple(further), unit)
+    return Code(model, identity, dialect, files, programs_of(model), make_plan(spec), declared, tuple(further))
 
 
 def any_gravity_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] = ()) -> Code:
@@ -124,22 +117,9 @@ def any_gravity_code(spec: RobotSpec, real: Real = "double", further: Sequence[s
 
 def derived_model(spec: RobotSpec, further: Sequence[str] = ()) -> tuple[DerivedModel, Identity]:
     """The model of ``spec`` with the groups of functions among the words ``further``, from the cache if it is there."""
-    groups = ("model", *_groups(further))
+    groups = ("model", *(group for group in GROUPS if group in further))
     identity = identify(spec)
     return recall(spec, identity, partial(derive, groups=groups), groups), identity
-
-
-def _groups(further: Sequence[str]) -> list[str]:
-    """The groups of functions among the words ``further``, and those that the controller calls."""
-    wanted = {*further, *(UNIT_GROUPS if "controller" in further else ())}
-    return [group for group in GROUPS if group in wanted]
-
-
-def robot_unit(spec: RobotSpec, modes: Sequence[str] | None = None, parts: Sequence[str] | None = None) -> Unit:
-    """The controller of ``spec`` as a unit with the ``modes`` and ``parts``, as :func:`unit_of` takes them."""
-    groups = ("control", "observer")
-    moved = spec.in_any_gravity() if parts is not None and "any_gravity" in parts else spec
-    return unit_of(derived_model(moved, groups)[0], modes, parts)
 
 
 # ------------------------------------------------------------------------------------------------------------------

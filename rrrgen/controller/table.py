@@ -244,7 +244,7 @@ POSITION, SPEED, TORQUE = "rad | m", "rad/s | m/s", "N m | N"
 def parameters(unit: Unit, proposed: dict[str, tuple[float, ...]]) -> list[Field]:
     """The fields of the parameters, reals before integers.
 
-    ``proposed`` are default gains by name, from :func:`rrrgen.emit.controller.unit.proposals.proposals`.
+    ``proposed`` are default gains by name, from :func:`rrrgen.controller.proposals.proposals`.
     """
     found = list(_parameters(unit, proposed))
     return [field for field in found if not field.integer] + [field for field in found if field.integer]

@@ -10,11 +10,11 @@ from typing import Any
 
 from rrrgen.base.templates import render
 from rrrgen.base.version import VERSION
+from rrrgen.controller.layout import COUNTERS, HEAD, Place, Struct, Structs, structs
+from rrrgen.controller.proposals import proposals
+from rrrgen.controller.table import MODES, PARTS, PHASES, STATUS, Field, Unit, mode_number
 from rrrgen.emit import Real
 from rrrgen.emit.c.language import Dialect, nonfinite_function
-from rrrgen.emit.controller.unit.layout import COUNTERS, HEAD, Place, Struct, Structs, structs
-from rrrgen.emit.controller.unit.proposals import proposals
-from rrrgen.emit.controller.unit.table import MODES, PARTS, PHASES, STATUS, Field, Unit, mode_number
 from rrrgen.emit.interface import Check
 from rrrgen.emit.printing import columns
 from rrrgen.program import Program

@@ -6,8 +6,8 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rrrgen.controller.table import Field, Unit, inputs, memory, outputs, parameters
 from rrrgen.emit import Real
-from rrrgen.emit.controller.unit.table import Field, Unit, inputs, memory, outputs, parameters
 
 REAL_BYTES = {"double": 8, "float": 4}
 HEAD = (
