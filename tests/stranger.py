@@ -459,13 +459,13 @@ class Stranger:
 
         m = rrrgen.compile(file)
         harmonics, seconds = ("3", "6") if self.n < 4 else ("5", "12")
-        limits = ""
+        bounds = []
         if not np.isfinite(m.limits.velocity).all():  # an MJCF states no speeds
-            limits = ", limits: {speed: 2}"
-        text = f"schema: rrrgen-experiment/1\nexcitation: {{max_iterations: 30{limits}}}\n"
-        Path("experiment.yaml").write_text(text, encoding="utf-8")
+            text = "schema: rrrgen-experiment/1\nexcitation: {limits: {speed: 2}}\n"
+            Path("experiment.yaml").write_text(text, encoding="utf-8")
+            bounds = ["--experiment", "experiment.yaml"]
         effort = ["--harmonics", harmonics, "--duration", seconds, "--starts", "1"]
-        words = ["experiment", "excite", file, "--experiment", "experiment.yaml", *effort, "-o", "excitation"]
+        words = ["experiment", "excite", file, *bounds, *effort, "-o", "excitation"]
         code, said = self.rrrgen(*words, allowed=(0, 3))
         if code:
             if "write their angles exactly" not in said or "only to" not in said:  # 1.5708 for a right angle
