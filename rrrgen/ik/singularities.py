@@ -25,6 +25,13 @@ TERMS = 8
 """Largest number of terms of a factor that is rewritten with sums of angles, as in cos(q2 + q3). That search takes
 long; longer factors stay polynomials in sines and cosines."""
 
+FACTORED = 60
+"""Largest number of terms of a determinant that is factored.
+
+With twists and base angles such as 0.7 rad every irrational constant is one more indeterminate of the factorisation,
+which then takes hours and finds nothing.
+"""
+
 _MEANING = {
     "shoulder": "the shoulder's two solutions for {joint} meet: the target point is as near to the first axis as the "
     "offsets allow",
@@ -113,12 +120,15 @@ def _simplified(value: sp.Expr, angles: list[sp.Symbol]) -> sp.Expr:
 
     Before factoring, sin^2 may be replaced by 1 - cos^2. A factorization is found only for some choices of the angles
     where that is done, so the first, the second, both and neither are tried, and the shortest result is returned.
+    A polynomial of more than ``FACTORED`` terms is returned as it is.
     """
     cosines, sines = sp.symbols(f"c:{len(angles)}"), sp.symbols(f"s:{len(angles)}")
     there = {sp.cos(x): c for x, c in zip(angles, cosines, strict=True)}
     there |= {sp.sin(x): s for x, s in zip(angles, sines, strict=True)}
     back = {symbol: function for function, symbol in there.items()}
     polynomial = sp.expand(value.xreplace(there))
+    if len(sp.Add.make_args(polynomial)) > FACTORED:
+        return value
     pairs = list(zip(cosines, sines, strict=True))
     tried = []
     for chosen in (pairs[:1], pairs[1:], pairs, []):

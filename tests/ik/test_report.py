@@ -16,6 +16,7 @@ from rrrgen.ik.classify import plan
 from rrrgen.ik.geometry.symbolic_chain import number_chain, symbolic_chain
 from rrrgen.ik.plan import record_exactly
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch
+from rrrgen.ik.singularities import FACTORED, _simplified
 from rrrgen.robot.file import load_spec
 
 SAME = 1e-9  # rad; the reading form evaluates in double as the emitted code does
@@ -108,6 +109,15 @@ def test_the_singularities_of_the_reference_robot_are_those_of_its_determinant()
     q2, q3 = (sp.Symbol(name, real=True) for name in ("q_2", "q_3"))
     found = {str(item.expression) for item in form.singularities}
     assert found == {str(sp.sin(q3)), str(a2 * sp.cos(q2) + a3 * sp.cos(q2 + q3))}
+
+
+def test_long_determinants_of_irrational_constants_are_not_factored():
+    """Which took more than an hour for three axes with twists of 0.7 rad on a base turned by 0.3 rad."""
+    q = sp.symbols("q_2 q_3", real=True)
+    powers = itertools.product(range(8), range(8))
+    value = sp.Add(*(sp.cos(sp.Rational(i + 9 * j + 1, 10)) * sp.sin(q[0]) ** i * sp.cos(q[1]) ** j for i, j in powers))
+    assert len(value.args) > FACTORED
+    assert _simplified(value, list(q)) == value
 
 
 @pytest.mark.parametrize("name", ["puma", "ur5", "stanford", "scara", "iiwa14"])

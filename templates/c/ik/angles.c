@@ -9,7 +9,7 @@ LOCAL REAL ik_wrap(REAL x)
     }
     return x;
 }
-#if NEEDS_WRIST
+#if NEEDS_OPPOSITE
 
 /* x +- pi in (-pi, pi], for x in (-pi, pi]. */
 LOCAL REAL ik_opposite(REAL x)

@@ -169,6 +169,8 @@ class Scaffold:
         That angle is the variable ``other``, or is computed from the first one by the C text ``formula``.
         """
         source, variable = self._values[joint.index], self._angle_variable(joint)
+        if formula.startswith("ik_opposite"):
+            self._needs.add("opposite")
         second = "{2}" if other is not None else formula.format("{1}")
         operands = (choice, source) if other is None else (choice, source, other)
         self._add(

@@ -126,6 +126,7 @@ NEEDS = (
     "cosine",
     "feasible",
     "linear",
+    "opposite",
     "power4",
     "quadratic",
     "quartic",
