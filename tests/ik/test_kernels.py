@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import shutil
+import subprocess
 from dataclasses import replace
 from fractions import Fraction
 from math import comb, isqrt, pi
@@ -17,6 +18,7 @@ from ik.robots import make, robot
 from ik.test_emitted_c import COMPILERS, LIMITS, VARIANTS, WARNINGS, run, variant
 from ik.test_mechanisms import TEXTS
 from rrrgen.base.errors import InternalError
+from rrrgen.cli.main import run as rrrgen
 from rrrgen.emit.c.ik.files import sources
 from rrrgen.emit.c.ik.kernels import Settings, specialize
 from rrrgen.ik.classify import plan
@@ -526,3 +528,28 @@ def test_every_tolerance_reaches_the_code():
     text = sources(robot("puma"))["puma_ik.c"]
     for name in ("eps", "free", "doubt", "merge", "same", "slack", "circle", "tight", "accept", "done", "limit"):
         assert f"#define PUMA_IK_TOL_{name.upper()} (puma_real){runtime('double')[name]}" in text
+
+
+TWO_SLIDES = """\
+schema: rrrgen/1
+name: two_slides
+convention: standard
+units: {angle: rad, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {type: prismatic, alpha: -pi/2, a: -0.25, d: -0.34, theta: 0}
+  - {type: prismatic, alpha: pi/2, a: 0.1, d: 0.348, theta: 0}
+  - {type: revolute, alpha: 0, a: 0, d: 0.1, theta: 0}
+tool: {rotation: [[0, 0, 1], [0, -1, 0], [1, 0, 0]]}
+"""
+"""Its wrist has one real axis, which is turned by pi in no solution."""
+
+
+@pytest.mark.skipif(shutil.which("clang") is None, reason="needs clang, which warns of unused static functions")
+def test_no_function_of_a_kernel_is_unused(tmp_path):
+    file = tmp_path / "two_slides.yaml"
+    file.write_text(TWO_SLIDES, encoding="utf-8")
+    assert rrrgen(["generate", str(file), "-o", str(tmp_path / "code"), "--no-casadi-files"]) == 0
+    source = tmp_path / "code/two_slides_ik.c"
+    assert "two_slides_ik_opposite" not in source.read_text(encoding="utf-8")
+    subprocess.run(["clang", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", str(source)], check=True)
