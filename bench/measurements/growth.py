@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -58,7 +57,7 @@ def _one(spec: RobotSpec, toolchain: Toolchain, effort: Effort, rivals: Rivals) 
 
     start = time.perf_counter()
     recorded = derive_model(spec)
-    derived = Optimizer()(replace(recorded, alternatives={name: recorded.alternatives[name] for name in COMPARED}))
+    derived = Optimizer()(recorded.only({name: recorded.alternatives[name] for name in COMPARED}))
     duration = time.perf_counter() - start
     case = make_case(spec)
     groups = [emitted_contenders(case, derived, libm=False), *rivals(case)]

@@ -6,7 +6,7 @@ import contextlib
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import cache
 from itertools import chain
@@ -119,6 +119,10 @@ class RecordedModel(ParametrizedRobot):
     derivation: Derivation
     alternatives: dict[str, tuple[Program, ...]]
     wanted: tuple[str, ...]
+
+    def only(self, alternatives: Mapping[str, tuple[Program, ...]]) -> RecordedModel:
+        """This model with the functions of ``alternatives`` and no others."""
+        return replace(self, alternatives=dict(alternatives), wanted=tuple(alternatives))
 
     def optimized(self, programs: dict[str, Program], passes: tuple[PassReport, ...]) -> DerivedModel:
         """Make the derived model of this robot from the optimized ``programs`` and the reports of the ``passes``."""

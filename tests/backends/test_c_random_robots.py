@@ -50,7 +50,7 @@ def derive_called(spec):
     recorded = derive_model(spec)
     wanted = {"bias", *(name.removesuffix("_nominal") for name in CALLED)}  # bias: forward dynamics are made of it
     alternatives = {name: ways for name, ways in recorded.alternatives.items() if name in wanted}
-    derived = Optimizer()(dataclasses.replace(recorded, alternatives=alternatives))
+    derived = Optimizer()(recorded.only(alternatives))
     return dataclasses.replace(derived, programs={name: derived.programs[name] for name in CALLED})
 
 

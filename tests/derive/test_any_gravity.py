@@ -88,12 +88,12 @@ def test_operations(name, b):
     spec = load_spec(name)
     usual, recorded = bundled(name), derive_model(spec, ("control",))
     counted = {f: recorded.alternatives[f] for f in CONTROL[name]}
-    control = Optimizer()(replace(recorded, alternatives=counted, beta_nominal=None))
+    control = Optimizer()(replace(recorded.only(counted), beta_nominal=None))
     recorded = derive_model(spec.in_any_gravity(), ("model", "control"))
     counted = {
         f: ways for f, ways in recorded.alternatives.items() if f in (*MORE, *PAYLOADS, "mass_matrix")
     }  # forward dynamics needs M
-    general = Optimizer()(replace(recorded, alternatives=counted, beta_nominal=None))
+    general = Optimizer()(replace(recorded.only(counted), beta_nominal=None))
     assert general.b == b
     fixed = {f: count_operations(p).total for f, p in {**usual.programs, **control.programs}.items()}
     free = {f: count_operations(p).total for f, p in general.programs.items()}
