@@ -202,8 +202,7 @@ class Wording:
         whose = "the joints" if joint is None else f"joint {self.joints[joint]}"
         return Cause(
             f"the friction of {whose} drifts",
-            "record after the arm has warmed up, or fit the drift (--estimate drift): the friction in the robot file "
-            "is that of the middle of the recording otherwise",
+            "record after the arm has warmed up: the friction in the robot file is that of the middle of the recording",
         )
 
     def _channel(self, signal: Signal, joint: int) -> Channel | None:
