@@ -30,6 +30,8 @@ static const pendulum_real *s, *q_s, *q_ss;
 static pendulum_rls_state estimator;
 static vibration_shaper_real reference, u;
 static int status;
+void read_arm(double *, double *), next_reference(double *, double *, double *), write_arm(const double *, int);
+void report(const char *);
 """
 
 
@@ -45,7 +47,7 @@ def fragments() -> Iterator[tuple[str, str]]:
 def written(folder: Path) -> None:
     """What the commands on these pages write, for a pendulum; thresholds of contact come from an experiment."""
     (folder / "tuning.json").write_text(json.dumps({"var_eta": [1e-10], "var_xi": [400.0]}), encoding="utf-8")
-    groups = ("--with", "control,observer,points,trajectory,timing", "--no-casadi-files")
+    groups = ("--with", "control,controller,observer,points,trajectory,timing", "--no-casadi-files")
     estimation = ("--estimator", "rls", "--torque-noise", "0.1", "--tuning", str(folder / "tuning.json"))
     of_friction = ("--rate", "1000", "--friction", "neural")
     assert run(["generate", "pendulum", "-o", str(folder), *groups, *estimation, *of_friction]) == 0

@@ -48,6 +48,12 @@ AROUND = {
     ("docs/control.md", "static rrr_fourier"): ("rrr", f"{RRR} double t;", ""),
     ("docs/control.md", "rrr_tool"): ("rrr", RRR, ""),
     ("docs/control.md", "static const rrr_real tau_max"): ("rrr", "", "(void)tau_max; (void)names;"),
+    ("docs/controller.md", "rrr_controller_params"): (
+        "rrr",
+        "void read_arm(double *, double *), next_reference(double *, double *, double *);"
+        "void write_arm(const double *, int), report(const char *);",
+        "",
+    ),
     ("docs/generated-code.md", "const auto"): (
         "rrr",
         "std::array<double, 3> q, dq, tau; std::array<double, 15> beta;",
@@ -96,7 +102,7 @@ def folders(tmp_path_factory):
     robots = {
         "arm": ["generate", robot_of("docs/first-model.md", root)],
         "elbow3": ["generate", robot_of("README.md", root)],
-        "rrr": ["generate", "rrr", "--with", "control,cpp,observer,points,trajectory", *extra],
+        "rrr": ["generate", "rrr", "--with", "control,controller,cpp,observer,points,trajectory", *extra],
         "panda": ["generate", "panda", "--with", "timing"],
     }
     for name, words in robots.items():

@@ -11,6 +11,7 @@ from pages.test_pages import ROOT, blocks
 
 BEFORE = {
     "index": "",
+    "controller": "",
     "control": """
 import numpy as np, rrrgen
 m = rrrgen.compile("puma560")
@@ -38,6 +39,7 @@ tau = m.inverse_dynamics(q, dq, ddq)
 """Page -> what its first block presupposes, as the text around it says."""
 
 AFTER = {
+    "controller": "assert c.modes[out.mode] == 'gravity' and not c.faults(out.status)",
     "control": "assert np.abs(tau - m.inverse_dynamics(q, dq, ddq)).max() > 1",
     "inverse-kinematics": "assert np.abs(np.array(q).ravel() - answer.q[0]).max() < 1e-9",
     "path-timing": "assert motion.q_d.shape == (len(np.arange(0, timed.duration, 1e-3)), 7)",
