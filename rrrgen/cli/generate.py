@@ -428,8 +428,7 @@ def generate(
       rrrgen generate rrr -o generated/rrr
       rrrgen generate my_robot.yaml -o firmware/model --real float
       rrrgen generate rrr -o generated/rrr --check    # in continuous integration
-      rrrgen generate rrr -o firmware --with controller --modes computed_torque,impedance --parts observer,kalman
-      rrrgen generate rrr -o firmware --with control,observer --tuning runs/motion/results/tuning.json
+      rrrgen generate rrr -o firmware --with controller --parts observer,kalman
     """
     from rrrgen.base.files import differences, write
 

@@ -1,4 +1,4 @@
-"""What is alike in every command: options, exit codes, the standard input, tables, completion; and what README says."""
+"""What is alike in every command: options, exit codes, standard input, tables, completion; and the first pages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from rrrgen.robot.file.fields import EMIT
 from rrrgen.verify.report import Report, Row
 
 ROOT = Path(__file__).resolve().parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+INSTALLATION = (ROOT / "docs/installation.md").read_text(encoding="utf-8")
+QUICK_START = (ROOT / "docs/quick-start.md").read_text(encoding="utf-8")
 
 SHORT = {"--jobs": "-j", "--verbose": "-v", "--output": "-o", "--function": "-f"}
 """Options that have the same short name in every command."""
@@ -86,23 +87,22 @@ def test_output_that_cannot_be_written_is_no_bad_input(arguments, rrrgen):
 
 
 def test_exit_codes_are_documented_alike():
-    """Every exit code of an error, the check that fails, usage and the interrupt stand in the help and in README."""
+    """Every exit code of an error, the check that fails, usage and the interrupt stand in the help and on the page."""
     from rrrgen.base import errors
     from rrrgen.cli.main import EVERYTHING, INTERRUPTED
 
     kinds = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, errors.RrrgenError)]
     codes = {0, 1, 2, INTERRUPTED, *(kind.exit_code for kind in kinds)}
-    for text in (EVERYTHING, README):
-        listed = " ".join(re.search(r"[Ee]xit codes: ([^.]*)\.", text)[1].split())
-        assert {int(number) for number in re.findall(r"(?:^|, )(\d+) ", listed)} == codes
-    table = (ROOT / "docs/installation.md").read_text(encoding="utf-8")
+    listed = " ".join(re.search(r"[Ee]xit codes: ([^.]*)\.", EVERYTHING)[1].split())
+    assert {int(number) for number in re.findall(r"(?:^|, )(\d+) ", listed)} == codes
+    table = INSTALLATION
     assert {int(number) for number in re.findall(r"^\| (\d+) \|", table, re.M)} == codes
 
 
 def test_the_help_of_generate_fits_one_screen_and_the_long_one_describes_every_option(rrrgen, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     short, whole = (rrrgen("generate", flag)[1] for flag in ("--help", "--help-all"))
-    assert len(short.splitlines()) <= 40
+    assert len(short.splitlines()) <= 44
     flags = {
         max(option.opts, key=len) for option in load_command("generate").params if isinstance(option, click.Option)
     }
@@ -170,20 +170,20 @@ def test_lines_keep_to_the_terminal(command, rrrgen, monkeypatch):
     assert max(len(line) for line in text.splitlines()) <= 100
 
 
-def test_readme_speaks_of_one_robot():
+def test_the_quick_start_speaks_of_one_robot():
     """The file that is shown is the one that the commands and the C name."""
-    (named,) = re.findall(r"^name: (\w+)$", README, re.M)
-    shown = set(re.findall(r"\belbow\d\b", README, re.I))
+    (named,) = re.findall(r"^name: (\w+)$", QUICK_START, re.M)
+    shown = set(re.findall(r"\belbow\d\b", QUICK_START, re.I))
     assert {word.lower() for word in shown} == {named}
 
 
-def test_readme_lists_every_extra():
+def test_the_page_of_installation_lists_every_extra():
     import tomllib
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     for extra in set(project["optional-dependencies"]) - {"test", "bench"}:
-        assert re.search(rf"^\| `{extra}` \|", README, re.M), extra
-    assert "pip install" in README
+        assert re.search(rf"^\| `{extra}` \|", INSTALLATION, re.M), extra
+    assert "pip install" in INSTALLATION
 
 
 def test_the_main_job_installs_no_extra():

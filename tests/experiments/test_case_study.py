@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("casadi", reason="the search for exciting trajectories needs CasADi")
 pytest.importorskip("cvxpy", reason="the physically consistent estimate needs CVXPY")
 
-from pages.test_readme import commands
+from pages.test_quick_start import commands
 from rrrgen.cli.main import INTERRUPTED, run
 from rrrgen.lab.experiment.case_study import case_study
 
@@ -39,7 +39,7 @@ class Stopped(KeyboardInterrupt):
 def study(tmp_path_factory):
     """The command of the README, interrupted and repeated."""
     place = tmp_path_factory.mktemp("case")
-    (words,) = (words for words in commands("From an experiment to a validated model") if words[0] == "case-study")
+    (words,) = (words for words in commands("From an experiment to a validated model") if words[1:2] == ["case-study"])
     folder = place / words[words.index("-o") + 1]
     whole, results = case_study.run_case_study, []
 

@@ -26,7 +26,8 @@ RRR = "rrr_real q[3], dq[3], ddq[3], q_d[3], dq_d[3], ddq_d[3], tau[3];\n"
 AROUND = {
     ("docs/first-model.md", "#include <math.h>"): ("arm", "", ""),
     ("docs/index.md", "#include"): ("arm", "double q[3], dq[3], ddq[3], tau[3];", ""),
-    ("README.md", "#include"): ("elbow3", "", ""),
+    ("docs/quick-start.md", "#include"): ("elbow3", "", ""),
+    ("README.md", "#include"): ("ur5", "", "(void)g;"),
     ("docs/control.md", "rrr_nominal"): ("rrr", f"{RRR} rrr_real beta[15], com[3], inertia[9], loaded[15];", ""),
     ("docs/control.md", "rrr_computed"): (
         "rrr",
@@ -65,6 +66,12 @@ AROUND = {
         "rrr_real friction[99], tau_f[3], error[3]; rrr_rls_state estimator;",
         "",
     ),
+    ("docs/controller.md", "rrr_controller"): (
+        "rrr",
+        "#include <stdio.h>\nvoid read_arm(rrr_real *, rrr_real *), reference(rrr_real *, rrr_real *, rrr_real *);"
+        "void write_arm(const rrr_real *, int32_t);",
+        "",
+    ),
     ("docs/path-timing.md", "static panda"): (
         "panda",
         "panda_real s[1000], q[7000], q_s[7000], q_ss[7000], friction[21], beta[64], now, q_d[7], dq_d[7], ddq_d[7];"
@@ -101,7 +108,8 @@ def folders(tmp_path_factory):
     extra = ["--tuning", root / "tuning.json", "--rate", 1000, "--friction", "neural", "--estimator", "rls"]
     robots = {
         "arm": ["generate", robot_of("docs/first-model.md", root)],
-        "elbow3": ["generate", robot_of("README.md", root)],
+        "elbow3": ["generate", robot_of("docs/quick-start.md", root)],
+        "ur5": ["generate", "ur5"],
         "rrr": ["generate", "rrr", "--with", "control,controller,cpp,observer,points,trajectory", *extra],
         "panda": ["generate", "panda", "--with", "timing"],
     }

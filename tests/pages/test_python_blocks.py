@@ -26,7 +26,10 @@ poses = np.stack([T, T])
 T_far = T.copy()
 T_far[:3, 3] *= 9
 """,
+    "controller": "",
+    "from-a-csv": "",
     "other-formats": "",
+    "quick-start": "q = dq = ddq = [0.1, 0.2, 0.3]",
     "path-timing": "",
     "python": "",
     "identification": """

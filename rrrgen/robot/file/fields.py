@@ -22,7 +22,7 @@ EMIT = dict(
     sorted(
         {
             "control": "control laws: PD with gravity, computed torque, adaptive, ..",
-            "controller": "the controller as one unit: modes, observer, faults, one call a period",
+            "controller": "the controller as one unit: modes, observer, faults",
             "elastic": "dynamics and control laws with elastic joints",
             "gravity": "the model with gravity as an input: <name>_any_gravity.h",
             "hessian": "Hessians of inverse and forward dynamics, dM/dq",
