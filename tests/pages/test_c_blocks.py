@@ -19,7 +19,6 @@ WHOLE = ("quick-start", "first-model")
 """Pages whose C is a program."""
 
 WHAT_THE_PAGES_PRESUPPOSE = """\
-#include <stdio.h>
 #include <string.h>
 #define N PENDULUM_N
 static pendulum_real q[N], dq[N], ddq[N], tau[N], tau_f[N], q_d[N], dq_d[N], ddq_d[N], q_r[N], dq_r[N], ddq_r[N];

@@ -66,12 +66,6 @@ AROUND = {
         "rrr_real friction[99], tau_f[3], error[3]; rrr_rls_state estimator;",
         "",
     ),
-    ("docs/controller.md", "rrr_controller"): (
-        "rrr",
-        "#include <stdio.h>\nvoid read_arm(rrr_real *, rrr_real *), reference(rrr_real *, rrr_real *, rrr_real *);"
-        "void write_arm(const rrr_real *, int32_t);",
-        "",
-    ),
     ("docs/path-timing.md", "static panda"): (
         "panda",
         "panda_real s[1000], q[7000], q_s[7000], q_ss[7000], friction[21], beta[64], now, q_d[7], dq_d[7], ddq_d[7];"

@@ -11,7 +11,6 @@ from pages.test_pages import ROOT, blocks
 
 BEFORE = {
     "index": "",
-    "controller": "",
     "control": """
 import numpy as np, rrrgen
 m = rrrgen.compile("puma560")
