@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rrrgen.cli.terminal import say
+
 if TYPE_CHECKING:
     from http.server import ThreadingHTTPServer
 
@@ -104,7 +106,7 @@ def playground(folder: Path, runtime: Path | None, robots: tuple[str, ...], port
     if not (folder / "index.html").exists():
         raise click.UsageError(f"{folder} holds no playground; build one with --build, or with 'make playground'")
     with server(folder, port) as service:
-        click.echo(f"http://127.0.0.1:{service.server_address[1]}/ (end with Ctrl-C)")
+        say(f"http://127.0.0.1:{service.server_address[1]}/ (end with Ctrl-C)")
         service.serve_forever()
 
 

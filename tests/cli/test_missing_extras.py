@@ -119,6 +119,8 @@ PLAIN = {
     "export": ["pendulum", "--to", "urdf"],
     "calibrate": ["planar2r", "--choose", "5", "-o", "poses.csv"],
     "doctor": [],
+    "certify": ["pendulum", "-o", "certified"],
+    "playground": ["--help"],  # it serves until it is interrupted
 }
 
 
