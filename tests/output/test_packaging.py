@@ -39,6 +39,7 @@ def test_the_wheel_built_from_the_source_archive_works_from_anywhere(tmp_path):
     with tarfile.open(archive) as source:
         names = {name.partition("/")[2] for name in source.getnames()}
     assert {"templates/c/header.h.j2", "LICENSE", "README.md", "rrrgen/py.typed"} <= names
+    assert {"docs/index.md", "examples/README.md", "CITATION.cff"} <= names
     (wheel,) = tmp_path.glob("*.whl")
     installed = tmp_path / "site"
     with zipfile.ZipFile(wheel) as file:
@@ -90,3 +91,4 @@ def test_the_checkout_has_no_symbolic_links():
 def test_the_version_is_stated_alike():
     assert f'version = "{VERSION}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     assert f"## {VERSION} (" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"\nversion: {VERSION}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
