@@ -118,7 +118,7 @@ def test_modes_of_an_elastic_robot_stand_beside_the_measured_ones(recorded, tmp_
     assert [row["posture"] for row in rows] == list(POSTURES)
     assert rows[0]["measured"]["frequency"] == pytest.approx(28.0, rel=1e-3)
     assert rows[0]["deviation"] == pytest.approx(28.0 / 27.9 - 1.0, abs=1e-4)
-    assert run([*run_at[:4], "-o", str(tmp_path / "run")]) == 2
+    assert run([*run_at[:5], "-o", str(tmp_path / "run")]) == 2
     assert "belong together" in capsys.readouterr().err
     (tmp_path / "elastic.yaml").write_text("schema: rrrgen-experiment/1\nresponse: {joint: q1}\n")
     assert run([*run_at, "--fresh"]) == 3
