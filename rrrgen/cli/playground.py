@@ -61,7 +61,7 @@ def package(text: str, folder: str, words: Sequence[str], real: str) -> dict[str
     place = Path(folder)
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
-    (place / "robot.yaml").write_text(text, encoding="utf-8")
+    (place / "robot.yaml").write_text(text, encoding="utf-8", newline="\n")
     arguments = ["generate", str(place / "robot.yaml"), "-o", str(place / "out"), "-j", "1", "--no-casadi-files"]
     arguments += ["--real", real, *(["--with", ",".join(words)] if words else [])]
     printed = StringIO()
@@ -149,9 +149,9 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name in PAGE:
         text = template_text(f"playground/{name}").replace("POLICY", POLICY)
-        (folder / name).write_text(text, encoding="utf-8")
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
     for name in ("viewer.js", "style.css"):
-        (folder / name).write_text(template_text(f"report/{name}"), encoding="utf-8")
+        (folder / name).write_text(template_text(f"report/{name}"), encoding="utf-8", newline="\n")
     (folder / "pyodide").mkdir(exist_ok=True)
     for name in RUNTIME:
         shutil.copyfile(runtime / name, folder / "pyodide" / name)
@@ -160,12 +160,12 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
     for name, text in {**texts, "my_arm": OWN}.items():
         click.echo(f"deriving {name}", err=True)
         content = json.dumps(prepared(text), separators=(",", ":"))
-        (folder / "robots" / f"{name}.json").write_text(content, encoding="utf-8")
+        (folder / "robots" / f"{name}.json").write_text(content, encoding="utf-8", newline="\n")
     offered = json.dumps({"robots": [*texts, "my_arm"], "with": EMIT})
-    (folder / "offered.json").write_text(offered, encoding="utf-8")
+    (folder / "offered.json").write_text(offered, encoding="utf-8", newline="\n")
     sizes = {"compiler.zip": write_compiler(folder / "compiler.zip")}
     sizes |= {f"pyodide/{name}": (folder / "pyodide" / name).stat().st_size for name in RUNTIME}
-    (folder / "sizes.json").write_text(json.dumps(sizes), encoding="utf-8")
+    (folder / "sizes.json").write_text(json.dumps(sizes), encoding="utf-8", newline="\n")
 
 
 def write_compiler(file: Path) -> int:
