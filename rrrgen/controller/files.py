@@ -188,7 +188,7 @@ class _Calls:
         return self.function(name, given)
 
     def function(self, name: str, given: Mapping[str, str]) -> str:
-        """The call of the model function ``name`` with the expressions ``given`` by argument."""
+        """The C call of the model function ``name``; ``given`` has the C expression of each argument, by its name."""
         program = self.unit.model.programs[name]
         return f"{self.prefix}_{name}({', '.join(self._arguments(program, given))})"
 

@@ -7,7 +7,8 @@ double are not sampled.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import operator
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -20,6 +21,15 @@ from rrrgen.evidence.rounding import DOUBLE, FLOAT, Precision
 from rrrgen.program import Op, Program
 
 Array = NDArray[Any]
+
+ARITHMETIC: dict[Op, Callable[..., Any]] = {
+    Op.ADD: operator.add,
+    Op.SUB: operator.sub,
+    Op.MUL: operator.mul,
+    Op.DIV: operator.truediv,
+    Op.NEG: operator.neg,
+}
+"""The operations that every kind of number has, arrays in any precision and numbers of mpmath alike."""
 
 
 def has_wide_format(precision: Precision) -> bool:
@@ -104,16 +114,8 @@ def _evaluated(program: Program, states: Sequence[Array], precision: Precision, 
             values.append(states[port][:, element].astype(kind))
         elif op is Op.CONST:
             values.append(_literal(node.number, kind))
-        elif op is Op.ADD:
-            values.append(x[0] + x[1])
-        elif op is Op.SUB:
-            values.append(x[0] - x[1])
-        elif op is Op.MUL:
-            values.append(x[0] * x[1])
-        elif op is Op.DIV:
-            values.append(x[0] / x[1])
-        elif op is Op.NEG:
-            values.append(-x[0])
+        elif op in ARITHMETIC:
+            values.append(ARITHMETIC[op](*x))
         elif op is Op.SQRT:
             values.append(np.sqrt(x[0]))
         elif op is Op.SIN or op is Op.COS:

@@ -13,6 +13,7 @@ import mpmath
 import numpy as np
 
 from rrrgen.evidence.boxes import PortRange
+from rrrgen.evidence.sampling import ARITHMETIC
 from rrrgen.program import Op, Program
 
 _DIGITS = 50
@@ -53,16 +54,8 @@ def exact_outputs(program: Program, inputs: list[list[float]]) -> list[list[Any]
                 values.append(mpmath.mpf(inputs[port][element]))
             elif op is Op.CONST:
                 values.append(mpmath.mpf(node.number.numerator) / mpmath.mpf(node.number.denominator))
-            elif op is Op.ADD:
-                values.append(x[0] + x[1])
-            elif op is Op.SUB:
-                values.append(x[0] - x[1])
-            elif op is Op.MUL:
-                values.append(x[0] * x[1])
-            elif op is Op.DIV:
-                values.append(x[0] / x[1])
-            elif op is Op.NEG:
-                values.append(-x[0])
+            elif op in ARITHMETIC:
+                values.append(ARITHMETIC[op](*x))
             elif op is Op.SQRT:
                 values.append(mpmath.sqrt(x[0]))
             elif op is Op.SIN:

@@ -234,7 +234,7 @@ class Part:
         return len(self.t)
 
     def sliced(self, start: int, stop: int) -> Part:
-        """The samples ``start`` to ``stop`` (exclusive)."""
+        """The part that holds the samples ``start`` to ``stop`` (exclusive) of this one, all columns alike."""
         s = slice(start, stop)
         optional = (self.dq, self.ddq, self.tau, self.reference, self.reference_velocity, self.feedforward)
         dq, ddq, tau, reference, speed, fed = (None if x is None else x[s] for x in optional)
