@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from rrrgen.emit import Real
     from rrrgen.emit.c.language import Trig
     from rrrgen.emit.controller.online_estimators import Regression
+    from rrrgen.lab.data.kalman import KalmanMatrices
     from rrrgen.program import Program
     from rrrgen.robot.spec import RobotSpec
 
@@ -207,13 +208,13 @@ def controller_options(function: F) -> F:
             "--tuning",
             type=click.Path(path_type=Path, exists=True),
             help="Also write <name>_kalman.h/.c, a Kalman filter with this tuning.json of "
-            "`rrrgen experiment reconstruct`.",
+            "`rrrgen experiment reconstruct`; its gains are also those of the part kalman of --with controller.",
         ),
         click.option(
             "--rate",
             type=click.FloatRange(min=0.0, min_open=True),
             metavar="HZ",
-            help=f"Sampling rate of the controller, for --tuning and the gradient estimator; default {RATE:g}.",
+            help=f"Sampling rate of the controller; default {RATE:g}.",
         ),
         click.option(
             "--friction",
@@ -251,8 +252,6 @@ def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -
     from rrrgen.emit.c.function_files import function_files
 
     spec = model.spec
-    if options["rate"] is not None and not (options["tuning"] or "gradient" in options["estimators"]):
-        raise click.UsageError("--rate belongs to --tuning or --estimator gradient")
     options = options | {"rate": options["rate"] or RATE, "real": real}
     parts: list[tuple[str, str, list[Program]]] = []
     if options["trajectory"]:
@@ -273,12 +272,16 @@ def _unit(model: DerivedModel, any_gravity: DerivedModel | None, options: dict[s
     """The controller with the modes and parts of the options; it calls ``model`` or that with gravity as an input."""
     from rrrgen.controller.table import unit_of
 
-    modes, parts = options["modes"] or None, options["parts"] or None
+    rate, given = options["rate"] or RATE, dict[str, tuple[float, ...]]()
+    if options["tuning"] and "kalman" in options["parts"]:
+        matrices = _kalman_matrices(options["tuning"], rate, model.spec.n)
+        given["kalman_gain"] = tuple(float(value) for each in matrices for value in each.k)
+    chosen = (options["modes"] or None, options["parts"] or None, 1.0 / rate, given)
     if "any_gravity" not in options["parts"]:
-        return unit_of(model, modes, parts)
+        return unit_of(model, *chosen)
     if any_gravity is None:
         raise click.UsageError("the part any_gravity calls the model with gravity as an input: add --with gravity")
-    return unit_of(any_gravity, modes, parts)
+    return unit_of(any_gravity, *chosen)
 
 
 def _motion(path: Path, joints: int) -> Program:
@@ -297,11 +300,17 @@ def _motion(path: Path, joints: int) -> Program:
 def _kalman(path: Path, rate: float, joints: int) -> Program:
     """The Kalman filter step at ``rate`` (Hz), with the variances of a tuning.json at ``path``."""
     from rrrgen.emit.controller.filters import kalman_program
-    from rrrgen.lab.data.kalman import kalman_matrices, read_tuning
 
-    matrices = [kalman_matrices(1.0 / rate, eta, xi) for eta, xi in read_tuning(path, joints)]
+    matrices = _kalman_matrices(path, rate, joints)
     step = kalman_program([m.E.tolist() for m in matrices], [m.k.tolist() for m in matrices], 1.0 / rate)
     return step.described(name="step")
+
+
+def _kalman_matrices(path: Path, rate: float, joints: int) -> list[KalmanMatrices]:
+    """The filters of all joints at ``rate`` (Hz), with the variances of a tuning.json at ``path``."""
+    from rrrgen.lab.data.kalman import kalman_matrices, read_tuning
+
+    return [kalman_matrices(1.0 / rate, eta, xi) for eta, xi in read_tuning(path, joints)]
 
 
 def _friction(law: str, spec: RobotSpec) -> list[Program]:
@@ -483,6 +492,9 @@ def emitted(
     wanted = {*spec.emit, *further}
     if (experiment["modes"] or experiment["parts"]) and "controller" not in wanted:
         raise click.UsageError("--modes and --parts belong to --with controller")
+    users = experiment["tuning"] or "gradient" in experiment["estimators"] or "controller" in wanted
+    if experiment["rate"] is not None and not users:
+        raise click.UsageError("--rate belongs to --tuning, --estimator gradient or --with controller")
     needed = wanted | (set(UNIT_GROUPS) if "controller" in wanted else set())
     groups = ("model", *sorted(needed & set(GROUPS)))
     languages = tuple(each for each in LANGUAGES if each in wanted)
@@ -494,7 +506,7 @@ def emitted(
     checks = checks_beside(spec, groups)
     if "controller" in wanted:
         unit = _unit(model, any_gravity, experiment)
-        code |= unit_files(unit, real)
+        code |= unit_files(unit, real, trig)
         checks = (*checks, unit_check(unit))
     files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks)
     return model, files | _exported(spec, real, further)

@@ -11,10 +11,12 @@ from typing import Any
 from rrrgen.base.templates import render
 from rrrgen.base.version import VERSION
 from rrrgen.controller.layout import COUNTERS, HEAD, Place, Struct, Structs, structs
+from rrrgen.controller.programs import own_programs
 from rrrgen.controller.proposals import proposals
 from rrrgen.controller.table import MODES, PARTS, PHASES, STATUS, Field, Unit, mode_number
 from rrrgen.emit import Real
-from rrrgen.emit.c.language import Dialect, nonfinite_function
+from rrrgen.emit.c.function_files import function_files
+from rrrgen.emit.c.language import Dialect, Trig, nonfinite_function, sincos_strategy
 from rrrgen.emit.interface import Check
 from rrrgen.emit.printing import columns
 from rrrgen.program import Program
@@ -65,11 +67,13 @@ OBSERVER = {
 }  # fmt: skip
 
 
-def unit_files(unit: Unit, real: Real) -> dict[str, str]:
-    """Print ``<name>_controller.h`` and ``.c``; the functions of the model and the differential inverse kinematics are
-    those of the other emitted files."""
+def unit_files(unit: Unit, real: Real, trig: Trig = "inline") -> dict[str, str]:
+    """Print ``<name>_controller.h``, ``.c`` and ``.json``, and with them ``<name>_controller_laws.h`` and ``.c`` if
+    the unit calls functions that the model does not have. The functions of the model and the differential inverse
+    kinematics are those of the other emitted files."""
     robot = unit.model.spec.name.removesuffix("_any_gravity")
-    dialect, proposed = Dialect(f"{robot}_controller", real), proposals(unit.model)
+    dialect, proposed = Dialect(f"{robot}_controller", real), proposals(unit)
+    calls = _Calls(unit)
     laid = structs(unit, real, proposed)
     values = {
         "P": dialect.prefix,
@@ -90,7 +94,8 @@ def unit_files(unit: Unit, real: Real) -> dict[str, str]:
         "status": list(STATUS.items()),
         "phases": list(PHASES.items()),
         "reference": _references(unit),
-        "call": _Calls(unit),
+        "call": calls,
+        "laws_header": f"{calls.own_prefix}.h" if calls.own else "",
         "defaults": _default_table(laid.parameters, dialect),
         "literal": lambda value: _literal(value, dialect),
         "declaration": _declaration(dialect),
@@ -99,10 +104,11 @@ def unit_files(unit: Unit, real: Real) -> dict[str, str]:
         "version": VERSION,
         "opening": _opening(unit, dialect, laid),
         "needs_z": unit.integrators,
-        "friction_size": len(proposed["friction"]),
-        "takes_friction": not unit.has("friction") and _takes_friction(unit),
     }
     files = {f"{dialect.prefix}.{kind}": render(f"c/controller.{kind}.j2", **values) for kind in ("h", "c")}
+    if calls.own:
+        title = f"functions of {dialect.prefix}.c that {unit.model.spec.name}.h does not have"
+        files |= function_files(calls.own_prefix, title, list(calls.own.values()), real, sincos_strategy(trig))
     description = described(unit, real, laid)
     return files | {f"{dialect.prefix}.json": json.dumps(description, indent=1, allow_nan=False) + "\n"}
 
@@ -130,7 +136,7 @@ def described(unit: Unit, real: Real, laid: Structs | None = None) -> dict[str, 
 
     An infinite number is the string "inf" or "-inf".
     """
-    laid = laid or structs(unit, real, proposals(unit.model))
+    laid = laid or structs(unit, real, proposals(unit))
     parts = {"params": laid.parameters, "input": laid.input, "output": laid.output}
     return {
         "name": unit.model.spec.name.removesuffix("_any_gravity") + "_controller",
@@ -174,7 +180,8 @@ class _Calls:
     """Prints calls of the model functions: the arguments of a function, in its order, as C expressions."""
 
     def __init__(self, unit: Unit) -> None:
-        self.unit, self.prefix = unit, unit.model.spec.name
+        self.unit, self.prefix, self.own = unit, unit.model.spec.name, own_programs(unit)
+        self.own_prefix = f"{self.prefix.removesuffix('_any_gravity')}_controller_laws"
 
     def law(self, mode: str) -> str:
         """The call of the law of ``mode``."""
@@ -189,8 +196,9 @@ class _Calls:
 
     def function(self, name: str, given: Mapping[str, str]) -> str:
         """The C call of the model function ``name``; ``given`` has the C expression of each argument, by its name."""
-        program = self.unit.model.programs[name]
-        return f"{self.prefix}_{name}({', '.join(self._arguments(program, given))})"
+        program = self.own.get(name) or self.unit.model.programs[name]
+        prefix = self.own_prefix if name in self.own else self.prefix
+        return f"{prefix}_{name}({', '.join(self._arguments(program, given))})"
 
     def gravity(self, q: str, g: str) -> str:
         """The call that computes the gravity torques ``g`` at ``q``."""
@@ -204,23 +212,8 @@ class _Calls:
         known = {**given}
         if self.unit.has("any_gravity"):
             known["gravity"] = "p->gravity"
-        compensated = self.unit.has("friction")
-        known["friction"] = "p->friction" if compensated else "no_friction"
-        known["width"] = "p->friction_width" if compensated else "unit_width"
+        known |= {"friction": "p->friction", "width": "p->friction_width"}
         return [known[port.name] for port in (*program.inputs, *program.data_outputs)]
-
-
-def called_programs(unit: Unit) -> list[Program]:
-    """The model functions that the unit calls."""
-    names = [unit.law(mode) for mode in unit.modes]
-    names += ["momentum_observer", "momentum_observer_start", "contact"] if unit.has("observer") else []
-    names += ["add_payload"] if unit.has("payload") else []
-    names += ["jacobian"] if unit.has("velocity") else []
-    return [unit.model.programs[name] for name in dict.fromkeys(filter(None, names))]
-
-
-def _takes_friction(unit: Unit) -> bool:
-    return any(port.name == "friction" for program in called_programs(unit) for port in program.inputs)
 
 
 def _references(unit: Unit) -> list[tuple[int, list[tuple[str, int]]]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from rrrgen.controller.table import Unit
 from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.program import evaluate
@@ -15,7 +16,9 @@ STIFF, SOFT = 20.0, 8.0
 SPEED_POLE = 250.0
 """Pole of the filters of the speeds, 1/s; the loops are ten times slower."""
 
-PERIOD = 1e-3
+LEARNING = 0.01
+"""Share of the error of the torques that the estimator takes out in one period of a fast motion."""
+
 DIGITS = 2
 """Significant digits of proposals, so that they do not depend on the rounding of the machine that makes them."""
 
@@ -23,13 +26,13 @@ JUMP = 4.0
 """Steps of the position above this many times the largest speed times the period are no motion."""
 
 
-def proposals(model: DerivedModel) -> dict[str, tuple[float, ...]]:
-    """Defaults of gains and parameters by the name of the field; zero is left out.
+def proposals(unit: Unit) -> dict[str, tuple[float, ...]]:
+    """Defaults of gains and parameters by the name of the field; zero is left out. Those that are given stay.
 
     With the diagonal of the mass matrix at the middle of the joint limits, ``kp = w^2 M_ii`` and ``kd = 2 w M_ii``; for
     the tip, the inertia that it has along and about each axis of the base.
     """
-    spec, n = model.spec, model.spec.n
+    model, spec, n = unit.model, unit.model.spec, unit.n
     inertia, tip = _inertias(model)
     found: dict[str, tuple[float, ...]] = {
         "stop_damping": _scaled(inertia, 2.0 * STIFF),
@@ -47,10 +50,10 @@ def proposals(model: DerivedModel) -> dict[str, tuple[float, ...]]:
         "lam": (STIFF / 2.0,),
         "ik_weight": (1.0,) * 3 + ((1.0,) * 3 if n >= 6 else (0.0,) * 3),
         "speed_pole": (SPEED_POLE,),
-        "kalman_gain": _kalman_gain() * n,
+        "kalman_gain": _kalman_gain(unit.period) * n,
     }  # fmt: skip
     speeds = [joint.limits.velocity for joint in spec.joints]
-    found["q_jump"] = tuple(math.inf if v is None else _rounded(JUMP * float(v) * PERIOD) for v in speeds)
+    found["q_jump"] = tuple(math.inf if v is None else _rounded(JUMP * float(v) * unit.period) for v in speeds)
     beta = [float(value) for value in (*(model.beta_nominal or (0,) * model.b), *(model.drive_inertia_nominal or ()))]
     drives = len(model.drive_inertia_nominal or ())
     found["beta"] = tuple(beta)
@@ -59,18 +62,33 @@ def proposals(model: DerivedModel) -> dict[str, tuple[float, ...]]:
     found["beta_min"] = (*(_rounded(value - abs(value)) for value in links), *(-math.inf,) * drives)
     found["beta_max"] = (*(_rounded(value + abs(value)) for value in links), *(math.inf,) * drives)
     found["friction"] = tuple(float(value) for _, value in friction_parameters(spec))
-    return found
+    if unit.has("estimator"):
+        found["estimator_gain"] = _estimator_gain(model, beta)
+    return {**found, **unit.given}
 
 
-def _kalman_gain() -> tuple[float, ...]:
+def _kalman_gain(period: float) -> tuple[float, ...]:
     """Gains of position, speed and acceleration that give the filter three equal poles (the fading-memory filter)."""
-    pole = math.exp(-SPEED_POLE * PERIOD)
+    pole = math.exp(-SPEED_POLE * period)
     gain = (
         1.0 - pole**3,
-        1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / PERIOD,
-        (1.0 - pole) ** 3 / PERIOD**2,
+        1.5 * (1.0 - pole) ** 2 * (1.0 + pole) / period,
+        (1.0 - pole) ** 3 / period**2,
     )
     return tuple(_rounded(value, 4) for value in gain)
+
+
+def _estimator_gain(model: DerivedModel, beta: list[float]) -> tuple[float, ...]:
+    """Gains in proportion to the square of each parameter; a sample of a fast motion takes a share of LEARNING."""
+    import numpy as np
+
+    q = [_middle(joint.limits.lower, joint.limits.upper) for joint in model.spec.joints]
+    motion = {"q": q, "dq": [1.0] * len(q), "ddq": [1.0] * len(q), "gravity": [0.0, 0.0, -9.81]}
+    Y = evaluate(model.programs["regressor"], *(motion[port.name] for port in model.programs["regressor"].inputs))[0]
+    Y = np.asarray(Y)
+    largest = float(np.linalg.norm(Y * np.array(beta[: Y.shape[1]]), 2))
+    share = LEARNING / largest**2 if largest > 0.0 else 0.0
+    return tuple(_rounded(share * value * value) for value in beta)
 
 
 def _inertias(model: DerivedModel) -> tuple[list[float], list[float]]:

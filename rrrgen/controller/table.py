@@ -7,8 +7,8 @@ module: one name, one order, one default for each field.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import InputError
@@ -16,6 +16,9 @@ from rrrgen.base.yamltext.suggestions import did_you_mean
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
+
+PERIOD = 1e-3
+"""Default of the period, s."""
 
 LARGEST = 1e9
 """Bound of every parameter that has no narrower one: products of a few of them stay finite in single precision."""
@@ -91,6 +94,7 @@ ALWAYS = ("free", "gravity")
 
 PARTS = {
     "observer": "momentum observer of external torques with contact detection",
+    "estimator": "base parameters estimated online, by the gradient method, from the motion of the filter kalman",
     "kalman": "joint speeds by a filter of constant acceleration, with the gains of a steady-state Kalman filter",
     "differences": "joint speeds by filtered differences",
     "friction": "compensation of friction",
@@ -132,11 +136,17 @@ PHASES = {
 
 @dataclass(frozen=True)
 class Unit:
-    """The unit of one robot: its model, and the modes and parts that were chosen, in the order of the tables."""
+    """The unit of one robot: its model, and the modes and parts that were chosen, in the order of the tables.
+
+    ``period`` (s) is the default of ``Ts``, for which gains of filters are proposed; ``given`` are defaults of other
+    parameters that replace the proposals.
+    """
 
     model: DerivedModel
     modes: tuple[str, ...]
     parts: tuple[str, ...]
+    period: float = PERIOD
+    given: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -155,7 +165,7 @@ class Unit:
     @property
     def adapts(self) -> bool:
         """Whether the base parameters change while the controller runs."""
-        return self.has("adaptive")
+        return self.has("adaptive") or self.has("estimator")
 
     def law(self, mode: str) -> str:
         """The model function that the mode calls: the first that this robot has; "" for none."""
@@ -174,7 +184,13 @@ class Unit:
         return max(joints, self.tip_rows if self.has("operational_space") else 0)
 
 
-def unit_of(model: DerivedModel, modes: Sequence[str] | None = None, parts: Sequence[str] | None = None) -> Unit:
+def unit_of(
+    model: DerivedModel,
+    modes: Sequence[str] | None = None,
+    parts: Sequence[str] | None = None,
+    period: float = PERIOD,
+    given: Mapping[str, tuple[float, ...]] | None = None,
+) -> Unit:
     """The unit for a robot with its control laws.
 
     Args:
@@ -182,6 +198,8 @@ def unit_of(model: DerivedModel, modes: Sequence[str] | None = None, parts: Sequ
             name.
         modes: names of modes; None for all that the robot can have.
         parts: names of optional parts; None for the usual ones.
+        period: default of the period, s.
+        given: defaults of parameters by name, instead of the proposals.
 
     Raises:
         InputError: a name is unknown, a robot cannot have a mode, or two parts exclude each other.
@@ -195,6 +213,8 @@ def unit_of(model: DerivedModel, modes: Sequence[str] | None = None, parts: Sequ
     taken = _chosen("part", usual if parts is None else parts, list(PARTS))
     if "kalman" in taken and "differences" in taken:
         raise InputError("the parts 'kalman' and 'differences' exclude each other: both compute the joint speeds")
+    if "estimator" in taken and "kalman" not in taken:
+        raise InputError("the part 'estimator' needs the accelerations of the part 'kalman'")
     if ("any_gravity" in taken) != model.spec.gravity_input:
         raise InputError("the part 'any_gravity' and the model with gravity as an input belong together")
     for name in taken:
@@ -202,9 +222,8 @@ def unit_of(model: DerivedModel, modes: Sequence[str] | None = None, parts: Sequ
             raise InputError(
                 f"{model.spec.name} cannot have the part '{name}'; parts are {', '.join(available_parts(model))}"
             )
-    return Unit(
-        model, tuple(m.name for m in MODES if m.name in (*ALWAYS, *chosen)), tuple(p for p in PARTS if p in taken)
-    )
+    every = tuple(mode.name for mode in MODES if mode.name in (*ALWAYS, *chosen))
+    return Unit(model, every, tuple(part for part in PARTS if part in taken), period, dict(given or {}))
 
 
 def available_modes(model: DerivedModel) -> list[str]:
@@ -259,7 +278,7 @@ def _parameters(unit: Unit, proposed: dict[str, tuple[float, ...]]) -> Iterator[
     def gains(name: str, count: int, unit_of: str, text: str, **more: Any) -> Field:
         return Field(name, count, unit_of, text, 0.0, LARGEST, proposed.get(name, (0.0,)), **more)
 
-    yield Field("Ts", 1, "s", "period", 1e-6, 1.0, (1e-3,), array=False)
+    yield Field("Ts", 1, "s", "period", 1e-6, 1.0, (unit.period,), array=False)
     yield Field(
         "period_tolerance", 1, "", "relative deviation of the period that is allowed", 0.0, 1.0, (0.5,), array=False
     )
@@ -288,7 +307,13 @@ def _parameters(unit: Unit, proposed: dict[str, tuple[float, ...]]) -> Iterator[
                 proposed["q_jump"], infinite=True)  # fmt: skip
     yield Field("dq_max", n, SPEED, "largest speeds; INFINITY for none", 0.0, LARGEST, limit("velocity"), infinite=True)
     yield Field(
-        "rest_speed", n, SPEED, "slower joints do not move outwards for the limits of position", 0.0, LARGEST, (0.01,)
+        "rest_speed",
+        n,
+        SPEED,
+        "slower joints count as at rest: inside their limits, unused by the estimator",
+        0.0,
+        LARGEST,
+        (0.01,),
     )
     yield Field(
         "tau_max", n, TORQUE, "largest torques; INFINITY for none", 0.0, LARGEST, limit("torque"), infinite=True
@@ -320,10 +345,14 @@ def _parameters(unit: Unit, proposed: dict[str, tuple[float, ...]]) -> Iterator[
         yield gains("stiffness", 6, "N/m, N m/rad", "mode impedance: spring along and about the axes of the base")
         yield gains("damping", 6, "N s/m, N m s/rad", "damper along and about these axes")
     b = unit.model.beta_size
-    if unit.adapts:
+    if unit.has("adaptive"):
         yield gains("lam", n, "1/s", "mode adaptive: bandwidth of the error")
         yield gains("k", n, "N m s/rad | N s/m", "gains of s")
         yield gains("gamma", b, "SI", "adaptation gains, (unit of beta)^2/J; 0 for parameters to keep")
+    if unit.has("estimator"):
+        text = "estimator: gains of the parameters, (unit of beta)^2/(N m)^2; 0 for parameters to keep"
+        yield gains("estimator_gain", b, "SI", text)
+    if unit.adapts:
         yield Field(
             "beta_min",
             b,
@@ -480,6 +509,8 @@ def outputs(unit: Unit) -> list[Field]:
     if unit.has("velocity"):
         found.append(Field("q_r", n, POSITION, "mode velocity: positions that the joints follow"))
         found.append(Field("dq_r", n, SPEED, "mode velocity: speeds that the joints follow, within all limits"))
+    if unit.adapts:
+        found.append(Field("beta", unit.model.beta_size, "SI", "base parameters that the laws use"))
     for name, text, signed in (
         ("status", "set of bits, see below", False),
         ("joints", "joint k is part of the fault: bit k", False),

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rrrgen.controller.files import called_programs, described, unit_files
+from rrrgen.controller.files import described, unit_files
+from rrrgen.controller.programs import called_programs
 from rrrgen.controller.python_class import Controller
-from rrrgen.controller.table import GROUPS, Unit, unit_of
+from rrrgen.controller.table import GROUPS, PERIOD, Unit, unit_of
 from rrrgen.emit import Real
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.controller.differential_ik import differential_ik_files
@@ -27,7 +28,9 @@ def compiled_controller(
 ) -> Controller:
     """Compile the unit of the robot ``spec`` ; the other arguments are those of ``Model.controller``."""
     moved = spec.in_any_gravity() if parts is not None and "any_gravity" in parts else spec
-    unit = unit_of(derived_model(moved, GROUPS)[0], modes, parts)
+    period = parameters.get("Ts", PERIOD)
+    usable = isinstance(period, (int, float)) and 0.0 < period <= 1.0  # else the check of the parameters refuses it
+    unit = unit_of(derived_model(moved, GROUPS)[0], modes, parts, period if usable else PERIOD)
     call, name_of = _compiled(unit, real)
     return Controller(call, name_of, described(unit, real), mode, **parameters)
 

@@ -132,7 +132,7 @@ def test_generated_with_the_filter_and_its_self_test(tmp_path):
 
     from rrrgen.cli.generate import generate
 
-    words = ["--with", "controller", "--modes", "computed_torque,impedance", "--parts", "kalman,observer"]
+    words = ["--with", "controller", "--modes", "computed_torque,impedance", "--parts", "kalman,observer,estimator"]
     arguments = ["pendulum", "-o", str(tmp_path), "--real", "float", "--no-casadi-files", "-j", "1", *words]
     done = CliRunner().invoke(generate, arguments)
     assert done.exit_code == 0, done.output
@@ -144,3 +144,86 @@ def test_generated_with_the_filter_and_its_self_test(tmp_path):
     ran = subprocess.run(["./selftest"], cwd=tmp_path, capture_output=True, text=True)
     assert ran.returncode == 0, ran.stdout
     assert "ok      controller: status and phase of every fault in every mode" in ran.stdout
+
+
+def test_without_friction_the_law_is_that_of_zero_friction_and_shorter(rrr):
+    from rrrgen.controller.programs import own_programs
+    from rrrgen.controller.table import GROUPS, unit_of
+    from rrrgen.emit.targets.c_package import derived_model
+
+    model = derived_model(rrr.spec, GROUPS)[0]
+    assert not own_programs(unit_of(model, parts=["friction"]))
+    short = own_programs(unit_of(model, parts=[]))["computed_torque"]
+    assert not {"friction", "width"} & {port.name for port in short.inputs}
+    assert not any(op.value == "exp" for op, _, _ in short.nodes)
+    free = rrr.controller("computed_torque", parts=["observer"])
+    zero = rrr.controller("computed_torque", parts=["observer", "friction"], friction=0.0)
+    q, dq = np.array([0.2, -0.4, 0.3]), np.array([0.3, -0.1, 0.2])
+    for c in (free, zero):
+        c.start(q=q, dq=dq)
+    for k in range(20):
+        q_d, dq_d, ddq_d = motion(0.1 + k * Ts)
+        given = {"q": q + 1e-4 * k, "dq": dq, "q_d": q_d, "dq_d": dq_d, "ddq_d": ddq_d}
+        one, other = free.step(**given), zero.step(**given)
+        np.testing.assert_allclose(one.tau, other.tau, rtol=1e-13)
+        np.testing.assert_allclose(one.r, other.r, rtol=1e-12, atol=1e-12)
+
+
+def test_the_estimator_learns_a_payload_but_not_a_push(rrr):
+    c = rrr.controller("computed_torque", parts=["observer", "estimator", "kalman", "friction"], friction=0.0)
+    true = c.params.beta * np.where(np.arange(15) % 3 == 0, 1.3, 0.8)
+    q, dq = np.array([0.2, -0.4, 0.3]), np.zeros(3)
+    target = q.copy()
+    c.start(q=q)
+    c.set(estimator_gain=5.0 * c.params.estimator_gain)
+    gain, errors = c.params.estimator_gain.copy(), []
+    for k in range(8000):
+        a, b, d = motion(k * Ts)
+        out = c.step(q=q, q_d=target + a, dq_d=b, ddq_d=d)
+        errors.append(np.linalg.norm(target + a - q))
+        np.testing.assert_array_less(c.params.beta_min - 1e-15, out.beta)
+        dq = dq + Ts * rrr.forward_dynamics(q, dq, out.tau, beta=true)
+        q = q + Ts * dq
+    free = gain > 0
+    before, after = (np.sum((beta - true)[free] ** 2 / gain[free]) for beta in (c.params.beta, out.beta))
+    assert after < before  # directions that the motion does not excite stay
+    assert np.mean(errors[-1000:]) < 0.1 * np.mean(errors[:1000])
+    assert np.abs(rrr.gravity(q, beta=out.beta) - rrr.gravity(q, beta=true)).max() < 0.2
+    c.set(threshold=1.0)
+    learned = c.step(q=q).beta.copy()
+    for _ in range(100):  # held by a hand
+        out = c.step(q=q, q_d=target + a)
+    assert c.faults(out.status).keys() >= {"CONTACT"}
+    settled = out.beta.copy()
+    assert np.array_equal(c.step(q=q).beta, settled)
+    assert np.all(np.isfinite(learned))
+
+
+def test_gains_of_the_filter_are_those_of_the_tuning_and_the_period(rrr, tmp_path):
+    import json
+
+    from click.testing import CliRunner
+
+    from rrrgen.cli.generate import generate
+    from rrrgen.lab.data.kalman import kalman_matrices
+
+    (tmp_path / "tuning.json").write_text(json.dumps({"var_eta": [1e-10], "var_xi": [1e4]}))
+    words = ["--with", "controller", "--modes", "gravity", "--parts", "kalman", "--rate", "500"]
+    arguments = [
+        "pendulum",
+        "-o",
+        str(tmp_path / "out"),
+        "--tuning",
+        str(tmp_path / "tuning.json"),
+        "--no-casadi-files",
+    ]
+    done = CliRunner().invoke(generate, arguments + words)
+    assert done.exit_code == 0, done.output
+    written = json.loads((tmp_path / "out" / "pendulum_controller.json").read_text())
+    defaults = {row["name"]: row["default"] for row in written["structs"]["params"]["fields"]}
+    np.testing.assert_allclose(defaults["kalman_gain"], kalman_matrices(0.002, 1e-10, 1e4).k, rtol=1e-15)
+    assert defaults["Ts"] == [0.002]
+    slow, usual = (rrr.controller(parts=["kalman"], Ts=period).params.kalman_gain[0] for period in (0.004, 0.001))
+    assert slow > usual
+    with pytest.raises(InputError, match="accelerations"):
+        rrr.controller(parts=["estimator"])

@@ -143,7 +143,7 @@ class _Recorder:
         )
         along = [_dot(w, used) * f for w, f in zip(self.directions, forces, strict=True)]
         r = [[*transposed[: self.derived.b], *along][k] for k in self.estimated]
-        step, shortened = _safe_step(builder, gain, _dot(r, r), _dot(used, used))
+        step, shortened = safe_step(builder, gain, _dot(r, r), _dot(used, used))
         outputs = [
             (
                 Port("p_next", (len(r),), "SI", "", "parameters after this sample"),
@@ -248,7 +248,7 @@ def _dot(weights: Sequence[Any], values: Sequence[Any]) -> Any:
     return total
 
 
-def _safe_step(builder: Builder, gain: Any, rr: Any, ee: Any) -> tuple[Any, Any]:
+def safe_step(builder: Builder, gain: Any, rr: Any, ee: Any) -> tuple[Any, Any]:
     """Limit the gain of one step to a stable value: ``ee / rr`` instead of ``gain`` unless ``gain rr < 2 ee``.
 
     ``rr = |Y' e|^2`` and ``ee = |e|^2``, with the torque errors e of this sample. Returns the gain, and 1 if it was
