@@ -60,7 +60,7 @@ AROUND = {
         "std::array<double, 3> q, dq, tau; std::array<double, 15> beta;",
         "(void)T; (void)J;",
     ),
-    ("docs/identification.md", "rrr_kalman"): (
+    ("docs/online-estimation.md", "rrr_kalman"): (
         "rrr",
         f"{RRR} rrr_real x[9], encoder[3], q_r[3], dq_r[3], ddq_r[3], x_next[9], innovation[3];"
         "rrr_real friction[99], tau_f[3], error[3]; rrr_rls_state estimator;",

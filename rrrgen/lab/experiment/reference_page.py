@@ -23,7 +23,7 @@ allowed. Required keys are **bold**.
 _MAPPING = """\
 ## Mapping file of a recording
 
-For `--log`; examples stand in [From an experiment to a model](identification.md).
+For `--log`; examples stand in [Identify your own arm](identification.md).
 """
 _EXPERIMENT = """\
 ## Experiment file
