@@ -28,7 +28,7 @@ __attribute__((always_inline)) /* in a large file gcc would stop inlining it aft
 #endif
 static inline void rrr_sincos(rrr_real x, rrr_real *sine, rrr_real *cosine)
 {
-    if (!(RRR_SINCOS_KERNEL && fabs(x) <= (rrr_real)1.0e6)) {
+    if (!(RRR_SINCOS_KERNEL && (fabs(x) <= (rrr_real)1.0e6))) {
         *sine = sin(x);
         *cosine = cos(x);
         return;
@@ -67,7 +67,7 @@ void rrr_forward_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16])
     T[9] = c23;
     T[0] = c1*c23;
     T[8] = s23;
-    T[1] = -c1*s23;
+    T[1] = -(c1*s23);
     T[2] = s1;
     rrr_real s2;
     rrr_real c2;
@@ -75,7 +75,7 @@ void rrr_forward_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16])
     const rrr_real t1 = ((rrr_real)0.2*c2) + ((rrr_real)0.415*c23);
     T[3] = (c1*t1) + ((rrr_real)0.259*s1);
     T[4] = c23*s1;
-    T[5] = -s23*s1;
+    T[5] = -(s23*s1);
     T[6] = -c1;
     T[7] = (s1*t1) - ((rrr_real)0.259*c1);
     T[11] = ((rrr_real)0.2*s2) + (rrr_real)0.56 + ((rrr_real)0.415*s23);
@@ -106,11 +106,11 @@ void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48])
     const rrr_real t1 = c1*c2;
     T[16] = t1;
     T[24] = s2;
-    T[17] = -c1*s2;
+    T[17] = -(c1*s2);
     T[19] = ((rrr_real)0.169*s1) + ((rrr_real)0.2*t1);
     const rrr_real t2 = s1*c2;
     T[20] = t2;
-    T[21] = -s1*s2;
+    T[21] = -(s1*s2);
     T[23] = ((rrr_real)0.2*t2) - ((rrr_real)0.169*c1);
     const rrr_real t3 = ((rrr_real)0.2*s2) + (rrr_real)0.56;
     T[27] = t3;
@@ -121,11 +121,11 @@ void rrr_link_frames(const rrr_real q[3], rrr_real T[RRR_RESTRICT 48])
     T[41] = c23;
     T[32] = c1*c23;
     T[40] = s23;
-    T[33] = -c1*s23;
+    T[33] = -(c1*s23);
     const rrr_real t4 = ((rrr_real)0.2*c2) + ((rrr_real)0.415*c23);
     T[35] = (c1*t4) + ((rrr_real)0.259*s1);
     T[36] = s1*c23;
-    T[37] = -s1*s23;
+    T[37] = -(s1*s23);
     T[39] = (s1*t4) - ((rrr_real)0.259*c1);
     T[43] = t3 + ((rrr_real)0.415*s23);
     T[1] = (rrr_real)0.0;
@@ -171,12 +171,12 @@ void rrr_jacobian(const rrr_real q[3], rrr_real J[RRR_RESTRICT 18])
     J[0] = ((rrr_real)0.259*c1) - (t1*t2);
     const rrr_real t3 = s2 + ((rrr_real)2.075*s23);
     const rrr_real t4 = (rrr_real)0.2*c1;
-    J[1] = -t3*t4;
+    J[1] = -(t3*t4);
     const rrr_real t5 = (rrr_real)0.415*s23;
-    J[2] = -c1*t5;
+    J[2] = -(c1*t5);
     J[3] = ((rrr_real)0.259*s1) + (t1*t4);
-    J[4] = -t2*t3;
-    J[5] = -s1*t5;
+    J[4] = -(t2*t3);
+    J[5] = -(s1*t5);
     J[7] = (rrr_real)0.2*t1;
     J[8] = (rrr_real)0.415*c23;
     J[13] = -c1;
@@ -203,9 +203,9 @@ void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54])
     const rrr_real t1 = (rrr_real)0.2*s1;
     J[18] = ((rrr_real)0.169*c1) - (c2*t1);
     const rrr_real t2 = (rrr_real)0.2*c1;
-    J[19] = -s2*t2;
+    J[19] = -(s2*t2);
     J[21] = ((rrr_real)0.169*s1) + (c2*t2);
-    J[22] = -t1*s2;
+    J[22] = -(t1*s2);
     J[25] = (rrr_real)0.2*c2;
     J[31] = -c1;
     J[49] = J[31];
@@ -217,12 +217,12 @@ void rrr_link_jacobians(const rrr_real q[3], rrr_real J[RRR_RESTRICT 54])
     const rrr_real t3 = c2 + ((rrr_real)2.075*c23);
     J[36] = ((rrr_real)0.259*c1) - (t1*t3);
     const rrr_real t4 = s2 + ((rrr_real)2.075*s23);
-    J[37] = -t2*t4;
+    J[37] = -(t2*t4);
     const rrr_real t5 = (rrr_real)0.415*s23;
-    J[38] = -c1*t5;
+    J[38] = -(c1*t5);
     J[39] = ((rrr_real)0.259*s1) + (t2*t3);
-    J[40] = -t1*t4;
-    J[41] = -s1*t5;
+    J[40] = -(t1*t4);
+    J[41] = -(s1*t5);
     J[43] = (rrr_real)0.2*t3;
     J[44] = (rrr_real)0.415*c23;
     J[0] = (rrr_real)0.0;
@@ -299,10 +299,10 @@ void rrr_kinematics(const rrr_real q[3], rrr_real T[RRR_RESTRICT 16], rrr_real J
     const rrr_real t6 = ((rrr_real)0.2*s2) + ((rrr_real)0.415*s23);
     T[11] = t6 + (rrr_real)0.56;
     J[0] = -t5;
-    J[1] = -c1*t6;
-    J[2] = -(rrr_real)0.415*t1;
-    J[4] = -s1*t6;
-    J[5] = -(rrr_real)0.415*t4;
+    J[1] = -(c1*t6);
+    J[2] = -((rrr_real)0.415*t1);
+    J[4] = -(s1*t6);
+    J[5] = -((rrr_real)0.415*t4);
     T[10] = (rrr_real)0.0;
     T[12] = (rrr_real)0.0;
     T[13] = (rrr_real)0.0;
@@ -396,7 +396,7 @@ void rrr_coriolis_matrix(const rrr_real q[3],
     C[3] = t6 - t8;
     const rrr_real t9 = (rrr_real)0.2*(t4 - t1);
     C[4] = t9*(dq[1] - t3);
-    C[5] = -t3*t9;
+    C[5] = -(t3*t9);
     C[7] = dq[1]*t9;
     C[8] = (rrr_real)0.0;
 }
@@ -689,7 +689,7 @@ void rrr_regressor(const rrr_real q[3], const rrr_real dq[3], const rrr_real ddq
     const rrr_real t20 = dq[0]*dq[0];
     const rrr_real t21 = c2*t20;
     Y[15] = s2*t21;
-    Y[16] = -t5*t20;
+    Y[16] = -(t5*t20);
     const rrr_real t22 = (rrr_real)0.2*s2;
     const rrr_real t23 = (t6*c23) + (s23*t22);
     const rrr_real t24 = c23*t20;
@@ -706,7 +706,7 @@ void rrr_regressor(const rrr_real q[3], const rrr_real dq[3], const rrr_real ddq
     Y[35] = Y[20];
     Y[25] = ddq[0]*s2;
     Y[28] = (rrr_real)9.81*c2;
-    Y[29] = -(rrr_real)9.81*s2;
+    Y[29] = -((rrr_real)9.81*s2);
     Y[32] = (c23*t28) + (t15*t25);
     Y[33] = (t10*t25) - (s23*t28);
     Y[6] = ddq[0];
@@ -776,7 +776,7 @@ void rrr_regressor_transpose(const rrr_real q[3],
     r[12] = (t6*t7) - t21;
     const rrr_real t22 = (rrr_real)9.81*e[1];
     r[13] = c2*t22;
-    r[14] = -s2*t22;
+    r[14] = -(s2*t22);
 }
 
 void rrr_standard_regressor(const rrr_real q[3],
@@ -854,7 +854,7 @@ void rrr_standard_regressor(const rrr_real q[3],
     Y[41] = ((rrr_real)0.4*t30) + ((rrr_real)9.81*t32);
     const rrr_real t33 = t8*t27;
     Y[42] = ((rrr_real)0.4*t33) - ((rrr_real)9.81*s2) - ((rrr_real)0.169*t1);
-    Y[43] = -(rrr_real)0.2*t31;
+    Y[43] = -((rrr_real)0.2*t31);
     Y[44] = -t29;
     Y[45] = -(t33 + t33);
     const rrr_real t34 = (rrr_real)0.2*((c2*s23) - (s2*c23));
@@ -872,7 +872,7 @@ void rrr_standard_regressor(const rrr_real q[3],
     const rrr_real t44 = t18 + t43;
     const rrr_real t45 = c23 + ((rrr_real)0.020387359836901122*((t7*c23) - ((rrr_real)1.295*s23*t38)));
     const rrr_real t46 = t44 + ((rrr_real)23.638554216867469*t45);
-    Y[50] = -(rrr_real)0.415*((t34*(t37 - ((rrr_real)23.638554216867469*t40))) - (t42*t46));
+    Y[50] = -((rrr_real)0.415*((t34*(t37 - ((rrr_real)23.638554216867469*t40))) - (t42*t46)));
     const rrr_real t47 = (rrr_real)0.83*(t44 + ((rrr_real)11.819277108433734*t45));
     Y[81] = t47;
     Y[51] = (t41*t44) + t47 - (t34*t37);
@@ -886,7 +886,7 @@ void rrr_standard_regressor(const rrr_real q[3],
     Y[85] = Y[55];
     Y[80] = (rrr_real)0.172225*t46;
     Y[82] = -t49;
-    Y[83] = -(rrr_real)0.415*t23;
+    Y[83] = -((rrr_real)0.415*t23);
     Y[0] = (rrr_real)0.0;
     Y[1] = (rrr_real)0.0;
     Y[2] = (rrr_real)0.0;

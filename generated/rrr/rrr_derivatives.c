@@ -28,7 +28,7 @@ __attribute__((always_inline)) /* in a large file gcc would stop inlining it aft
 #endif
 static inline void rrr_sincos(rrr_real x, rrr_real *sine, rrr_real *cosine)
 {
-    if (!(RRR_SINCOS_KERNEL && fabs(x) <= (rrr_real)1.0e6)) {
+    if (!(RRR_SINCOS_KERNEL && (fabs(x) <= (rrr_real)1.0e6))) {
         *sine = sin(x);
         *cosine = cos(x);
         return;
@@ -138,7 +138,7 @@ void rrr_inverse_dynamics_derivatives(const rrr_real q[3],
     dtau_dv[2] = -t55;
     dtau_dv[3] = t26 - t8;
     dtau_dv[4] = t33*(t47 - t54);
-    dtau_dv[5] = -t33*t54;
+    dtau_dv[5] = -(t33*t54);
     dtau_dv[7] = t33*t47;
     M[1] = t16 + t18;
     M[3] = M[1];
@@ -239,7 +239,7 @@ void rrr_inverse_dynamics_derivatives_nominal(const rrr_real q[3],
     dtau_dv[2] = -t54;
     dtau_dv[3] = t26 - t8;
     dtau_dv[4] = t32*(t46 - t53);
-    dtau_dv[5] = -t32*t53;
+    dtau_dv[5] = -(t32*t53);
     dtau_dv[7] = t32*t46;
     M[1] = -(t16 + t18);
     M[3] = M[1];
@@ -337,7 +337,7 @@ rrr_status rrr_forward_dynamics_derivatives(const rrr_real q[3],
     const rrr_real t66 = (t65 > (rrr_real)0.0) ? (rrr_real)0.0 : (rrr_real)1.0;
     const rrr_real t67 = (t15 > (rrr_real)0.0) ? ((t59 > (rrr_real)0.0) ? t66 : (rrr_real)1.0) : (rrr_real)1.0;
     const rrr_real t68 = (t67 > (rrr_real)0.0) ? (rrr_real)0.0 : (-t60);
-    const rrr_real t69 = -(rrr_real)1.0/((t65 > (rrr_real)0.0) ? t64 : (rrr_real)1.0);
+    const rrr_real t69 = -((rrr_real)1.0/((t65 > (rrr_real)0.0) ? t64 : (rrr_real)1.0));
     const rrr_real t70 = (t67 > (rrr_real)0.0) ? (rrr_real)0.0 : t69;
     const rrr_real t71 = t62 - (t57*t63);
     const rrr_real t72 = t57*t68;
@@ -477,7 +477,7 @@ rrr_status rrr_forward_dynamics_derivatives_nominal(const rrr_real q[3],
     const rrr_real t65 = (t64 > (rrr_real)0.0) ? (rrr_real)0.0 : (rrr_real)1.0;
     const rrr_real t66 = (t15 > (rrr_real)0.0) ? ((t58 > (rrr_real)0.0) ? t65 : (rrr_real)1.0) : (rrr_real)1.0;
     const rrr_real t67 = (t66 > (rrr_real)0.0) ? (rrr_real)0.0 : (-t59);
-    const rrr_real t68 = -(rrr_real)1.0/((t64 > (rrr_real)0.0) ? t63 : (rrr_real)1.0);
+    const rrr_real t68 = -((rrr_real)1.0/((t64 > (rrr_real)0.0) ? t63 : (rrr_real)1.0));
     const rrr_real t69 = (t66 > (rrr_real)0.0) ? (rrr_real)0.0 : t68;
     const rrr_real t70 = (t56*t62) - t61;
     const rrr_real t71 = t56*t67;

@@ -28,8 +28,8 @@
 static rrr_real rrr_ik_wrap(rrr_real x)
 {
     x -= (rrr_real)6.283185307179586 * (rrr_real)((x > (rrr_real)3.141592653589793) - (x <= (rrr_real)-3.141592653589793)); /* enough for |x| up to 3 pi */
-    if (x > (rrr_real)3.141592653589793 || x <= (rrr_real)-3.141592653589793) {
-        x -= (rrr_real)6.283185307179586 * floor(x * (rrr_real)0.15915494309189535 + (rrr_real)0.5);
+    if ((x > (rrr_real)3.141592653589793) || (x <= (rrr_real)-3.141592653589793)) {
+        x -= (rrr_real)6.283185307179586 * floor((x * (rrr_real)0.15915494309189535) + (rrr_real)0.5);
     }
     return x;
 }
@@ -39,22 +39,29 @@ static rrr_real rrr_ik_wrap(rrr_real x)
  * of pi/4, turn is +1 or -1 and the arc at most pi/8; start and arc are computed in parallel. */
 static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
 {
-    const rrr_real ax = fabs(x), ay = fabs(y);
-    const rrr_real small = ax < ay ? ax : ay, large = ax > ay ? ax : ay;
+    const rrr_real ax = fabs(x);
+    const rrr_real ay = fabs(y);
+    const rrr_real small = (ax < ay) ? ax : ay;
+    const rrr_real large = (ax > ay) ? ax : ay;
     const rrr_real sense = copysign((rrr_real)1, (rrr_real)0 + y); /* +1 for y = -0 */
-    const rrr_real front = copysign((rrr_real)1, x), flat = -copysign((rrr_real)1, ay - ax);
-    const rrr_real half = copysign((rrr_real)0.5, (rrr_real)0.41421356237309503 * large - small), beyond = (rrr_real)0.5 - half; /* tan(pi/8) */
+    const rrr_real front = copysign((rrr_real)1, x);
+    const rrr_real flat = -copysign((rrr_real)1, ay - ax);
+    const rrr_real half = copysign((rrr_real)0.5, ((rrr_real)0.41421356237309503 * large) - small);
+    const rrr_real beyond = (rrr_real)0.5 - half; /* tan(pi/8) */
     const rrr_real axis = flat * ((rrr_real)0.5 + half); /* the arc is measured from the x axis (1), the diagonal (0) or the y axis (-1) */
-    const rrr_real start = sense * ((rrr_real)1.5707963267948966 - front * ((rrr_real)0.7853981633974483 + (rrr_real)0.7853981633974483 * axis));
+    const rrr_real start = sense * ((rrr_real)1.5707963267948966 - (front * ((rrr_real)0.7853981633974483 + ((rrr_real)0.7853981633974483 * axis))));
     const rrr_real turn = sense * front * flat;
-    const rrr_real t = (small - beyond * large) / (large + (rrr_real)1e-300 + beyond * small); /* the tiny constant avoids 0 / 0 */
-    const rrr_real s = turn * t, u = t * t, v = u * u, w = v * v;
-    const rrr_real p0 = (rrr_real)-0.333333333333332 + u * (rrr_real)0.19999999999953244;
-    const rrr_real p1 = (rrr_real)-0.14285714280166237 + u * (rrr_real)0.11111110782140723;
-    const rrr_real p2 = (rrr_real)-0.09090897724893458 + u * (rrr_real)0.07692059711868017;
-    const rrr_real p3 = (rrr_real)-0.06663099148471298 + u * (rrr_real)0.05847858920620302;
-    const rrr_real p4 = (rrr_real)-0.050391890304237796 + u * (rrr_real)0.038062108726007564 + v * (rrr_real)-0.017905009476816506;
-    return start + (s + s * u * ((p0 + v * p1) + w * ((p2 + v * p3) + w * p4)));
+    const rrr_real t = (small - (beyond * large)) / (large + (rrr_real)1e-300 + (beyond * small)); /* the tiny constant avoids 0 / 0 */
+    const rrr_real s = turn * t;
+    const rrr_real u = t * t;
+    const rrr_real v = u * u;
+    const rrr_real w = v * v;
+    const rrr_real p0 = (rrr_real)-0.333333333333332 + (u * (rrr_real)0.19999999999953244);
+    const rrr_real p1 = (rrr_real)-0.14285714280166237 + (u * (rrr_real)0.11111110782140723);
+    const rrr_real p2 = (rrr_real)-0.09090897724893458 + (u * (rrr_real)0.07692059711868017);
+    const rrr_real p3 = (rrr_real)-0.06663099148471298 + (u * (rrr_real)0.05847858920620302);
+    const rrr_real p4 = (rrr_real)-0.050391890304237796 + (u * (rrr_real)0.038062108726007564) + (v * (rrr_real)-0.017905009476816506);
+    return start + (s + (s * u * ((p0 + (v * p1)) + (w * ((p2 + (v * p3)) + (w * p4))))));
 }
 
 /* atan2 of count pairs of sine and cosine; the loop is written so that compilers vectorize it. */
@@ -71,21 +78,21 @@ static int rrr_ik_root(rrr_real w2, rrr_real size, rrr_real slack, rrr_real *w, 
 {
     if (w2 > (rrr_real)0) {
         *w = sqrt(w2);
-        if (w2 <= RRR_IK_TOL_MERGE * size) { /* a conditional value would be computed for every root */
+        if (w2 <= (RRR_IK_TOL_MERGE * size)) { /* a conditional value would be computed for every root */
             *flags |= (unsigned)RRR_IK_NEAR;
         }
         return 2;
     }
     *w = (rrr_real)0;
     *flags |= (unsigned)RRR_IK_MULTIPLE;
-    return w2 >= -slack * size ? 1 : 0;
+    return (w2 >= (-slack * size)) ? 1 : 0;
 }
 
 /* Solves cos(e) = k for w = sin(e) >= 0, where w^2 = w2. Returns the number of roots; for a double root k becomes -1 or 1. */
 static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, unsigned *flags)
 {
     const int n = rrr_ik_root(w2, (rrr_real)1, slack, w, flags);
-    *k = n == 1 ? copysign((rrr_real)1, *k) : *k;
+    *k = (n == 1) ? copysign((rrr_real)1, *k) : *k;
     return n;
 }
 
@@ -95,13 +102,13 @@ static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, 
  * may be zero but for the error of the target. `unit` is the natural size of a, b and k. */
 static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr_real unit, rrr_real ref, rrr_real least, unsigned open, unsigned none, rrr_real slack, rrr_real *w, unsigned *flags)
 {
-    const rrr_real h2 = *a * *a + *b * *b;
-    if (h2 <= RRR_IK_TOL_DOUBT * unit * (RRR_IK_TOL_DOUBT * unit)) {
+    const rrr_real h2 = (*a * *a) + (*b * *b);
+    if (h2 <= (RRR_IK_TOL_DOUBT * unit * (RRR_IK_TOL_DOUBT * unit))) {
         *flags |= open;
-        if (h2 <= least * unit * (least * unit)) {
+        if (h2 <= (least * unit * (least * unit))) {
             *w = (rrr_real)0;
             *flags |= none;
-            if (!(*k * *k <= slack * unit * unit)) {
+            if (!((*k * *k) <= (slack * unit * unit))) {
                 return 0;
             }
             *a = cos(ref);
@@ -112,9 +119,9 @@ static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr
     }
     { /* square root and quotient are independent, so that the processor can overlap them */
         const rrr_real i = (rrr_real)1 / h2;
-        const int n = rrr_ik_root(w2 >= (rrr_real)0 ? w2 : h2 - *k * *k, h2, slack, w, flags);
+        const int n = rrr_ik_root((w2 >= (rrr_real)0) ? w2 : (h2 - (*k * *k)), h2, slack, w, flags);
         *w *= i;
-        *k = (n == 1 ? copysign(sqrt(h2), *k) : *k) * i;
+        *k = ((n == 1) ? copysign(sqrt(h2), *k) : *k) * i;
         return n;
     }
 }
@@ -131,10 +138,11 @@ static const rrr_real rrr_ik_fixed[4][12] = {
 static void rrr_ik_advance(rrr_real x[12], const rrr_real f[12])
 {
     rrr_real y[12];
-    int i, j;
+    int i;
+    int j;
     for (i = 0; i < 3; ++i) {
         for (j = 0; j < 4; ++j) {
-            y[4 * i + j] = x[4 * i] * f[j] + x[4 * i + 1] * f[4 + j] + x[4 * i + 2] * f[8 + j] + (j == 3 ? x[4 * i + 3] : (rrr_real)0);
+            y[(4 * i) + j] = (x[4 * i] * f[j]) + (x[(4 * i) + 1] * f[4 + j]) + (x[(4 * i) + 2] * f[8 + j]) + ((j == 3) ? x[(4 * i) + 3] : (rrr_real)0);
         }
     }
     for (i = 0; i < 12; ++i) {
@@ -146,42 +154,49 @@ static void rrr_ik_advance(rrr_real x[12], const rrr_real f[12])
  * for the joints that are held (bits). Returns the squared error |e|^2. */
 static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3], rrr_real J[3][3], unsigned held)
 {
-    rrr_real x[12], axis[3][6], cost = (rrr_real)0;
-    int i, k;
+    rrr_real x[12];
+    rrr_real axis[3][6];
+    rrr_real cost = (rrr_real)0;
+    int i;
+    int k;
     for (i = 0; i < 12; ++i) {
         x[i] = rrr_ik_fixed[0][i];
     }
     for (k = 0; k < 3; ++k) {
         const rrr_real raw = q[k];
         for (i = 0; i < 3; ++i) {
-            axis[k][i] = x[4 * i + 2];
-            axis[k][3 + i] = x[4 * i + 3];
+            axis[k][i] = x[(4 * i) + 2];
+            axis[k][3 + i] = x[(4 * i) + 3];
         }
         {
-            const rrr_real c = cos(raw), s = sin(raw);
+            const rrr_real c = cos(raw);
+            const rrr_real s = sin(raw);
             for (i = 0; i < 3; ++i) {
-                const rrr_real u = x[4 * i], v = x[4 * i + 1];
-                x[4 * i] = u * c + v * s;
-                x[4 * i + 1] = v * c - u * s;
+                const rrr_real u = x[4 * i];
+                const rrr_real v = x[(4 * i) + 1];
+                x[4 * i] = (u * c) + (v * s);
+                x[(4 * i) + 1] = (v * c) - (u * s);
             }
         }
         rrr_ik_advance(x, rrr_ik_fixed[k + 1]);
     }
     for (i = 0; i < 3; ++i) {
-        e[i] = (T[i] - x[4 * i + 3]) / RRR_IK_TOL_REACH;
+        e[i] = (T[i] - x[(4 * i) + 3]) / RRR_IK_TOL_REACH;
     }
     for (i = 0; i < 3; ++i) {
         cost += e[i] * e[i];
     }
     for (k = 0; k < 3; ++k) {
         const rrr_real *z = axis[k];
-        const rrr_real r0 = x[3] - z[3], r1 = x[7] - z[4], r2 = x[11] - z[5];
-        J[0][k] = (z[1] * r2 - z[2] * r1) / RRR_IK_TOL_REACH;
-        J[1][k] = (z[2] * r0 - z[0] * r2) / RRR_IK_TOL_REACH;
-        J[2][k] = (z[0] * r1 - z[1] * r0) / RRR_IK_TOL_REACH;
+        const rrr_real r0 = x[3] - z[3];
+        const rrr_real r1 = x[7] - z[4];
+        const rrr_real r2 = x[11] - z[5];
+        J[0][k] = ((z[1] * r2) - (z[2] * r1)) / RRR_IK_TOL_REACH;
+        J[1][k] = ((z[2] * r0) - (z[0] * r2)) / RRR_IK_TOL_REACH;
+        J[2][k] = ((z[0] * r1) - (z[1] * r0)) / RRR_IK_TOL_REACH;
     }
     for (k = 0; k < 3; ++k) {
-        for (i = 0; i < 3 && ((held >> k) & 1u) != 0u; ++i) {
+        for (i = 0; (i < 3) && (((held >> k) & 1u) != 0u); ++i) {
             J[i][k] = (rrr_real)0;
         }
     }
@@ -191,29 +206,34 @@ static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3]
 /* Damped Gauss-Newton step: the d that minimizes |J d - e|^2 + damping^2 |d|^2, by Householder reflections. */
 static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping, rrr_real d[3])
 {
-    rrr_real A[6][3], b[6];
-    int i, j, k;
+    rrr_real A[6][3];
+    rrr_real b[6];
+    int i;
+    int j;
+    int k;
     for (i = 0; i < 6; ++i) {
-        b[i] = i < 3 ? e[i] : (rrr_real)0;
+        b[i] = (i < 3) ? e[i] : (rrr_real)0;
         for (j = 0; j < 3; ++j) {
-            A[i][j] = i < 3 ? J[i][j] : (i - 3 == j ? damping : (rrr_real)0);
+            A[i][j] = (i < 3) ? J[i][j] : (((i - 3) == j) ? damping : (rrr_real)0);
         }
     }
     for (k = 0; k < 3; ++k) {
-        rrr_real h2 = (rrr_real)0, h, f;
-        for (i = k; i <= 3 + k; ++i) { /* rows below are still zero in this column */
+        rrr_real h2 = (rrr_real)0;
+        rrr_real h;
+        rrr_real f;
+        for (i = k; i <= (3 + k); ++i) { /* rows below are still zero in this column */
             h2 += A[i][k] * A[i][k];
         }
-        h = A[k][k] > (rrr_real)0 ? -sqrt(h2) : sqrt(h2);
+        h = (A[k][k] > (rrr_real)0) ? -sqrt(h2) : sqrt(h2);
         f = h * (A[k][k] - h);
         A[k][k] -= h;
         for (j = k + 1; j <= 3; ++j) {
             rrr_real t = (rrr_real)0;
-            for (i = k; i <= 3 + k; ++i) {
-                t += A[i][k] * (j < 3 ? A[i][j] : b[i]);
+            for (i = k; i <= (3 + k); ++i) {
+                t += A[i][k] * ((j < 3) ? A[i][j] : b[i]);
             }
             t /= f;
-            for (i = k; i <= 3 + k; ++i) {
+            for (i = k; i <= (3 + k); ++i) {
                 if (j < 3) {
                     A[i][j] += t * A[i][k];
                 } else {
@@ -238,34 +258,41 @@ static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping,
  * configuration found; returns its squared error. */
 static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_real damping, unsigned held)
 {
-    rrr_real x[3], e[3], J[3][3], best, cost;
-    int i, step, worse = 0;
+    rrr_real x[3];
+    rrr_real e[3];
+    rrr_real J[3][3];
+    rrr_real best;
+    rrr_real cost;
+    int i;
+    int step;
+    int worse = 0;
     for (i = 0; i < 3; ++i) {
         x[i] = q[i];
     }
     best = cost = rrr_ik_error(T, x, e, J, held);
-    for (step = 0; step < steps && best > RRR_IK_TOL_DONE && damping < (rrr_real)1e6; ++step) {
-        rrr_real d[3] = {(rrr_real)0}, most = (rrr_real)1;
-        rrr_ik_step(J, e, damping * sqrt(cost) + RRR_IK_TOL_EPS, d);
+    for (step = 0; (step < steps) && (best > RRR_IK_TOL_DONE) && (damping < (rrr_real)1e6); ++step) {
+        rrr_real d[3] = {0};
+        rrr_real most = (rrr_real)1;
+        rrr_ik_step(J, e, (damping * sqrt(cost)) + RRR_IK_TOL_EPS, d);
         for (i = 0; i < 3; ++i) {
-            most = fabs(d[i]) > most ? fabs(d[i]) : most;
+            most = (fabs(d[i]) > most) ? fabs(d[i]) : most;
         }
         for (i = 0; i < 3; ++i) { /* limit the step to one radian or one reach */
             x[i] += d[i] / most;
         }
         cost = rrr_ik_error(T, x, e, J, held);
         if (cost < best) {
-            const int stuck = cost > (rrr_real)0.999999999 * best && damping > (rrr_real)1; /* at the minimum, which is not zero */
+            const int stuck = (cost > ((rrr_real)0.999999999 * best)) && (damping > (rrr_real)1); /* at the minimum, which is not zero */
             for (i = 0; i < 3; ++i) {
                 q[i] = x[i];
             }
             best = cost;
             worse = 0;
-            damping = damping > (rrr_real)0.01 ? (rrr_real)0.2 * damping : damping;
+            damping = (damping > (rrr_real)0.01) ? ((rrr_real)0.2 * damping) : damping;
             if (stuck) {
                 break;
             }
-        } else if (++worse > 3 || !(cost < (rrr_real)1e4)) {
+        } else if ((++worse > 3) || !(cost < (rrr_real)1e4)) {
             for (i = 0; i < 3; ++i) {
                 x[i] = q[i];
             }
@@ -284,26 +311,32 @@ static int rrr_ik_branches(
     const rrr_real *T, const rrr_real *ref, rrr_real slack, rrr_real least, rrr_ik_solutions *found, int *stage)
 {
     int rows = 0;
-    rrr_real sine[8] = {(rrr_real)0}, cosine[8] = {(rrr_real)0}, angle[8];
+    rrr_real sine[8] = {0};
+    rrr_real cosine[8] = {0};
+    rrr_real angle[8];
     int i;
     const rrr_real pz = T[2] - (rrr_real)0.56;
-    rrr_real a1 = -T[1], b1 = T[0], k1 = (rrr_real)0.259, w1;
+    rrr_real a1 = -T[1];
+    rrr_real b1 = T[0];
+    rrr_real k1 = (rrr_real)0.259;
+    rrr_real w1;
     unsigned f1 = 0u;
     const int n1 = rrr_ik_linear(&a1, &b1, &k1, (rrr_real)-1, (rrr_real)1.3536469121517312, ref[0], least, 256u, (unsigned)RRR_IK_FREE | 65792u, slack, &w1, &f1);
-    if (n1 == 0) { *stage = *stage < 1 ? 1 : *stage; return 0; }
+    if (n1 == 0) { *stage = (*stage < 1) ? 1 : *stage; return 0; }
     const rrr_real t1 = a1*k1;
     const rrr_real t2 = b1*k1;
     const rrr_real t3 = pz*pz;
     const rrr_real r = (T[0]*T[0]) + (T[1]*T[1]) + t3;
-    rrr_real k3 = (rrr_real)6.024096385542168*(r - (rrr_real)0.279306), w3;
+    rrr_real k3 = (rrr_real)6.024096385542168*(r - (rrr_real)0.279306);
+    rrr_real w3;
     unsigned f3 = 0u;
     const int n3 = rrr_ik_cosine(&k3, ((rrr_real)1.0 - k3)*(k3 + (rrr_real)1.0), slack, &w3, &f3);
-    if (n3 == 0) { *stage = *stage < 2 ? 2 : *stage; return 0; }
+    if (n3 == 0) { *stage = (*stage < 2) ? 2 : *stage; return 0; }
     const rrr_real vx = ((rrr_real)0.415*k3) + (rrr_real)0.2;
     const rrr_real t4 = vx*vx;
     const rrr_real t5 = pz*vx;
     for (int i1 = 0; i1 < n1; ++i1) {
-        const rrr_real v1 = i1 == 0 ? -w1 : w1;
+        const rrr_real v1 = (i1 == 0) ? -w1 : w1;
         const rrr_real c1 = t1 - (b1*v1);
         const rrr_real s1 = t2 + (a1*v1);
         cosine[i1] = c1;
@@ -315,24 +348,26 @@ static int rrr_ik_branches(
         const rrr_real t7 = (rrr_real)0.259 - uz;
         const rrr_real t8 = t7*t7;
         for (int i3 = 0; i3 < n3; ++i3) {
-            const rrr_real v3 = i3 == 0 ? w3 : -w3;
+            const rrr_real v3 = (i3 == 0) ? w3 : -w3;
             cosine[2 + i3] = k3;
             sine[2 + i3] = v3;
             const rrr_real vy = (rrr_real)0.415*v3;
             const rrr_real from2 = sqrt(t4 + (vy*vy));
             const rrr_real size2 = from2*onto2;
-            rrr_real a2 = t6 + (pz*vy), b2 = t5 - (ux*vy);
+            rrr_real a2 = t6 + (pz*vy);
+            rrr_real b2 = t5 - (ux*vy);
             unsigned f2 = 0u;
-            if (size2 <= (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312)) {
+            if (size2 <= ((RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312))) {
                 f2 = 512u;
-                if (size2 <= (least * (rrr_real)1.3536469121517312) * (least * (rrr_real)1.3536469121517312)) {
+                if (size2 <= ((least * (rrr_real)1.3536469121517312) * (least * (rrr_real)1.3536469121517312))) {
                     const rrr_real x2 = ref[1];
                     f2 = (unsigned)RRR_IK_FREE | 131584u;
-                    a2 = cos(x2); b2 = sin(x2);
+                    a2 = cos(x2);
+                    b2 = sin(x2);
                 }
             }
-            cosine[4 + 2 * i1 + i3] = a2;
-            sine[4 + 2 * i1 + i3] = b2;
+            cosine[4 + (2 * i1) + i3] = a2;
+            sine[4 + (2 * i1) + i3] = b2;
             const rrr_real t9 = from2 - onto2;
             const rrr_real error = (rrr_real)0.5457442971434324*((t9*t9) + t8);
             found->flags[rows] = f1 | f3 | f2;
@@ -346,7 +381,7 @@ static int rrr_ik_branches(
     for (int i1 = 0; i1 < n1; ++i1) {
         for (int i3 = 0; i3 < n3; ++i3) {
             found->q[i][0] = angle[i1];
-            found->q[i][1] = angle[4 + 2 * i1 + i3];
+            found->q[i][1] = angle[4 + (2 * i1) + i3];
             found->q[i][2] = angle[2 + i3];
             ++i;
         }
@@ -363,8 +398,9 @@ static int rrr_ik_branches(
  * a joint is outside its limits for every multiple. */
 static int rrr_ik_place(rrr_real q[3], const rrr_real *ref)
 {
-    int inside = 1, i;
-    for (i = 0; ref && i < 3; ++i) {
+    int inside = 1;
+    int i;
+    for (i = 0; ref && (i < 3); ++i) {
         q[i] = ref[i] + rrr_ik_wrap(q[i] - ref[i]);
     }
     return inside;
@@ -377,14 +413,15 @@ static rrr_real rrr_ik_apart(const rrr_real *a, const rrr_real *b)
     int i;
     for (i = 0; i < 3; ++i) {
         const rrr_real d = fabs(rrr_ik_wrap(a[i] - b[i]));
-        most = d > most ? d : most;
+        most = (d > most) ? d : most;
     }
     return most;
 }
 
 static void rrr_ik_exchange(rrr_ik_solutions *out, int i, int j)
 {
-    const unsigned flags = out->flags[i], branch = out->branch[i];
+    const unsigned flags = out->flags[i];
+    const unsigned branch = out->branch[i];
     const rrr_real residual = out->residual[i];
     int k;
     out->flags[i] = out->flags[j];
@@ -403,7 +440,7 @@ static void rrr_ik_exchange(rrr_ik_solutions *out, int i, int j)
 static void rrr_ik_move(const rrr_ik_solutions *from, int i, rrr_ik_solutions *out, int to)
 {
     int k;
-    if (from != out || to != i) {
+    if ((from != out) || (to != i)) {
         for (k = 0; k < 3; ++k) {
             out->q[to][k] = from->q[i][k];
         }
@@ -417,14 +454,16 @@ static void rrr_ik_move(const rrr_ik_solutions *from, int i, rrr_ik_solutions *o
 static void rrr_ik_sort(const rrr_real *ref, rrr_ik_solutions *out)
 {
     rrr_real away[4];
-    int i, j, k;
+    int i;
+    int j;
+    int k;
     for (i = 0; i < out->count; ++i) {
         away[i] = (rrr_real)0;
         for (k = 0; k < 3; ++k) {
             const rrr_real d = (out->q[i][k] - (ref ? ref[k] : (rrr_real)0));
             away[i] += d * d;
         }
-        for (j = i; j > 0 && away[j] < away[j - 1]; --j) {
+        for (j = i; (j > 0) && (away[j] < away[j - 1]); --j) {
             const rrr_real d = away[j];
             away[j] = away[j - 1];
             away[j - 1] = d;
@@ -464,7 +503,7 @@ static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref,
         T[i] = target[i];
         sum += target[i] * (rrr_real)0;
     }
-    for (i = 0; q_ref && i < 3; ++i) {
+    for (i = 0; q_ref && (i < 3); ++i) {
         sum += q_ref[i] * (rrr_real)0;
     }
     if (!(sum <= (rrr_real)0)) {
@@ -477,7 +516,7 @@ static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref,
 static int rrr_ik_far(const rrr_real *T)
 {
     const rrr_real bound = (rrr_real)1353646.912151731;
-    return !(fabs(T[0]) < bound && fabs(T[1]) < bound && fabs(T[2]) < bound);
+    return !((fabs(T[0]) < bound) && (fabs(T[1]) < bound) && (fabs(T[2]) < bound));
 }
 
 /* Minimizes the task error from every branch (with negative discriminants set to zero), from the reference and from a few
@@ -487,31 +526,35 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
 {
     rrr_ik_solutions found;
     rrr_real best = (rrr_real)1e30; /* no start has been tried */
-    int stage = 0, start, i, kept = 0;
+    int stage = 0;
+    int start;
+    int i;
+    int kept = 0;
     const int rows = rrr_ik_branches(T, ref, (rrr_real)1e30, RRR_IK_TOL_FREE, &found, &stage);
-    for (start = 0; start < rows + 6 && kept < 4; ++start) {
-        rrr_real x[3], cost;
-        if (start == rows && kept > 0) {
+    for (start = 0; (start < (rows + 6)) && (kept < 4); ++start) {
+        rrr_real x[3];
+        rrr_real cost;
+        if ((start == rows) && (kept > 0)) {
             break;
         }
         for (i = 0; i < 3; ++i) {
-            x[i] = start < rows ? found.q[start][i] : ref[i] + (start > rows ? (rrr_real)2.0 * sin((rrr_real)(start * (i + 1))) : (rrr_real)0);
+            x[i] = (start < rows) ? found.q[start][i] : (ref[i] + ((start > rows) ? ((rrr_real)2.0 * sin((rrr_real)(start * (i + 1)))) : (rrr_real)0));
         }
         cost = rrr_ik_refine(T, x, 200, (rrr_real)0.1, 0u);
-        if (cost < best || (cost <= RRR_IK_TOL_ACCEPT && kept > 0)) {
-            best = cost < best ? cost : best;
+        if ((cost < best) || ((cost <= RRR_IK_TOL_ACCEPT) && (kept > 0))) {
+            best = (cost < best) ? cost : best;
             for (i = 0; i < 3; ++i) {
                 out->q[kept][i] = x[i];
             }
-            out->branch[kept] = start < rows ? found.branch[start] : 0u;
-            out->flags[kept] = cost > RRR_IK_TOL_ACCEPT ? (unsigned)RRR_IK_INEXACT : (unsigned)RRR_IK_MULTIPLE;
+            out->branch[kept] = (start < rows) ? found.branch[start] : 0u;
+            out->flags[kept] = (cost > RRR_IK_TOL_ACCEPT) ? (unsigned)RRR_IK_INEXACT : (unsigned)RRR_IK_MULTIPLE;
             out->residual[kept] = cost;
-            if (cost <= RRR_IK_TOL_ACCEPT && !rrr_ik_repeated(out, kept)) {
+            if ((cost <= RRR_IK_TOL_ACCEPT) && !rrr_ik_repeated(out, kept)) {
                 ++kept;
             }
         }
     }
-    out->distance = kept > 0 ? (rrr_real)0 : sqrt(best) * RRR_IK_TOL_REACH;
+    out->distance = (kept > 0) ? (rrr_real)0 : (sqrt(best) * RRR_IK_TOL_REACH);
     return kept;
 }
 
@@ -531,7 +574,11 @@ static void rrr_ik_take(const rrr_ik_solutions *from, int i, rrr_ik_solutions *o
  * at most `steps` damped Gauss-Newton steps. Gives up where two steps do not halve the error, and returns 0. */
 static int rrr_ik_reaches(const rrr_real *T, rrr_real *x, rrr_real goal, int steps, unsigned held)
 {
-    rrr_real e[3], J[3][3], d[3], cost = (rrr_real)0, before = (rrr_real)0;
+    rrr_real e[3];
+    rrr_real J[3][3];
+    rrr_real d[3];
+    rrr_real cost = (rrr_real)0;
+    rrr_real before = (rrr_real)0;
     int i;
     for (;; --steps) {
         const rrr_real earlier = before;
@@ -541,12 +588,12 @@ static int rrr_ik_reaches(const rrr_real *T, rrr_real *x, rrr_real goal, int ste
         if (cost <= goal) {
             return 1;
         }
-        if (steps == 0 || (earlier > (rrr_real)0 && !((rrr_real)4 * cost < earlier))) {
+        if ((steps == 0) || ((earlier > (rrr_real)0) && !(((rrr_real)4 * cost) < earlier))) {
             return 0;
         }
-        rrr_ik_step(J, e, (rrr_real)0.01 * sqrt(cost) + RRR_IK_TOL_EPS, d);
+        rrr_ik_step(J, e, ((rrr_real)0.01 * sqrt(cost)) + RRR_IK_TOL_EPS, d);
         for (i = 0; i < 3; ++i) {
-            most = fabs(d[i]) > most ? fabs(d[i]) : most;
+            most = (fabs(d[i]) > most) ? fabs(d[i]) : most;
         }
         for (i = 0; i < 3; ++i) {
             x[i] += d[i] / most;
@@ -559,22 +606,24 @@ static int rrr_ik_reaches(const rrr_real *T, rrr_real *x, rrr_real goal, int ste
 static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_solutions *found, int i)
 {
     unsigned held = RRR_IK_HELD(found->flags[i]);
-    int j, k, side;
-    if (held == 0u && !(found->residual[i] <= RRR_IK_TOL_TIGHT && found->residual[i] >= (rrr_real)0)) {
+    int j;
+    int k;
+    int side;
+    if ((held == 0u) && !((found->residual[i] <= RRR_IK_TOL_TIGHT) && (found->residual[i] >= (rrr_real)0))) {
         found->residual[i] = rrr_ik_refine(T, found->q[i], 12, (rrr_real)0.01, 0u);
     }
     for (j = 0; j < 3; ++j) {
-        for (side = -1; side <= 1 && ((found->flags[i] >> (8 + j)) & ~(held >> j) & 1u) != 0u; side += 2) {
+        for (side = -1; (side <= 1) && (((found->flags[i] >> (8 + j)) & ~(held >> j) & 1u) != 0u); side += 2) {
             rrr_real q[3];
             for (k = 0; k < 3; ++k) {
-                q[k] = found->q[i][k] + (k == j ? (rrr_real)side * (rrr_real)0.01 : (rrr_real)0);
+                q[k] = found->q[i][k] + ((k == j) ? ((rrr_real)side * (rrr_real)0.01) : (rrr_real)0);
             }
             if (rrr_ik_reaches(T, q, accuracy * accuracy, 12, 1u << j)) {
                 held |= 1u << j;
             }
         }
     }
-    found->flags[i] |= held != 0u ? (held << 16) | (unsigned)RRR_IK_FREE : 0u;
+    found->flags[i] |= (held != 0u) ? ((held << 16) | (unsigned)RRR_IK_FREE) : 0u;
     return held;
 }
 
@@ -583,7 +632,7 @@ static void rrr_ik_between(const rrr_real *from, const rrr_real *to, rrr_real pa
 {
     int i;
     for (i = 0; i < 3; ++i) {
-        x[i] = from[i] + part * rrr_ik_wrap(to[i] - from[i]);
+        x[i] = from[i] + (part * rrr_ik_wrap(to[i] - from[i]));
     }
 }
 
@@ -592,12 +641,15 @@ static void rrr_ik_between(const rrr_real *from, const rrr_real *to, rrr_real pa
  * the other joints follow. For a prescribed arm angle all joints go straight, because joints that follow might change it. */
 static int rrr_ik_joined(const rrr_real *T, const rrr_real *from, const rrr_real *to, unsigned held, rrr_real goal)
 {
-    rrr_real x[3], last[3];
-    int straight = 1, left, i;
+    rrr_real x[3];
+    rrr_real last[3];
+    int straight = 1;
+    int left;
+    int i;
     if (rrr_ik_apart(from, to) < RRR_IK_TOL_SAME) {
         return 1;
     }
-    for (i = 1; i < 4 && straight; ++i) {
+    for (i = 1; (i < 4) && straight; ++i) {
         rrr_ik_between(from, to, (rrr_real)0.25 * (rrr_real)i, x);
         straight = rrr_ik_reaches(T, x, goal, 0, held);
     }
@@ -606,7 +658,7 @@ static int rrr_ik_joined(const rrr_real *T, const rrr_real *from, const rrr_real
     }
     for (left = straight ? 0 : 16; left > 0; --left) {
         rrr_ik_between(last, to, (rrr_real)1 / (rrr_real)left, x);
-        if (!rrr_ik_reaches(T, x, goal, 4, held) || rrr_ik_apart(x, last) > (rrr_real)0.5) {
+        if (!rrr_ik_reaches(T, x, goal, 4, held) || (rrr_ik_apart(x, last) > (rrr_real)0.5)) {
             return 0;
         }
         for (i = 0; i < 3; ++i) {
@@ -620,7 +672,7 @@ static int rrr_ik_joined(const rrr_real *T, const rrr_real *from, const rrr_real
 static unsigned rrr_ik_merged_branches(unsigned held)
 {
     unsigned bits = 0u;
-    bits |= (held >> 0) & 1u ? 1u : 0u;
+    bits |= (((held >> 0) & 1u) != 0u) ? 1u : 0u;
     (void)held;
     return bits;
 }
@@ -633,21 +685,27 @@ static unsigned rrr_ik_merged_branches(unsigned held)
  * its own one. */
 static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsigned options, rrr_real accuracy, rrr_ik_solutions *found, int rows)
 {
-    const rrr_real own = (rrr_real)16 * accuracy * accuracy, tolerance = own > RRR_IK_TOL_ACCEPT ? own : RRR_IK_TOL_ACCEPT;
+    const rrr_real own = (rrr_real)16 * accuracy * accuracy;
+    const rrr_real tolerance = (own > RRR_IK_TOL_ACCEPT) ? own : RRR_IK_TOL_ACCEPT;
     rrr_real least = RRR_IK_TOL_FREE;
-    int pending = 0, i, w;
+    int pending = 0;
+    int i;
+    int w;
     for (i = 0; i < rows; ++i) {
-        pending += (found->flags[i] & RRR_IK_OPEN) != 0u && rrr_ik_loose(T, accuracy, found, i) != 0u;
+        pending += ((found->flags[i] & RRR_IK_OPEN) != 0u) && (rrr_ik_loose(T, accuracy, found, i) != 0u);
     }
-    for (; pending > 0 && least < (rrr_real)2 * RRR_IK_TOL_DOUBT; least *= (rrr_real)10) {
+    for (; (pending > 0) && (least < ((rrr_real)2 * RRR_IK_TOL_DOUBT)); least *= (rrr_real)10) {
         rrr_ik_solutions wide;
         int stage = 0;
         const int count = rrr_ik_branches(T, at, RRR_IK_TOL_SLACK, least, &wide, &stage);
         for (w = 0; w < count; ++w) {
-            const unsigned held = RRR_IK_HELD(wide.flags[w]), other = ~rrr_ik_merged_branches(held);
-            int first = -1, aside = -1, fits = -1;
+            const unsigned held = RRR_IK_HELD(wide.flags[w]);
+            const unsigned other = ~rrr_ik_merged_branches(held);
+            int first = -1;
+            int aside = -1;
+            int fits = -1;
             for (i = 0; i < rows; ++i) {
-                if (held != 0u && RRR_IK_HELD(found->flags[i]) == held && ((found->branch[i] ^ wide.branch[w]) & other) == 0u) {
+                if ((held != 0u) && (RRR_IK_HELD(found->flags[i]) == held) && (((found->branch[i] ^ wide.branch[w]) & other) == 0u)) {
                     if (fits < 0) {
                         wide.residual[w] = rrr_ik_refine(T, wide.q[w], 12, (rrr_real)0.01, held);
                         fits = wide.residual[w] <= tolerance;
@@ -656,8 +714,8 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
                         --pending;
                         if (rrr_ik_joined(T, found->q[i], wide.q[w], held, tolerance)) {
                             found->flags[i] = RRR_IK_GONE;
-                            first = first < 0 ? i : first;
-                        } else if (aside >= 0 && rrr_ik_joined(T, found->q[i], found->q[aside], held, tolerance)) {
+                            first = (first < 0) ? i : first;
+                        } else if ((aside >= 0) && rrr_ik_joined(T, found->q[i], found->q[aside], held, tolerance)) {
                             found->flags[i] = RRR_IK_GONE;
                         } else { /* another continuum, which this replacement does not stand for */
                             found->flags[i] &= 0xffffu; /* looked at: no longer among those with these free joints */
@@ -679,7 +737,8 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
 static int rrr_ik_sound(const rrr_ik_solutions *found, int rows)
 {
     unsigned flags = 0u;
-    int tight = 1, i;
+    int tight = 1;
+    int i;
     for (i = 0; i < rows; ++i) {
         flags |= found->flags[i];
         tight &= found->residual[i] <= RRR_IK_TOL_TIGHT;
@@ -698,7 +757,7 @@ static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *
         out->flags[i] &= RRR_IK_PUBLIC;
         return !rrr_ik_repeated(out, i);
     }
-    if (!(error <= RRR_IK_TOL_TIGHT && error >= (rrr_real)0)) {
+    if (!((error <= RRR_IK_TOL_TIGHT) && (error >= (rrr_real)0))) {
         out->residual[i] = rrr_ik_refine(T, out->q[i], 12, (rrr_real)0.01, 0u);
         if (!(out->residual[i] <= RRR_IK_TOL_ACCEPT)) {
             if (!(options & RRR_IK_RESIDUAL) || !(out->residual[i] <= (rrr_real)1e6)) {
@@ -740,7 +799,7 @@ static inline int rrr_ik_finish(const rrr_real *ref, unsigned options, rrr_ik_so
 {
     int i;
     (void)options;
-    for (i = 0; ref && i < out->count; ++i) {
+    for (i = 0; ref && (i < out->count); ++i) {
         (void)rrr_ik_place(out->q[i], ref);
     }
     for (i = 0; i < out->count; ++i) {
@@ -753,12 +812,13 @@ rrr_ik_status rrr_inverse_kinematics(
     const rrr_real target[RRR_RESTRICT 3], const rrr_real *RRR_RESTRICT q_ref, unsigned options,
     rrr_ik_solutions *RRR_RESTRICT out)
 {
-    static const rrr_real zero[3] = {(rrr_real)0};
+    static const rrr_real zero[3] = {0};
     const rrr_real *const ref = q_ref ? q_ref : zero;
     rrr_real T[3];
     rrr_ik_solutions *const found = out;
     const rrr_ik_status status = rrr_ik_check(target, q_ref, T);
-    int rows, outside;
+    int rows;
+    int outside;
     out->count = 0;
     out->stage = 0;
     out->distance = (rrr_real)0;
@@ -777,11 +837,11 @@ rrr_ik_status rrr_inverse_kinematics(
         rrr_ik_keep_all(T, target, ref, options, found, rows, out);
     }
     outside = !rrr_ik_finish(q_ref, options, out);
-    if (out->count == 0 && !outside) {
+    if ((out->count == 0) && !outside) {
         if (rows > 0) { /* candidates may stem from slightly negative discriminants: find the stage that failed */
             out->stage = 0;
             rows = rrr_ik_branches(T, ref, (rrr_real)0, RRR_IK_TOL_FREE, found, &out->stage);
-            out->stage = rows > 0 ? 3 : out->stage;
+            out->stage = (rows > 0) ? 3 : out->stage;
         }
         out->count = rows = rrr_ik_descend(T, ref, out);
         (void)rrr_ik_finish(ref, options, out);
@@ -805,18 +865,19 @@ void rrr_inverse_kinematics_batch(
     size_t k;
     for (k = 0; k < count; ++k) {
         rrr_ik_solutions out;
-        const rrr_ik_status status = rrr_inverse_kinematics(targets + 3 * k, q_ref, options, &out);
-        int i, j;
+        const rrr_ik_status status = rrr_inverse_kinematics(targets + (3 * k), q_ref, options, &out);
+        int i;
+        int j;
         counts[k] = out.count;
         for (i = 0; i < out.count; ++i) {
             for (j = 0; j < 3; ++j) {
-                q[(k * 4 + (size_t)i) * 3 + (size_t)j] = out.q[i][j];
+                q[(((k * 4) + (size_t)i) * 3) + (size_t)j] = out.q[i][j];
             }
             if (flags) {
-                flags[k * 4 + (size_t)i] = out.flags[i];
+                flags[(k * 4) + (size_t)i] = out.flags[i];
             }
             if (branch) {
-                branch[k * 4 + (size_t)i] = out.branch[i];
+                branch[(k * 4) + (size_t)i] = out.branch[i];
             }
         }
         if (statuses) {
@@ -832,7 +893,7 @@ rrr_ik_status rrr_closest(
     const rrr_real target[RRR_RESTRICT 3], const rrr_real *RRR_RESTRICT q_ref, unsigned options,
     rrr_ik_solutions *RRR_RESTRICT out)
 {
-    static const rrr_real zero[3] = {(rrr_real)0};
+    static const rrr_real zero[3] = {0};
     const rrr_real *const ref = q_ref ? q_ref : zero;
     rrr_real T[3];
     rrr_ik_status status = rrr_ik_check(target, q_ref, T);
@@ -850,7 +911,7 @@ rrr_ik_status rrr_closest(
     (void)rrr_ik_descend(T, ref, out);
     out->count = 1;
     (void)rrr_ik_finish(ref, options, out);
-    return out->count == 1 ? RRR_IK_OK : RRR_IK_OUTSIDE_LIMITS;
+    return (out->count == 1) ? RRR_IK_OK : RRR_IK_OUTSIDE_LIMITS;
 }
 
 const char *rrr_ik_status_string(rrr_ik_status status)
@@ -859,7 +920,7 @@ const char *rrr_ik_status_string(rrr_ik_status status)
         "ok", "the target is out of reach", "every solution is outside the joint limits", "a number of the target, of the reference or of the redundancy parameter is not finite",
         "the rotation of the target is not orthonormal and right-handed", "unknown status"};
     const unsigned number = (unsigned)status; /* the compiler may choose any integer type for an enumeration */
-    return texts[number <= 4u ? number : 5u];
+    return texts[(number <= 4u) ? number : 5u];
 }
 
 const char *rrr_ik_reason(int stage)
@@ -871,5 +932,5 @@ const char *rrr_ik_reason(int stage)
         "no candidate meets the whole target: it lies off the set that the arm can reach",
         "the target is farther than a million reaches: its coordinates drown the arm"
     };
-    return texts[stage >= 0 && stage < 5 ? stage : 0];
+    return texts[((stage >= 0) && (stage < 5)) ? stage : 0];
 }

@@ -28,7 +28,7 @@ __attribute__((always_inline)) /* in a large file gcc would stop inlining it aft
 #endif
 static inline void rrr_sincos(rrr_real x, rrr_real *sine, rrr_real *cosine)
 {
-    if (!(RRR_SINCOS_KERNEL && fabs(x) <= (rrr_real)1.0e6)) {
+    if (!(RRR_SINCOS_KERNEL && (fabs(x) <= (rrr_real)1.0e6))) {
         *sine = sin(x);
         *cosine = cos(x);
         return;
@@ -62,9 +62,9 @@ void rrr_mass_matrix_nominal(const rrr_real q[3], rrr_real M[RRR_RESTRICT 9])
     const rrr_real t2 = ((rrr_real)0.2696*c2*(c2 + ((rrr_real)0.02967359050445104*s2))) + (rrr_real)0.8531086;
     M[0] = t2 - t1;
     const rrr_real t3 = c23 + ((rrr_real)33.526153846153846*s23);
-    M[1] = -(rrr_real)0.0013*(t3 + ((rrr_real)3.0769230769230771*(c2 + ((rrr_real)74.861*s2))));
+    M[1] = -((rrr_real)0.0013*(t3 + ((rrr_real)3.0769230769230771*(c2 + ((rrr_real)74.861*s2)))));
     M[3] = M[1];
-    M[2] = -(rrr_real)0.0013*t3;
+    M[2] = -((rrr_real)0.0013*t3);
     M[6] = M[2];
     const rrr_real t4 = (c2*c23) + (s2*s23);
     M[4] = ((rrr_real)0.0672*t4) + (rrr_real)0.38897;
@@ -99,7 +99,7 @@ void rrr_coriolis_matrix_nominal(const rrr_real q[3], const rrr_real dq[3], rrr_
     C[3] = t8 - t10;
     const rrr_real t11 = (rrr_real)0.2*(t5 - t1);
     C[4] = t11*(dq[1] - t4);
-    C[5] = -t4*t11;
+    C[5] = -(t4*t11);
     C[7] = dq[1]*t11;
     C[8] = (rrr_real)0.0;
 }

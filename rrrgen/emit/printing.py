@@ -238,7 +238,7 @@ class Statements:
         if op is Op.SUB:
             return Text(f"{self._first_term(texts[args[0]])} - {texts[args[1]].within(self._term)}", SUM)
         if op is Op.NEG:
-            return Text(f"-{texts[args[0]].within(PRODUCT)}", SUM)  # in parentheses wherever it is an operand
+            return Text(f"-{texts[args[0]].within(self._term)}", SUM)  # in parentheses wherever it is an operand
         if op is Op.DIV:
             return Text(f"{texts[args[0]].within(PRODUCT)}/{texts[args[1]].within(UNARY)}", PRODUCT, quotient=True)
         if op is Op.SIGN:

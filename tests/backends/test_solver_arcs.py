@@ -32,7 +32,9 @@ def test_before_the_pass_an_arc_tangent_stands_where_it_is_needed(pool):
 
 def test_an_angle_gets_a_slot_for_every_pass_and_the_solutions_are_visited_again(pool):
     assert text(TakeArcsTogether()(two_choices(pool, pool.var("i1"), pool.var("i2")))) == [
-        "REAL sine[8] = {(REAL)0}, cosine[8] = {(REAL)0}, angle[8];",
+        "REAL sine[8] = {0};",
+        "REAL cosine[8] = {0};",
+        "REAL angle[8];",
         "int m2[2] = {0};",
         "int i;",
         "if (n1 == 0) { failed(0); return 0; }",
@@ -41,8 +43,8 @@ def test_an_angle_gets_a_slot_for_every_pass_and_the_solutions_are_visited_again
         "    if (n2 == 0) { failed(1); }",
         "    m2[i1] = n2;",
         "    for (int i2 = 0; i2 < n2; ++i2) {",
-        "        cosine[4 * i1 + i2] = i1;",
-        "        sine[4 * i1 + i2] = i2;",
+        "        cosine[(4 * i1) + i2] = i1;",
+        "        sine[(4 * i1) + i2] = i2;",
         "        found->q[rows][1] = x2;",
         "        found->flags[rows] = 0u;",
         "        found->branch[rows] = 0u;",
@@ -54,7 +56,7 @@ def test_an_angle_gets_a_slot_for_every_pass_and_the_solutions_are_visited_again
         "i = 0;",
         "for (int i1 = 0; i1 < n1; ++i1) {",
         "    for (int i2 = 0; i2 < m2[i1]; ++i2) {",
-        "        found->q[i][0] = angle[4 * i1 + i2];",
+        "        found->q[i][0] = angle[(4 * i1) + i2];",
         "        ++i;",
         "    }",
         "}",
@@ -95,13 +97,13 @@ def flipped(pool, other, formula):
 def test_an_angle_that_follows_from_another_costs_no_arc_tangent(pool):
     nest = TakeArcsTogether()(flipped(pool, None, "ik_opposite({})"))
     assert nest.after[1] == "for (i = 0; i < 1; ++i) { angle[4 + i] = ik_opposite(angle[0 + i]); }"
-    assert "    found->q[i][0] = angle[4 * i1];" in nest.after
+    assert "    found->q[i][0] = angle[(4 * i1)];" in nest.after
     assert (counted(nest).atan2, counted(nest).add) == (1, 1)
 
 
 def test_a_flip_between_two_arcs_takes_the_slot_of_either(pool):
     nest = TakeArcsTogether()(flipped(pool, pool.var("p"), ""))
-    assert "    found->q[i][0] = angle[1 * i1];" in nest.after
+    assert "    found->q[i][0] = angle[(1 * i1)];" in nest.after
     assert counted(nest).atan2 == 2
 
 
@@ -117,10 +119,12 @@ def test_an_arc_within_a_statement_is_stored_in_its_place(pool):
         "    q1 = ik_atan2(-s, c);",
         "}",
     ]
-    assert text(TakeArcsTogether()(nest))[3:6] == [
-        "cosine[0] = c; sine[0] = -s;",
+    assert text(TakeArcsTogether()(nest))[5:10] == [
+        "cosine[0] = c;",
+        "sine[0] = -s;",
         "if (c < 0) {",
-        "    cosine[0] = c; sine[0] = -s;",
+        "    cosine[0] = c;",
+        "    sine[0] = -s;",
     ]
 
 

@@ -4,8 +4,12 @@
  * the flag of a multiple solution is set in *flags. */
 LOCAL unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags)
 {
-    REAL e[6], J[6][JOINTS], a[6][10] = { {(REAL)0} }, det;
-    int i, j;
+    REAL e[6];
+    REAL J[6][JOINTS];
+    REAL a[6][10] = {{0}};
+    REAL det;
+    int i;
+    int j;
     (void)ik_error(T, q, e, J NONE_HELD);
     for (i = 0; i < 6; ++i) {
         for (j = 0; j < 6; ++j) {
@@ -18,7 +22,7 @@ LOCAL unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags)
     }
     det = ik_6r_lu(a, 6);
     for (i = 0; i < 6; ++i) {
-        *flags |= FABS(a[i][i]) < (REAL)VALUE_6R_SINGULAR ? (unsigned)IK_MULTIPLE : 0u;
+        *flags |= (FABS(a[i][i]) < (REAL)VALUE_6R_SINGULAR) ? (unsigned)IK_MULTIPLE : 0u;
     }
-    return det > (REAL)0 ? 0u : 1u;
+    return (det > (REAL)0) ? 0u : 1u;
 }

@@ -17,14 +17,19 @@ LOCAL int ik_branches(
 #if DH_SHIFTED
     static const REAL shift[6] = DH_SHIFTS;
 #endif
-    REAL pose[16] = {(REAL)0}, at[6], x[16][6];
-    int certain, i, k;
+    REAL pose[16] = {0};
+    REAL at[6];
+    REAL x[16][6];
+    int certain;
+    int i;
+    int k;
 #if LOCKED
     const REAL raw = lock LOCKED_OFFSET;
 #if LOCKED_SLIDES
     const REAL back[12] = {(REAL)1, (REAL)0, (REAL)0, (REAL)0, (REAL)0, (REAL)1, (REAL)0, (REAL)0, (REAL)0, (REAL)0, (REAL)1, -raw};
 #else
-    const REAL c = COS(raw), s = SIN(raw);
+    const REAL c = COS(raw);
+    const REAL s = SIN(raw);
     const REAL back[12] = {c, s, (REAL)0, (REAL)0, -s, c, (REAL)0, (REAL)0, (REAL)0, (REAL)0, (REAL)1, (REAL)0};
 #endif
 #endif
@@ -52,18 +57,18 @@ LOCAL int ik_branches(
         at[k] = ref[FREE_K];
 #endif
 #if DH_SLIDES
-        at[k] *= k == DH_SLIDE ? (REAL)PER_LENGTH : (REAL)1;
+        at[k] *= (k == DH_SLIDE) ? (REAL)PER_LENGTH : (REAL)1;
 #endif
     }
     rows = ik_solve6r(pose, at, x, found->flags, &certain);
     if (rows == 0) {
-        *stage = *stage < 1 ? 1 : *stage;
+        *stage = (*stage < 1) ? 1 : *stage;
     }
     *stage |= certain ? 0 : IK_DOUBT;
     for (i = 0; i < rows; ++i) {
         for (k = 0; k < 6; ++k) {
 #if DH_SHIFTED && DH_SLIDES
-            found->q[i][FREE_K] = k == DH_SLIDE ? x[i][k] + shift[k] : ik_wrap(x[i][k] + shift[k]);
+            found->q[i][FREE_K] = (k == DH_SLIDE) ? (x[i][k] + shift[k]) : ik_wrap(x[i][k] + shift[k]);
 #else
 #if DH_SHIFTED
             found->q[i][FREE_K] = ik_wrap(x[i][k] + shift[k]);

@@ -4,7 +4,7 @@ ik_status robot_closest(
     const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
     ik_solutions *RESTRICT out)
 {
-    static const REAL zero[JOINTS] = {(REAL)0};
+    static const REAL zero[JOINTS] = {0};
     const REAL *const ref = q_ref ? q_ref : zero;
     REAL T[TARGET];
     ik_status status = ik_check(target, q_ref REDUNDANCY, T);
@@ -22,5 +22,5 @@ ik_status robot_closest(
     (void)ik_descend(T, ref REDUNDANCY, out);
     out->count = 1;
     (void)ik_finish(TARGET_FIRST ref, options, out);
-    return out->count == 1 ? IK_OK : IK_OUTSIDE_LIMITS;
+    return (out->count == 1) ? IK_OK : IK_OUTSIDE_LIMITS;
 }

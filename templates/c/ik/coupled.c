@@ -12,7 +12,8 @@ static const int ik_turns[JOINTS] = TURNS;
 LOCAL void ik_lead(const REAL *y, int turn, REAL q[JOINTS])
 {
     REAL x[JOINTS];
-    int i, j;
+    int i;
+    int j;
 #if !GEARED
     (void)turn;
 #endif
@@ -34,16 +35,17 @@ LOCAL void ik_lead(const REAL *y, int turn, REAL q[JOINTS])
 /* How far a configuration y of the chain is off the coupling with q: rad, displacements in units of the reach. */
 LOCAL REAL ik_off(const REAL *y, const REAL *q)
 {
-    REAL x[CHAIN_JOINTS], most = (REAL)0;
+    REAL x[CHAIN_JOINTS];
+    REAL most = (REAL)0;
     int i;
     ik_follow(q, x);
     for (i = 0; i < CHAIN_JOINTS; ++i) {
 #if CHAIN_SLIDES
-        const REAL d = FABS((((CHAIN_SLIDING >> i) & 1u) != 0u) ? (x[i] - y[i]) / IK_TOL_REACH : chain_wrap(x[i] - y[i]));
+        const REAL d = FABS((((CHAIN_SLIDING >> i) & 1u) != 0u) ? ((x[i] - y[i]) / IK_TOL_REACH) : chain_wrap(x[i] - y[i]));
 #else
         const REAL d = FABS(chain_wrap(x[i] - y[i]));
 #endif
-        most = d > most ? d : most;
+        most = (d > most) ? d : most;
     }
     return most;
 }
@@ -52,13 +54,16 @@ LOCAL REAL ik_off(const REAL *y, const REAL *q)
  * joint that the target leaves free may be off the coupling and is moved onto it. */
 LOCAL void ik_couple(const REAL *T, unsigned options, const chain_solutions *found, int i, ik_solutions *out)
 {
-    int turn, j;
-    for (turn = 0; turn < COMBINATIONS && out->count < ROWS; ++turn) {
+    int turn;
+    int j;
+    for (turn = 0; (turn < COMBINATIONS) && (out->count < ROWS); ++turn) {
         REAL *const q = out->q[out->count];
-        REAL e[ERRORS], J[ERRORS][JOINTS], cost;
+        REAL e[ERRORS];
+        REAL J[ERRORS][JOINTS];
+        REAL cost;
         unsigned flags = found->flags[i];
         ik_lead(found->q[i], turn, q);
-        if (ik_off(found->q[i], q) > (REAL)VALUE_COUPLED && (flags & IK_FREE) == 0u && (options & IK_RESIDUAL) == 0u) {
+        if ((ik_off(found->q[i], q) > (REAL)VALUE_COUPLED) && ((flags & IK_FREE) == 0u) && ((options & IK_RESIDUAL) == 0u)) {
             continue;
         }
         cost = ik_error(T, q, e, J);
@@ -71,7 +76,7 @@ LOCAL void ik_couple(const REAL *T, unsigned options, const chain_solutions *fou
             }
             flags |= (unsigned)IK_INEXACT;
         }
-        for (j = 0; j < out->count && !(ik_apart(q, out->q[j]) < IK_TOL_SAME); ++j) {
+        for (j = 0; (j < out->count) && !(ik_apart(q, out->q[j]) < IK_TOL_SAME); ++j) {
         }
         if (j == out->count) {
             out->flags[j] = flags & IK_PUBLIC;

@@ -20,7 +20,8 @@ static const REAL ik_most[FOLLOWERS] = FOLLOWER_UPPER;
 /* y = S q */
 LOCAL void ik_follow(const REAL *q, REAL y[CHAIN_JOINTS])
 {
-    int i, j;
+    int i;
+    int j;
     for (i = 0; i < CHAIN_JOINTS; ++i) {
         y[i] = (REAL)0;
         for (j = 0; j < JOINTS; ++j) {
@@ -32,7 +33,7 @@ LOCAL void ik_follow(const REAL *q, REAL y[CHAIN_JOINTS])
 /* Checks the numbers of a target and copies it to T, with its rotation made orthonormal. Returns the status of the check. */
 LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, REAL T[TARGET])
 {
-    REAL y[CHAIN_JOINTS] = {(REAL)0};
+    REAL y[CHAIN_JOINTS] = {0};
     if (q_ref) {
         ik_follow(q_ref, y);
     }
@@ -43,20 +44,24 @@ LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, R
  * joint, or one that follows, is outside its limits. */
 LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
 {
-    int inside = 1, i;
+    int inside = 1;
+    int i;
 #if FOLLOWERS_LIMITED
     int j;
 #endif
     for (i = 0; i < JOINTS; ++i) {
         const REAL period = ik_period[i];
-        const REAL low = ik_lower[i] - IK_TOL_LIMIT, high = ik_upper[i] + IK_TOL_LIMIT;
+        const REAL low = ik_lower[i] - IK_TOL_LIMIT;
+        const REAL high = ik_upper[i] + IK_TOL_LIMIT;
         if (period > (REAL)0) {
-            const REAL middle = ref ? ref[i] : (REAL)0, near = q[i] - period * CEIL((q[i] - middle) / period - (REAL)0.5);
-            const REAL below = near < low ? low - near : (REAL)0, above = near > high ? near - high : (REAL)0;
-            const REAL x = near + period * (CEIL(below / period) - CEIL(above / period));
-            q[i] = low <= x && x <= high ? x : near;
+            const REAL middle = ref ? ref[i] : (REAL)0;
+            const REAL near = q[i] - (period * CEIL(((q[i] - middle) / period) - (REAL)0.5));
+            const REAL below = (near < low) ? (low - near) : (REAL)0;
+            const REAL above = (near > high) ? (near - high) : (REAL)0;
+            const REAL x = near + (period * (CEIL(below / period) - CEIL(above / period)));
+            q[i] = ((low <= x) && (x <= high)) ? x : near;
         }
-        inside = inside & (low <= q[i] && q[i] <= high);
+        inside = inside & ((low <= q[i]) && (q[i] <= high));
     }
 #if FOLLOWERS_LIMITED
     for (i = 0; i < FOLLOWERS; ++i) {
@@ -64,7 +69,7 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
         for (j = 0; j < JOINTS; ++j) {
             x += ik_followers[i][j] * q[j];
         }
-        inside = inside & (ik_least[i] - IK_TOL_LIMIT <= x && x <= ik_most[i] + IK_TOL_LIMIT);
+        inside = inside & (((ik_least[i] - IK_TOL_LIMIT) <= x) && (x <= (ik_most[i] + IK_TOL_LIMIT)));
     }
 #endif
     return inside;
@@ -74,21 +79,23 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
  * the reach. */
 LOCAL REAL ik_apart(const REAL *a, const REAL *b)
 {
-    REAL d[JOINTS], y[CHAIN_JOINTS], most = (REAL)0;
+    REAL d[JOINTS];
+    REAL y[CHAIN_JOINTS];
+    REAL most = (REAL)0;
     int i;
     for (i = 0; i < JOINTS; ++i) {
         const REAL period = ik_period[i];
         d[i] = a[i] - b[i];
-        d[i] -= period > (REAL)0 ? period * CEIL(d[i] / period - (REAL)0.5) : (REAL)0;
+        d[i] -= (period > (REAL)0) ? (period * CEIL((d[i] / period) - (REAL)0.5)) : (REAL)0;
     }
     ik_follow(d, y);
     for (i = 0; i < CHAIN_JOINTS; ++i) {
 #if CHAIN_SLIDES
-        const REAL far = FABS((((CHAIN_SLIDING >> i) & 1u) != 0u) ? y[i] / IK_TOL_REACH : y[i]);
+        const REAL far = FABS((((CHAIN_SLIDING >> i) & 1u) != 0u) ? (y[i] / IK_TOL_REACH) : y[i]);
 #else
         const REAL far = FABS(y[i]);
 #endif
-        most = far > most ? far : most;
+        most = (far > most) ? far : most;
     }
     return most;
 }
@@ -97,8 +104,12 @@ LOCAL REAL ik_apart(const REAL *a, const REAL *b)
  * times S. Returns the squared error |e|^2. */
 LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS][JOINTS])
 {
-    REAL y[CHAIN_JOINTS], D[ERRORS][CHAIN_JOINTS], cost;
-    int i, j, k;
+    REAL y[CHAIN_JOINTS];
+    REAL D[ERRORS][CHAIN_JOINTS];
+    REAL cost;
+    int i;
+    int j;
+    int k;
     ik_follow(q, y);
     cost = chain_error(T, y, e, D CHAIN_NONE_HELD);
     for (i = 0; i < ERRORS; ++i) {

@@ -13,20 +13,28 @@ LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions
 {
 #if COUPLED
     chain_solutions found;
-    REAL best = (REAL)1e30, y[CHAIN_JOINTS]; /* no start has been tried */
-    int start, i, rows, kept = 0;
+    REAL best = (REAL)1e30;
+    REAL y[CHAIN_JOINTS]; /* no start has been tried */
+    int start;
+    int i;
+    int rows;
+    int kept = 0;
     ik_follow(ref, y);
     rows = chain_descend(T, y LOCK, &found);
-    rows = rows > 0 ? rows : 1;
+    rows = (rows > 0) ? rows : 1;
 #else
     ik_solutions found;
     REAL best = (REAL)1e30; /* no start has been tried */
-    int stage = 0, start, i, kept = 0;
+    int stage = 0;
+    int start;
+    int i;
+    int kept = 0;
     const int rows = ik_last_candidates(T, ref LOCK, (REAL)1e30, IK_TOL_FREE NO_BAND, &found, &stage);
 #endif
-    for (start = 0; start < rows + VALUE_STARTS && kept < ROWS; ++start) {
-        REAL x[JOINTS], cost;
-        if (start == rows && kept > 0) {
+    for (start = 0; (start < (rows + VALUE_STARTS)) && (kept < ROWS); ++start) {
+        REAL x[JOINTS];
+        REAL cost;
+        if ((start == rows) && (kept > 0)) {
             break;
         }
 #if COUPLED
@@ -34,12 +42,12 @@ LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions
             ik_lead(found.q[start], 0, x);
         } else {
             for (i = 0; i < JOINTS; ++i) {
-                x[i] = ref[i] + (start > rows ? (REAL)VALUE_SPREAD * SIN((REAL)(start * (i + 1))) : (REAL)0);
+                x[i] = ref[i] + ((start > rows) ? ((REAL)VALUE_SPREAD * SIN((REAL)(start * (i + 1)))) : (REAL)0);
             }
         }
 #else
         for (i = 0; i < JOINTS; ++i) {
-            x[i] = start < rows ? found.q[start][i] : ref[i] + (start > rows ? (REAL)VALUE_SPREAD * SIN((REAL)(start * (i + 1))) : (REAL)0);
+            x[i] = (start < rows) ? found.q[start][i] : (ref[i] + ((start > rows) ? ((REAL)VALUE_SPREAD * SIN((REAL)(start * (i + 1)))) : (REAL)0));
         }
 #endif
 #if LOCKED
@@ -50,19 +58,19 @@ LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions
 #endif
 #endif
         cost = ik_refine(T, x, VALUE_DESCENT_STEPS, (REAL)VALUE_DESCENT_DAMPING NONE_HELD);
-        if (cost < best || (cost <= IK_TOL_ACCEPT && kept > 0)) {
-            best = cost < best ? cost : best;
+        if ((cost < best) || ((cost <= IK_TOL_ACCEPT) && (kept > 0))) {
+            best = (cost < best) ? cost : best;
             for (i = 0; i < JOINTS; ++i) {
                 out->q[kept][i] = x[i];
             }
-            out->branch[kept] = start < rows ? found.branch[start] : 0u;
-            out->flags[kept] = cost > IK_TOL_ACCEPT ? (unsigned)IK_INEXACT : (unsigned)IK_MULTIPLE;
+            out->branch[kept] = (start < rows) ? found.branch[start] : 0u;
+            out->flags[kept] = (cost > IK_TOL_ACCEPT) ? (unsigned)IK_INEXACT : (unsigned)IK_MULTIPLE;
             out->residual[kept] = cost;
-            if (cost <= IK_TOL_ACCEPT && !ik_repeated(out, kept)) {
+            if ((cost <= IK_TOL_ACCEPT) && !ik_repeated(out, kept)) {
                 ++kept;
             }
         }
     }
-    out->distance = kept > 0 ? (REAL)0 : SQRT(best) * IK_TOL_REACH;
+    out->distance = (kept > 0) ? (REAL)0 : (SQRT(best) * IK_TOL_REACH);
     return kept;
 }

@@ -5,7 +5,9 @@
 LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, ik_solutions *out)
 {
 #if LIMITED
-    int inside = 1, kept = 0, i;
+    int inside = 1;
+    int kept = 0;
+    int i;
     for (i = 0; i < out->count; ++i) {
         const int fits = ik_place(out->q[i], ref);
         out->flags[i] |= fits ? 0u : (unsigned)IK_OUTSIDE;
@@ -18,7 +20,7 @@ LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, i
 #else
     int i;
     (void)options;
-    for (i = 0; ref && i < out->count; ++i) {
+    for (i = 0; ref && (i < out->count); ++i) {
         (void)ik_place(out->q[i], ref);
     }
 #endif
@@ -26,7 +28,7 @@ LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, i
         out->residual[i] = SQRT(out->residual[i]);
 #if ASPECTS
 #if NOMINAL_FIRST
-        out->branch[i] = (out->branch[i] & 2u) != 0u ? out->branch[i] & 1u : ik_aspect(T, out->q[i], &out->flags[i]);
+        out->branch[i] = ((out->branch[i] & 2u) != 0u) ? (out->branch[i] & 1u) : ik_aspect(T, out->q[i], &out->flags[i]);
 #else
         out->branch[i] = ik_aspect(T, out->q[i], &out->flags[i]);
 #endif

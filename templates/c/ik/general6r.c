@@ -79,7 +79,7 @@ LOCAL void ik_6r_unit(int n, REAL cs[][2])
     for (i = 0; i < n; ++i) {
         REAL scale;
         cs[i][0] += IK_6R_EPS * IK_6R_EPS;
-        scale = (REAL)1 / SQRT(cs[i][0] * cs[i][0] + cs[i][1] * cs[i][1]);
+        scale = (REAL)1 / SQRT((cs[i][0] * cs[i][0]) + (cs[i][1] * cs[i][1]));
         cs[i][0] *= scale;
         cs[i][1] *= scale;
     }
@@ -88,24 +88,28 @@ LOCAL void ik_6r_unit(int n, REAL cs[][2])
 /* Rigid transforms are 12 numbers: the rotation row-major, then the translation. z = x y; z may be x. */
 LOCAL void ik_6r_product(const REAL x[12], const REAL y[12], REAL z[12])
 {
-    int i, j;
+    int i;
+    int j;
     for (i = 0; i < 3; ++i) {
-        const REAL u = x[3 * i], v = x[3 * i + 1], w = x[3 * i + 2];
+        const REAL u = x[3 * i];
+        const REAL v = x[(3 * i) + 1];
+        const REAL w = x[(3 * i) + 2];
         for (j = 0; j < 3; ++j) {
-            z[3 * i + j] = u * y[j] + v * y[3 + j] + w * y[6 + j];
+            z[(3 * i) + j] = (u * y[j]) + (v * y[3 + j]) + (w * y[6 + j]);
         }
-        z[9 + i] = u * y[9] + v * y[10] + w * y[11] + x[9 + i];
+        z[9 + i] = (u * y[9]) + (v * y[10]) + (w * y[11]) + x[9 + i];
     }
 }
 
 LOCAL void ik_6r_inverse(const REAL x[12], REAL z[12])
 {
-    int i, j;
+    int i;
+    int j;
     for (i = 0; i < 3; ++i) {
         for (j = 0; j < 3; ++j) {
-            z[3 * i + j] = x[3 * j + i];
+            z[(3 * i) + j] = x[(3 * j) + i];
         }
-        z[9 + i] = -(x[i] * x[9] + x[3 + i] * x[10] + x[6 + i] * x[11]);
+        z[9 + i] = -((x[i] * x[9]) + (x[3 + i] * x[10]) + (x[6 + i] * x[11]));
     }
 }
 
@@ -113,7 +117,7 @@ LOCAL void ik_6r_identity(REAL x[12])
 {
     int i;
     for (i = 0; i < 12; ++i) {
-        x[i] = (i & 3) == 0 && i < 9 ? (REAL)1 : (REAL)0;
+        x[i] = (((i & 3) == 0) && (i < 9)) ? (REAL)1 : (REAL)0;
     }
 }
 
@@ -122,9 +126,10 @@ LOCAL void ik_6r_turn(REAL x[12], const REAL cs[2])
 {
     int i;
     for (i = 0; i < 9; i += 3) {
-        const REAL u = x[i], v = x[i + 1];
-        x[i] = u * cs[0] + v * cs[1];
-        x[i + 1] = v * cs[0] - u * cs[1];
+        const REAL u = x[i];
+        const REAL v = x[i + 1];
+        x[i] = (u * cs[0]) + (v * cs[1]);
+        x[i + 1] = (v * cs[0]) - (u * cs[1]);
     }
 }
 
@@ -134,7 +139,7 @@ LOCAL void ik_6r_slide(REAL x[12], REAL by)
 {
     int i;
     for (i = 0; i < 3; ++i) {
-        x[9 + i] += by * x[3 * i + 2];
+        x[9 + i] += by * x[(3 * i) + 2];
     }
 }
 
@@ -152,9 +157,10 @@ LOCAL void ik_6r_loop(const REAL pose[12], int start, int direction, REAL e[6][1
 {
     int k;
     for (k = 0; k < 6; ++k) {
-        const int link = (start + 12 + direction * k + (direction - 1) / 2) % 6;
+        const int link = (start + 12 + (direction * k) + ((direction - 1) / 2)) % 6;
         const REAL *const row = ik_6r_dh[link];
-        REAL x[12], y[12];
+        REAL x[12];
+        REAL y[12];
         ik_6r_identity(x);
         x[4] = row[0];
         x[5] = -row[1];
@@ -170,7 +176,7 @@ LOCAL void ik_6r_loop(const REAL pose[12], int start, int direction, REAL e[6][1
             ik_6r_inverse(x, y);
         }
 #if DH_SLIDES
-        if ((start + 12 + direction * k) % 6 == DH_SLIDE) {
+        if (((start + 12 + (direction * k)) % 6) == DH_SLIDE) {
             const REAL turn[2] = {ik_6r_fixed[0], ik_6r_fixed[1] * (REAL)direction};
             ik_6r_identity(e[k]);
             ik_6r_turn(e[k], turn);
@@ -186,8 +192,9 @@ LOCAL void ik_6r_cross(const REAL a[3], const REAL b[3], REAL c[3])
 {
     int i;
     for (i = 0; i < 3; ++i) {
-        const int y = i < 2 ? i + 1 : 0, z = i > 0 ? i - 1 : 2;
-        c[i] = a[y] * b[z] - a[z] * b[y];
+        const int y = (i < 2) ? (i + 1) : 0;
+        const int z = (i > 0) ? (i - 1) : 2;
+        c[i] = (a[y] * b[z]) - (a[z] * b[y]);
     }
 }
 
@@ -197,16 +204,22 @@ LOCAL void ik_6r_cross(const REAL a[3], const REAL b[3], REAL c[3])
 LOCAL void ik_6r_carry(const REAL e[12], int n, REAL f[15][18])
 {
     const REAL *const t = e + 9;
-    const REAL tt = t[0] * t[0] + t[1] * t[1] + t[2] * t[2];
-    int i, j;
+    const REAL tt = (t[0] * t[0]) + (t[1] * t[1]) + (t[2] * t[2]);
+    int i;
+    int j;
     for (j = 0; j < n; ++j) {
-        REAL v[4][3], tl[3], tm[3], along = (REAL)0;
+        REAL v[4][3];
+        REAL tl[3];
+        REAL tm[3];
+        REAL along = (REAL)0;
         for (i = 0; i < 4; ++i) {
             const int at = ik_6r_planar[i];
-            const REAL a = f[at][j], b = f[at + 1][j], c = f[at + 2][j];
-            v[i][0] = e[0] * a + e[1] * b + e[2] * c;
-            v[i][1] = e[3] * a + e[4] * b + e[5] * c;
-            v[i][2] = e[6] * a + e[7] * b + e[8] * c;
+            const REAL a = f[at][j];
+            const REAL b = f[at + 1][j];
+            const REAL c = f[at + 2][j];
+            v[i][0] = (e[0] * a) + (e[1] * b) + (e[2] * c);
+            v[i][1] = (e[3] * a) + (e[4] * b) + (e[5] * c);
+            v[i][2] = (e[6] * a) + (e[7] * b) + (e[8] * c);
         }
         ik_6r_cross(t, v[1], tl);
         ik_6r_cross(t, v[2], tm);
@@ -217,10 +230,10 @@ LOCAL void ik_6r_carry(const REAL e[12], int n, REAL f[15][18])
         }
         along += f[11][j];
         for (i = 0; i < 3; ++i) {
-            f[1 + i][j] = v[0][i] + t[i] * f[0][j];
+            f[1 + i][j] = v[0][i] + (t[i] * f[0][j]);
             f[5 + i][j] = v[1][i];
             f[8 + i][j] = v[2][i] + tl[i];
-            f[12 + i][j] = v[3][i] + tt * v[1][i] - (REAL)2 * (tm[i] + along * t[i]);
+            f[12 + i][j] = v[3][i] + (tt * v[1][i]) - ((REAL)2 * (tm[i] + (along * t[i])));
         }
         f[11][j] = along;
     }
@@ -230,24 +243,26 @@ LOCAL void ik_6r_carry(const REAL e[12], int n, REAL f[15][18])
  * (sense -1: about -z). */
 LOCAL void ik_6r_split(int n, REAL sense, REAL f[15][18])
 {
-    int i, j;
+    int i;
+    int j;
     for (j = n - 1; j >= 0; --j) {
         for (i = 0; i < 7; ++i) {
             REAL *const x = f[ik_6r_axial[i]];
             x[3 * j] = x[j];
-            x[3 * j + 1] = (REAL)0;
-            x[3 * j + 2] = (REAL)0;
+            x[(3 * j) + 1] = (REAL)0;
+            x[(3 * j) + 2] = (REAL)0;
         }
         for (i = 0; i < 4; ++i) {
             REAL *const x = f[ik_6r_planar[i]];
             REAL *const y = f[ik_6r_planar[i] + 1];
-            const REAL u = x[j], v = y[j];
+            const REAL u = x[j];
+            const REAL v = y[j];
             x[3 * j] = (REAL)0;
             y[3 * j] = (REAL)0;
-            x[3 * j + 1] = u;
-            y[3 * j + 1] = v;
-            x[3 * j + 2] = -sense * v;
-            y[3 * j + 2] = sense * u;
+            x[(3 * j) + 1] = u;
+            y[(3 * j) + 1] = v;
+            x[(3 * j) + 2] = -sense * v;
+            y[(3 * j) + 2] = sense * u;
         }
     }
 }
@@ -257,27 +272,28 @@ LOCAL void ik_6r_split(int n, REAL sense, REAL f[15][18])
  * (sense -1: along -z). */
 LOCAL void ik_6r_stretch(int n, REAL sense, REAL f[15][18])
 {
-    int i, j;
+    int i;
+    int j;
     for (j = n - 1; j >= 0; --j) {
         REAL v[15];
         for (i = 0; i < 15; ++i) {
             v[i] = f[i][j];
             f[i][3 * j] = v[i];
-            f[i][3 * j + 1] = (REAL)0;
-            f[i][3 * j + 2] = (REAL)0;
+            f[i][(3 * j) + 1] = (REAL)0;
+            f[i][(3 * j) + 2] = (REAL)0;
         }
-        f[3][3 * j + 1] = sense * v[0];
-        f[4][3 * j + 1] = (REAL)2 * sense * v[3];
-        f[4][3 * j + 2] = v[0];
-        f[8][3 * j + 1] = -sense * v[6];
-        f[9][3 * j + 1] = sense * v[5];
-        f[11][3 * j + 1] = sense * v[7];
-        f[12][3 * j + 1] = (REAL)2 * sense * v[9];
-        f[13][3 * j + 1] = -(REAL)2 * sense * v[8];
-        f[14][3 * j + 1] = -(REAL)2 * sense * v[11];
-        f[12][3 * j + 2] = v[5];
-        f[13][3 * j + 2] = v[6];
-        f[14][3 * j + 2] = -v[7];
+        f[3][(3 * j) + 1] = sense * v[0];
+        f[4][(3 * j) + 1] = (REAL)2 * sense * v[3];
+        f[4][(3 * j) + 2] = v[0];
+        f[8][(3 * j) + 1] = -sense * v[6];
+        f[9][(3 * j) + 1] = sense * v[5];
+        f[11][(3 * j) + 1] = sense * v[7];
+        f[12][(3 * j) + 1] = (REAL)2 * sense * v[9];
+        f[13][(3 * j) + 1] = -(REAL)2 * sense * v[8];
+        f[14][(3 * j) + 1] = -(REAL)2 * sense * v[11];
+        f[12][(3 * j) + 2] = v[5];
+        f[13][(3 * j) + 2] = v[6];
+        f[14][(3 * j) + 2] = -v[7];
     }
 }
 
@@ -285,7 +301,7 @@ LOCAL void ik_6r_stretch(int n, REAL sense, REAL f[15][18])
  * a displacement along z. */
 LOCAL void ik_6r_part(const signed char pass[6], int place, int n, REAL sense, REAL f[15][18])
 {
-    if (place == 2 + pass[4]) {
+    if (place == (2 + pass[4])) {
         ik_6r_stretch(n, sense, f);
     } else {
         ik_6r_split(n, sense, f);
@@ -298,7 +314,9 @@ LOCAL void ik_6r_line(const REAL e[12], int j, REAL f[15][18])
 {
     const REAL *const point = e + 9;
     const REAL axis[3] = {e[2], e[5], e[8]};
-    REAL moment[3], pp = (REAL)0, pl = (REAL)0;
+    REAL moment[3];
+    REAL pp = (REAL)0;
+    REAL pl = (REAL)0;
     int i;
     for (i = 0; i < 3; ++i) {
         pp += point[i] * point[i];
@@ -312,7 +330,7 @@ LOCAL void ik_6r_line(const REAL e[12], int j, REAL f[15][18])
         f[1 + i][j] = point[i];
         f[5 + i][j] = axis[i];
         f[8 + i][j] = moment[i];
-        f[12 + i][j] = pp * axis[i] - (REAL)2 * pl * point[i];
+        f[12 + i][j] = (pp * axis[i]) - ((REAL)2 * pl * point[i]);
     }
 }
 
@@ -335,27 +353,30 @@ LOCAL void ik_6r_reflect(const REAL v[8], REAL scale, REAL x[8])
 LOCAL void ik_6r_complement(int m, int n, REAL a[6][8], REAL y[4][8])
 {
     REAL scale[6];
-    int i, j, k;
-    for (j = 0; j < m - n; ++j) {
+    int i;
+    int j;
+    int k;
+    for (j = 0; j < (m - n); ++j) {
         for (i = 0; i < 8; ++i) {
-            y[j][i] = i == n + j ? (REAL)1 : (REAL)0;
+            y[j][i] = (i == (n + j)) ? (REAL)1 : (REAL)0;
         }
     }
     for (k = 0; k < n; ++k) {
-        REAL norm = (REAL)0, length;
+        REAL norm = (REAL)0;
+        REAL length;
         for (i = 0; i < 8; ++i) {
             a[k][i] = (i < k) ? (REAL)0 : a[k][i];
             norm += a[k][i] * a[k][i];
         }
         length = SQRT(norm);
-        scale[k] = (REAL)1 / (norm + FABS(a[k][k]) * length + IK_6R_TINY);
+        scale[k] = (REAL)1 / (norm + (FABS(a[k][k]) * length) + IK_6R_TINY);
         a[k][k] += (a[k][k] < (REAL)0) ? -length : length;
         for (j = k + 1; j < n; ++j) {
             ik_6r_reflect(a[k], scale[k], a[j]);
         }
     }
     for (--k; k >= 0; --k) {
-        for (j = 0; j < m - n; ++j) {
+        for (j = 0; j < (m - n); ++j) {
             ik_6r_reflect(a[k], scale[k], y[j]);
         }
     }
@@ -367,16 +388,19 @@ LOCAL void ik_6r_complement(int m, int n, REAL a[6][8], REAL y[4][8])
  * the real and the imaginary part of one combination of the planar pairs (x + i y), which joint 2 multiplies by exp(i q2). */
 LOCAL void ik_6r_cancel(REAL f[15][18], REAL row[15][18])
 {
-    REAL a[6][8], y[4][8];
-    int i, j, k;
+    REAL a[6][8];
+    REAL y[4][8];
+    int i;
+    int j;
+    int k;
     for (i = 0; i < 15; ++i) {
         for (j = 0; j < 6; ++j) {
             row[i][j] = (REAL)0;
         }
     }
     for (i = 0; i < 8; ++i) {
-        a[0][i] = i < 6 ? f[ik_6r_axial[i]][1] : (REAL)0;
-        a[1][i] = i < 6 ? f[ik_6r_axial[i]][2] : (REAL)0;
+        a[0][i] = (i < 6) ? f[ik_6r_axial[i]][1] : (REAL)0;
+        a[1][i] = (i < 6) ? f[ik_6r_axial[i]][2] : (REAL)0;
     }
     ik_6r_complement(6, 2, a, y);
     for (i = 0; i < 6; ++i) {
@@ -389,13 +413,13 @@ LOCAL void ik_6r_cancel(REAL f[15][18], REAL row[15][18])
     for (i = 0; i < 8; ++i) {
         const int at = ik_6r_planar[i / 2];
         for (k = 0; k < 3; ++k) {
-            a[2 * k][i] = f[at + i % 2][k];
-            a[2 * k + 1][i] = (i % 2 == 0) ? -f[at + 1][k] : f[at][k];
+            a[2 * k][i] = f[at + (i % 2)][k];
+            a[(2 * k) + 1][i] = ((i % 2) == 0) ? -f[at + 1][k] : f[at][k];
         }
     }
     ik_6r_complement(8, 6, a, y);
     for (i = 0; i < 8; ++i) {
-        const int at = ik_6r_planar[i / 2] + i % 2;
+        const int at = ik_6r_planar[i / 2] + (i % 2);
         for (j = 0; j < 2; ++j) {
             row[ik_6r_dual[at]][4 + j] = y[j][i] / ik_6r_form[at];
         }
@@ -408,9 +432,17 @@ LOCAL void ik_6r_cancel(REAL f[15][18], REAL row[15][18])
 LOCAL void ik_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3][6][10])
 {
     static const signed char stride[3] = {60, 1, 3}; /* distance in g between the coefficients of joint 3, 4 and 5 */
-    const int kept = stride[pass[2]], outer = stride[pass[3]], inner = stride[pass[4]];
-    REAL f[15][18], row[15][18], g[180], back[12];
-    int i, j, k, x;
+    const int kept = stride[pass[2]];
+    const int outer = stride[pass[3]];
+    const int inner = stride[pass[4]];
+    REAL f[15][18];
+    REAL row[15][18];
+    REAL g[180];
+    REAL back[12];
+    int i;
+    int j;
+    int k;
+    int x;
     ik_6r_inverse(e[5], back);
     ik_6r_line(back, 0, f);
     ik_6r_split(1, -(REAL)1, f);
@@ -439,7 +471,7 @@ LOCAL void ik_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3][6][1
         f[i][9] = (REAL)0;
     }
     for (j = 0; j < 18; ++j) {
-        REAL *const sum = g + 60 * (j % 3) + 10 * (j / 3);
+        REAL *const sum = g + (60 * (j % 3)) + (10 * (j / 3));
         for (x = 0; x < 10; ++x) {
             sum[x] = (REAL)0;
         }
@@ -455,7 +487,7 @@ LOCAL void ik_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3][6][1
         for (k = 0; k < 3; ++k) {
             REAL m[3][3];
             for (i = 0; i < 3; ++i) { /* 1, cos, sin -> powers of tan(x/2) */
-                const REAL *const s = g + 10 * x + kept * k + outer * i;
+                const REAL *const s = g + (10 * x) + (kept * k) + (outer * i);
 #if DH_SLIDES
                 m[i][0] = s[0];
                 m[i][1] = s[inner];
@@ -474,7 +506,7 @@ LOCAL void ik_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3][6][1
             h[k][x][9] = (REAL)0;
             for (j = 0; j < 9; ++j) {
                 const REAL size = FABS(h[k][x][j]);
-                norm = size > norm ? size : norm;
+                norm = (size > norm) ? size : norm;
             }
         }
         for (k = 0; k < 3; ++k) {
@@ -490,14 +522,18 @@ LOCAL void ik_6r_pencil(REAL e[6][12], const signed char pass[6], REAL h[3][6][1
 LOCAL REAL ik_6r_lu(REAL a[6][10], int n)
 {
     REAL det = (REAL)1;
-    int i, j, k;
+    int i;
+    int j;
+    int k;
     for (k = 0; k < n; ++k) {
-        REAL best = FABS(a[k][k]), top[10], scale;
+        REAL best = FABS(a[k][k]);
+        REAL top[10];
+        REAL scale;
         int pivot = k;
         for (i = k + 1; i < 6; ++i) {
             const REAL size = FABS(a[i][k]);
-            pivot = size > best ? i : pivot;
-            best = size > best ? size : best;
+            pivot = (size > best) ? i : pivot;
+            best = (size > best) ? size : best;
         }
         for (j = 0; j < 10; ++j) {
             top[j] = a[pivot][j];
@@ -506,8 +542,8 @@ LOCAL REAL ik_6r_lu(REAL a[6][10], int n)
         for (j = 0; j < 10; ++j) {
             a[k][j] = top[j];
         }
-        det *= pivot == k ? top[k] : -top[k];
-        scale = (REAL)1 / (best > IK_6R_TINY ? top[k] : IK_6R_TINY);
+        det *= (pivot == k) ? top[k] : -top[k];
+        scale = (REAL)1 / ((best > IK_6R_TINY) ? top[k] : IK_6R_TINY);
         for (i = k + 1; i < 6; ++i) {
             const REAL factor = a[i][k] * scale;
             for (j = 0; j < 10; ++j) {
@@ -525,10 +561,11 @@ LOCAL REAL ik_6r_lu(REAL a[6][10], int n)
 LOCAL REAL ik_6r_reduce(REAL h[3][6][10], const REAL cs[2], REAL work[3][6][10])
 {
     REAL det;
-    int i, j;
+    int i;
+    int j;
     for (i = 0; i < 6; ++i) {
         for (j = 0; j < 10; ++j) {
-            work[0][i][j] = h[0][i][j] + cs[0] * h[1][i][j] + cs[1] * h[2][i][j];
+            work[0][i][j] = h[0][i][j] + (cs[0] * h[1][i][j]) + (cs[1] * h[2][i][j]);
         }
         for (j = 0; j < 6; ++j) {
             work[1][i][3 + j] = work[0][i][j];
@@ -541,7 +578,7 @@ LOCAL REAL ik_6r_reduce(REAL h[3][6][10], const REAL cs[2], REAL work[3][6][10])
     det = ik_6r_lu(work[0], 3) * ik_6r_lu(work[1], 3);
     for (i = 0; i < 6; ++i) {
         for (j = 0; j < 6; ++j) {
-            work[2][i][j] = work[i / 3][3 + i % 3][3 + j];
+            work[2][i][j] = work[i / 3][3 + (i % 3)][3 + j];
         }
         for (j = 6; j < 10; ++j) {
             work[2][i][j] = (REAL)0;
@@ -555,18 +592,20 @@ LOCAL REAL ik_6r_reduce(REAL h[3][6][10], const REAL cs[2], REAL work[3][6][10])
  * Returns cos(y/2)^2 + zone[2]^2 sin(y/2)^2. */
 LOCAL REAL ik_6r_magnify(const REAL zone[3], const REAL y[2], REAL cs[2])
 {
-    const REAL a = (REAL)0.5 * ((REAL)1 + y[0]), b = (REAL)0.5 * ((REAL)1 - y[0]) * zone[2] * zone[2];
+    const REAL a = (REAL)0.5 * ((REAL)1 + y[0]);
+    const REAL b = (REAL)0.5 * ((REAL)1 - y[0]) * zone[2] * zone[2];
     const REAL weight = a + b;
-    const REAL c = (a - b) / weight, s = zone[2] * y[1] / weight;
-    cs[0] = c * zone[0] - s * zone[1];
-    cs[1] = c * zone[1] + s * zone[0];
+    const REAL c = (a - b) / weight;
+    const REAL s = zone[2] * y[1] / weight;
+    cs[0] = (c * zone[0]) - (s * zone[1]);
+    cs[1] = (c * zone[1]) + (s * zone[0]);
     return weight;
 }
 
 /* Tangent of half the angle from x to y. */
 LOCAL REAL ik_6r_tangent(const REAL x[2], const REAL y[2])
 {
-    return (x[0] * y[1] - x[1] * y[0]) / ((REAL)1 + x[0] * y[0] + x[1] * y[1] + IK_6R_EPS * IK_6R_EPS);
+    return ((x[0] * y[1]) - (x[1] * y[0])) / ((REAL)1 + (x[0] * y[0]) + (x[1] * y[1]) + (IK_6R_EPS * IK_6R_EPS));
 }
 
 /* Finds the roots y of the 12 x 12 determinant on the magnified circle of a zone. The determinant is a trigonometric polynomial of
@@ -576,21 +615,28 @@ LOCAL REAL ik_6r_tangent(const REAL x[2], const REAL y[2])
  * the samples, which grow as the smallest pivot shrinks. order: 1 for a simple root, 2 for an unresolved one. */
 LOCAL int ik_6r_scan(REAL h[3][6][10], const REAL zone[3], REAL noise, REAL p[2][9], REAL *level, REAL root[24][3], int order[24])
 {
-    REAL value[20], size = (REAL)0, rounding = (REAL)0;
-    int j, k;
+    REAL value[20];
+    REAL size = (REAL)0;
+    REAL rounding = (REAL)0;
+    int j;
+    int k;
     for (j = 0; j < 20; ++j) { /* 17 .. 19: the angles opposite to samples 4, 9 and 15 lie in the middle between two samples */
-        REAL work[3][6][10], cs[2], weight, least = (REAL)1;
-        const REAL *const wave = ik_6r_wave[j < 17 ? j : (11 * j + 4) % 17];
-        const REAL y[2] = {j < 17 ? wave[0] : -wave[0], j < 17 ? wave[1] : -wave[1]};
+        REAL work[3][6][10];
+        REAL cs[2];
+        REAL weight;
+        REAL least = (REAL)1;
+        const REAL *const wave = ik_6r_wave[(j < 17) ? j : (((11 * j) + 4) % 17)];
+        const REAL y[2] = {(j < 17) ? wave[0] : -wave[0], (j < 17) ? wave[1] : -wave[1]};
         weight = ik_6r_magnify(zone, y, cs);
         weight *= weight;
         weight *= weight;
         value[j] = weight * weight * ik_6r_reduce(h, cs, work);
         value[j] *= ik_6r_lu(work[2], 6);
         for (k = 0; k < 6; ++k) {
-            const REAL inner = FABS(work[2][k][k]), outer = FABS(work[k / 3][k % 3][k % 3]);
-            least = inner < least ? inner : least;
-            least = outer < least ? outer : least;
+            const REAL inner = FABS(work[2][k][k]);
+            const REAL outer = FABS(work[k / 3][k % 3][k % 3]);
+            least = (inner < least) ? inner : least;
+            least = (outer < least) ? outer : least;
         }
         rounding += (REAL)VALUE_6R_ROUNDING * IK_6R_EPS * FABS(value[j]) / (least + IK_6R_TINY);
     }
@@ -601,20 +647,21 @@ LOCAL int ik_6r_scan(REAL h[3][6][10], const REAL zone[3], REAL noise, REAL p[2]
         for (j = 0; j < 17; ++j) {
             p[0][k] += value[j] * ik_6r_wave[at][0];
             p[1][k] += value[j] * ik_6r_wave[at][1];
-            at += (at + k < 17) ? k : k - 17;
+            at += ((at + k) < 17) ? k : (k - 17);
         }
         p[0][k] *= (REAL)(2.0 / 17.0);
         p[1][k] *= (REAL)(2.0 / 17.0);
         size += FABS(p[0][k]) + FABS(p[1][k]);
     }
     p[0][0] *= (REAL)0.5;
-    *level = size * noise > rounding ? size * noise : rounding;
+    *level = ((size * noise) > rounding) ? (size * noise) : rounding;
     for (j = 17; j < 20; ++j) {
-        const REAL *const y = ik_6r_wave[(11 * j + 4) % 17];
-        REAL v[2], off;
+        const REAL *const y = ik_6r_wave[((11 * j) + 4) % 17];
+        REAL v[2];
+        REAL off;
         ik_trig8_value(p[0], p[1], -y[1] / ((REAL)1 - y[0]), v);
         off = (REAL)VALUE_6R_MISMATCH * FABS(v[0] - value[j]);
-        *level = off > *level ? off : *level;
+        *level = (off > *level) ? off : *level;
     }
     return ik_trig_roots_8(p[0], p[1], *level, root, order);
 }
@@ -627,8 +674,8 @@ LOCAL void ik_6r_shift(const REAL u[12], const REAL v[12], int by, REAL s[4])
     for (i = 0; i < 4; ++i) {
         s[i] = (REAL)0;
     }
-    for (i = 0; i < 12 - by; ++i) {
-        if (by == 3 || i % 3 < 2) {
+    for (i = 0; i < (12 - by); ++i) {
+        if ((by == 3) || ((i % 3) < 2)) {
             s[0] += u[i] * v[i];
             s[1] += u[i] * v[i + by];
             s[2] += u[i + by] * v[i];
@@ -644,13 +691,15 @@ LOCAL REAL ik_6r_factor(const REAL w[12], REAL angle[2][2])
     REAL far = (REAL)0;
     int k;
     for (k = 0; k < 2; ++k) { /* low and high part are the cosine and sine of the half angle times the same vector */
-        REAL s[4], sum, off;
-        ik_6r_shift(w, w, 3 - 2 * k, s);
+        REAL s[4];
+        REAL sum;
+        REAL off;
+        ik_6r_shift(w, w, 3 - (2 * k), s);
         sum = (REAL)1 / (s[0] + s[3] + IK_6R_TINY);
         angle[k][0] = (s[0] - s[3]) * sum;
         angle[k][1] = (REAL)2 * s[1] * sum;
-        off = (REAL)1 - angle[k][0] * angle[k][0] - angle[k][1] * angle[k][1];
-        far = off > far ? off : far;
+        off = (REAL)1 - (angle[k][0] * angle[k][0]) - (angle[k][1] * angle[k][1]);
+        far = (off > far) ? off : far;
     }
     return far;
 }
@@ -660,7 +709,8 @@ LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL v[12])
 {
     REAL work[3][6][10];
     REAL(*const low)[10] = work[0], (*const high)[10] = work[1], (*const s)[10] = work[2];
-    int i, j;
+    int i;
+    int j;
     (void)ik_6r_reduce(h, cs, work);
     (void)ik_6r_lu(s, 5);
     v[8] = s[4][4];
@@ -677,7 +727,7 @@ LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL v[12])
         v[9 + i] = (REAL)0;
         for (j = i + 1; j < 9; ++j) {
             v[i] -= low[i][j] * v[j];
-            v[9 + i] -= high[i][j] * v[j < 3 ? 9 + j : j];
+            v[9 + i] -= high[i][j] * v[(j < 3) ? (9 + j) : j];
         }
         v[i] /= low[i][i] + IK_6R_TINY;
         v[9 + i] /= high[i][i] + IK_6R_TINY;
@@ -688,14 +738,19 @@ LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL v[12])
  * one times VALUE_6R_RANK count as zero, and so do the last `least` ones. Returns the dimension, or 0 if it exceeds IK_6R_WIDE. */
 LOCAL int ik_6r_kernel(REAL a[12][12], int n, int least, REAL basis[IK_6R_WIDE][12])
 {
-    int column[12], i, j, k, m;
+    int column[12];
+    int i;
+    int j;
+    int k;
+    int m;
     REAL first = (REAL)0;
     for (j = 0; j < n; ++j) {
         column[j] = j;
     }
-    for (k = 0; k < n - least; ++k) {
+    for (k = 0; k < (n - least); ++k) {
         REAL best = (REAL)-1;
-        int row = k, at = k;
+        int row = k;
+        int at = k;
         for (i = k; i < n; ++i) {
             for (j = k; j < n; ++j) {
                 if (FABS(a[i][j]) > best) {
@@ -705,8 +760,8 @@ LOCAL int ik_6r_kernel(REAL a[12][12], int n, int least, REAL basis[IK_6R_WIDE][
                 }
             }
         }
-        first = k == 0 ? best : first;
-        if (!(best > (REAL)VALUE_6R_RANK * first)) {
+        first = (k == 0) ? best : first;
+        if (!(best > ((REAL)VALUE_6R_RANK * first))) {
             break;
         }
         for (i = 0; i < n; ++i) {
@@ -729,14 +784,14 @@ LOCAL int ik_6r_kernel(REAL a[12][12], int n, int least, REAL basis[IK_6R_WIDE][
             }
         }
     }
-    if (n - k > IK_6R_WIDE) {
+    if ((n - k) > IK_6R_WIDE) {
         return 0;
     }
-    for (m = 0; m < n - k; ++m) {
+    for (m = 0; m < (n - k); ++m) {
         REAL x[12];
         for (i = n - 1; i >= 0; --i) {
-            x[i] = i == k + m ? (REAL)1 : (REAL)0;
-            for (j = i + 1; i < k && j < n; ++j) {
+            x[i] = (i == (k + m)) ? (REAL)1 : (REAL)0;
+            for (j = i + 1; (i < k) && (j < n); ++j) {
                 x[i] -= a[i][j] / a[i][i] * x[j];
             }
             basis[m][column[i]] = x[i];
@@ -748,7 +803,10 @@ LOCAL int ik_6r_kernel(REAL a[12][12], int n, int least, REAL basis[IK_6R_WIDE][
 /* Makes m vectors orthonormal. */
 LOCAL void ik_6r_orthonormalize(int m, REAL v[IK_6R_WIDE][12])
 {
-    int pass, i, j, k;
+    int pass;
+    int i;
+    int j;
+    int k;
     for (k = 0; k < m; ++k) {
         for (pass = 0; pass < 2; ++pass) { /* the second time against rounding errors of the first */
             REAL norm = IK_6R_TINY;
@@ -779,26 +837,30 @@ LOCAL void ik_6r_orthonormalize(int m, REAL v[IK_6R_WIDE][12])
  * the span is not mapped into itself where the solutions that share the root are a continuum. */
 LOCAL REAL ik_6r_multiply(int m, REAL v[IK_6R_WIDE][12], int by, REAL weight, REAL sum[12][12])
 {
-    REAL g[IK_6R_WIDE][16], part[IK_6R_WIDE][IK_6R_WIDE], error = (REAL)0; /* g: 2 IK_6R_WIDE */
-    int i, j, k;
+    REAL g[IK_6R_WIDE][16];
+    REAL part[IK_6R_WIDE][IK_6R_WIDE];
+    REAL error = (REAL)0; /* g: 2 IK_6R_WIDE */
+    int i;
+    int j;
+    int k;
     for (i = 0; i < m; ++i) {
         for (j = 0; j < m; ++j) {
             REAL s[4];
             ik_6r_shift(v[i], v[j], by, s);
-            g[i][j] = (REAL)(25.0 / 169.0) * s[0] + (REAL)(60.0 / 169.0) * (s[1] + s[2]) + (REAL)(144.0 / 169.0) * s[3];
-            g[i][m + j] = (REAL)(60.0 / 169.0) * (s[3] - s[0]) + (REAL)(25.0 / 169.0) * s[1] - (REAL)(144.0 / 169.0) * s[2];
+            g[i][j] = ((REAL)(25.0 / 169.0) * s[0]) + ((REAL)(60.0 / 169.0) * (s[1] + s[2])) + ((REAL)(144.0 / 169.0) * s[3]);
+            g[i][m + j] = ((REAL)(60.0 / 169.0) * (s[3] - s[0])) + ((REAL)(25.0 / 169.0) * s[1]) - ((REAL)(144.0 / 169.0) * s[2]);
             part[i][j] = g[i][m + j];
-            error += (i == j) ? (REAL)(144.0 / 169.0) * s[0] - (REAL)(120.0 / 169.0) * s[1] + (REAL)(25.0 / 169.0) * s[3] : (REAL)0;
+            error += (i == j) ? (((REAL)(144.0 / 169.0) * s[0]) - ((REAL)(120.0 / 169.0) * s[1]) + ((REAL)(25.0 / 169.0) * s[3])) : (REAL)0;
         }
     }
     for (k = 0; k < m; ++k) { /* L'L is positive definite: no pivoting */
         const REAL pivot = (REAL)1 / (g[k][k] + IK_6R_TINY);
-        for (j = k; j < 2 * m; ++j) {
+        for (j = k; j < (2 * m); ++j) {
             g[k][j] *= pivot;
         }
         for (i = 0; i < m; ++i) {
             const REAL factor = g[i][k];
-            for (j = k; j < 2 * m && i != k; ++j) {
+            for (j = k; (j < (2 * m)) && (i != k); ++j) {
                 g[i][j] -= factor * g[k][j];
             }
         }
@@ -816,8 +878,13 @@ LOCAL REAL ik_6r_multiply(int m, REAL v[IK_6R_WIDE][12], int by, REAL weight, RE
  * polynomial, by the recursion of Faddeev and LeVerrier. */
 LOCAL void ik_6r_eigenvalues(int m, REAL a[12][12], REAL z[IK_6R_WIDE][2])
 {
-    REAL c[IK_6R_WIDE + 1], b[IK_6R_WIDE][IK_6R_WIDE], size = (REAL)0;
-    int i, j, k, it;
+    REAL c[IK_6R_WIDE + 1];
+    REAL b[IK_6R_WIDE][IK_6R_WIDE];
+    REAL size = (REAL)0;
+    int i;
+    int j;
+    int k;
+    int it;
     for (i = 0; i < m; ++i) {
         for (j = 0; j < m; ++j) {
             b[i][j] = (REAL)(i == j);
@@ -825,7 +892,8 @@ LOCAL void ik_6r_eigenvalues(int m, REAL a[12][12], REAL z[IK_6R_WIDE][2])
     }
     c[0] = (REAL)1;
     for (k = 1; k <= m; ++k) {
-        REAL ab[IK_6R_WIDE][IK_6R_WIDE], trace = (REAL)0;
+        REAL ab[IK_6R_WIDE][IK_6R_WIDE];
+        REAL trace = (REAL)0;
         for (i = 0; i < m; ++i) {
             for (j = 0; j < m; ++j) {
                 REAL sum = (REAL)0;
@@ -840,39 +908,48 @@ LOCAL void ik_6r_eigenvalues(int m, REAL a[12][12], REAL z[IK_6R_WIDE][2])
         c[k] = -trace / (REAL)k;
         for (i = 0; i < m; ++i) {
             for (j = 0; j < m; ++j) {
-                b[i][j] = ab[i][j] + (i == j ? c[k] : (REAL)0);
+                b[i][j] = ab[i][j] + ((i == j) ? c[k] : (REAL)0);
             }
         }
     }
     for (i = 0; i < m; ++i) {
-        const REAL *const start = ik_6r_wave[(1 + 17 * i / m) % 17];
+        const REAL *const start = ik_6r_wave[(1 + (17 * i / m)) % 17];
         z[i][0] = (REAL)0.5 * size * start[0];
         z[i][1] = (REAL)0.5 * size * start[1];
     }
     for (it = 0; it < VALUE_6R_ABERTH; ++it) {
         for (i = 0; i < m; ++i) {
-            const REAL x = z[i][0], y = z[i][1];
-            REAL p = (REAL)1, q = (REAL)0, dp = (REAL)0, dq = (REAL)0, u, v, w;
+            const REAL x = z[i][0];
+            const REAL y = z[i][1];
+            REAL p = (REAL)1;
+            REAL q = (REAL)0;
+            REAL dp = (REAL)0;
+            REAL dq = (REAL)0;
+            REAL u;
+            REAL v;
+            REAL w;
             for (k = 1; k <= m; ++k) { /* Horner: p + i q, and its derivative */
-                w = dp * x - dq * y + p;
-                dq = dp * y + dq * x + q;
+                w = (dp * x) - (dq * y) + p;
+                dq = (dp * y) + (dq * x) + q;
                 dp = w;
-                w = p * x - q * y + c[k];
-                q = p * y + q * x;
+                w = (p * x) - (q * y) + c[k];
+                q = (p * y) + (q * x);
                 p = w;
             }
             u = dp; /* p' / p - sum 1 / (z - z_j), times p */
             v = dq;
             for (j = 0; j < m; ++j) {
-                const REAL dx = x - z[j][0], dy = y - z[j][1], d = (REAL)1 / (dx * dx + dy * dy + IK_6R_TINY);
+                const REAL dx = x - z[j][0];
+                const REAL dy = y - z[j][1];
+                const REAL d = (REAL)1 / ((dx * dx) + (dy * dy) + IK_6R_TINY);
                 if (j != i) {
-                    u -= (p * dx + q * dy) * d;
-                    v -= (q * dx - p * dy) * d;
+                    u -= ((p * dx) + (q * dy)) * d;
+                    v -= ((q * dx) - (p * dy)) * d;
                 }
             }
-            w = (REAL)1 / (u * u + v * v + IK_6R_TINY);
-            z[i][0] -= (p * u + q * v) * w;
-            z[i][1] -= (q * u - p * v) * w;
+            w = (REAL)1 / ((u * u) + (v * v) + IK_6R_TINY);
+            z[i][0] -= ((p * u) + (q * v)) * w;
+            z[i][1] -= ((q * u) - (p * v)) * w;
         }
     }
 }
@@ -883,12 +960,21 @@ LOCAL void ik_6r_eigenvalues(int m, REAL a[12][12], REAL z[IK_6R_WIDE][2])
 LOCAL int ik_6r_shared(REAL h[3][6][10], const REAL cs[2], REAL pair[IK_6R_WIDE + 1][2][2], int *unreal)
 {
     static const REAL weight[2][2] = {{(REAL)0.8, (REAL)-0.6}, {(REAL)0.47, (REAL)0.88}};
-    REAL a[12][12], v[IK_6R_WIDE][12], z[IK_6R_WIDE][2], error = (REAL)0;
-    int i, j, k, m, way, count = 0;
+    REAL a[12][12];
+    REAL v[IK_6R_WIDE][12];
+    REAL z[IK_6R_WIDE][2];
+    REAL error = (REAL)0;
+    int i;
+    int j;
+    int k;
+    int m;
+    int way;
+    int count = 0;
     for (i = 0; i < 12; ++i) {
         for (j = 0; j < 12; ++j) {
-            const int row = i % 6, at = i < 6 ? j : j - 3;
-            a[i][j] = at < 0 || at > 8 ? (REAL)0 : h[0][row][at] + cs[0] * h[1][row][at] + cs[1] * h[2][row][at];
+            const int row = i % 6;
+            const int at = (i < 6) ? j : (j - 3);
+            a[i][j] = ((at < 0) || (at > 8)) ? (REAL)0 : (h[0][row][at] + (cs[0] * h[1][row][at]) + (cs[1] * h[2][row][at]));
         }
     }
     m = ik_6r_kernel(a, 12, 2, v);
@@ -905,19 +991,21 @@ LOCAL int ik_6r_shared(REAL h[3][6][10], const REAL cs[2], REAL pair[IK_6R_WIDE 
         error += ik_6r_multiply(m, v, 1, weight[way][1], a);
         ik_6r_eigenvalues(m, a, z);
         for (k = 0; k < m; ++k) {
-            unlike += FABS(z[k][1]) > (REAL)VALUE_6R_UNREAL * ((REAL)1 + FABS(z[k][0]));
+            unlike += FABS(z[k][1]) > ((REAL)VALUE_6R_UNREAL * ((REAL)1 + FABS(z[k][0])));
         }
-        *unreal = unlike < *unreal ? unlike : *unreal;
-        *unreal = error < (REAL)VALUE_6R_MAPPED ? *unreal : 0;
+        *unreal = (unlike < *unreal) ? unlike : *unreal;
+        *unreal = (error < (REAL)VALUE_6R_MAPPED) ? *unreal : 0;
     }
     for (k = 0; k < m; ++k) {
-        REAL less[12][12], mix[IK_6R_WIDE][12], w[12];
-        if (FABS(z[k][1]) > (REAL)VALUE_6R_UNREAL * ((REAL)1 + FABS(z[k][0]))) {
+        REAL less[12][12];
+        REAL mix[IK_6R_WIDE][12];
+        REAL w[12];
+        if (FABS(z[k][1]) > ((REAL)VALUE_6R_UNREAL * ((REAL)1 + FABS(z[k][0])))) {
             continue;
         }
         for (i = 0; i < m; ++i) {
             for (j = 0; j < m; ++j) {
-                less[i][j] = a[i][j] - (i == j ? z[k][0] : (REAL)0);
+                less[i][j] = a[i][j] - ((i == j) ? z[k][0] : (REAL)0);
             }
         }
         if (ik_6r_kernel(less, m, 1, mix) == 0) {
@@ -943,8 +1031,15 @@ LOCAL void ik_6r_complete(REAL e[6][12], int slide, REAL t[6][2])
 LOCAL void ik_6r_complete(REAL e[6][12], REAL t[6][2])
 #endif
 {
-    REAL x[12], y[12], goal[12], f[15][18];
-    REAL aa = (REAL)0, ab = (REAL)0, bb = (REAL)0, ar = (REAL)0, br = (REAL)0;
+    REAL x[12];
+    REAL y[12];
+    REAL goal[12];
+    REAL f[15][18];
+    REAL aa = (REAL)0;
+    REAL ab = (REAL)0;
+    REAL bb = (REAL)0;
+    REAL ar = (REAL)0;
+    REAL br = (REAL)0;
     int i;
     ik_6r_identity(x);
     ik_6r_identity(y);
@@ -975,14 +1070,16 @@ LOCAL void ik_6r_complete(REAL e[6][12], REAL t[6][2])
         ar += v[1] * (v[3] - v[0]);
         br += v[2] * (v[3] - v[0]);
     }
-    t[1][0] = bb * ar - ab * br;
-    t[1][1] = aa * br - ab * ar;
+    t[1][0] = (bb * ar) - (ab * br);
+    t[1][1] = (aa * br) - (ab * ar);
     ik_6r_unit(1, t + 1);
     for (i = 0; i < 4; ++i) {
-        const REAL *const v = f[ik_6r_planar[i]], *const w = f[ik_6r_planar[i] + 1];
-        const REAL vx = v[0] + v[1] * t[1][0] + v[2] * t[1][1], vy = w[0] + w[1] * t[1][0] + w[2] * t[1][1];
-        t[0][0] += vx * v[3] + vy * w[3];
-        t[0][1] += vx * w[3] - vy * v[3];
+        const REAL *const v = f[ik_6r_planar[i]];
+        const REAL *const w = f[ik_6r_planar[i] + 1];
+        const REAL vx = v[0] + (v[1] * t[1][0]) + (v[2] * t[1][1]);
+        const REAL vy = w[0] + (w[1] * t[1][0]) + (w[2] * t[1][1]);
+        t[0][0] += (vx * v[3]) + (vy * w[3]);
+        t[0][1] += (vx * w[3]) - (vy * v[3]);
     }
     ik_6r_unit(1, t);
     ik_6r_turn(x, t[0]);
@@ -990,8 +1087,8 @@ LOCAL void ik_6r_complete(REAL e[6][12], REAL t[6][2])
     ik_6r_turn(x, t[1]);
     ik_6r_product(x, y, x);
     for (i = 0; i < 9; i += 3) {
-        t[5][0] += x[i] * goal[i] + x[i + 1] * goal[i + 1];
-        t[5][1] += x[i + 1] * goal[i] - x[i] * goal[i + 1];
+        t[5][0] += (x[i] * goal[i]) + (x[i + 1] * goal[i + 1]);
+        t[5][1] += (x[i + 1] * goal[i]) - (x[i] * goal[i + 1]);
     }
 }
 
@@ -1000,14 +1097,16 @@ LOCAL void ik_6r_complete(REAL e[6][12], REAL t[6][2])
  * entry of the pose and of the forward kinematics. */
 LOCAL REAL ik_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], REAL jac[6][6])
 {
-    REAL x[12], err = (REAL)0;
-    int i, k;
+    REAL x[12];
+    REAL err = (REAL)0;
+    int i;
+    int k;
     ik_6r_identity(x);
     for (k = 0; k < 6; ++k) {
         const REAL *const row = ik_6r_dh[k];
         for (i = 0; i < 3; ++i) {
             jac[k][i] = x[9 + i];
-            jac[k][3 + i] = x[3 * i + 2];
+            jac[k][3 + i] = x[(3 * i) + 2];
         }
 #if DH_SLIDES
         if (k == DH_SLIDE) {
@@ -1020,15 +1119,16 @@ LOCAL REAL ik_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], REAL ja
         ik_6r_turn(x, cs[k]);
 #endif
         for (i = 0; i < 3; ++i) {
-            const REAL v = x[3 * i + 1], w = x[3 * i + 2];
-            x[9 + i] += row[3] * w + row[2] * x[3 * i];
-            x[3 * i + 1] = row[0] * v + row[1] * w;
-            x[3 * i + 2] = row[0] * w - row[1] * v;
+            const REAL v = x[(3 * i) + 1];
+            const REAL w = x[(3 * i) + 2];
+            x[9 + i] += (row[3] * w) + (row[2] * x[3 * i]);
+            x[(3 * i) + 1] = (row[0] * v) + (row[1] * w);
+            x[(3 * i) + 2] = (row[0] * w) - (row[1] * v);
         }
     }
     for (i = 0; i < 12; ++i) {
         const REAL off = FABS(pose[i] - x[i]);
-        err = (off > err || !(off >= (REAL)0)) ? off : err;
+        err = ((off > err) || !(off >= (REAL)0)) ? off : err;
     }
     for (k = 0; k < 6; ++k) {
         REAL arm[3];
@@ -1044,11 +1144,12 @@ LOCAL REAL ik_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], REAL ja
     }
 #endif
     for (i = 0; i < 3; ++i) {
-        const int y = i < 2 ? 3 * i + 3 : 0, z = i > 0 ? 3 * i - 3 : 6;
+        const int y = (i < 2) ? ((3 * i) + 3) : 0;
+        const int z = (i > 0) ? ((3 * i) - 3) : 6;
         r[i] = pose[9 + i] - x[9 + i];
         r[3 + i] = (REAL)0;
         for (k = 0; k < 3; ++k) {
-            r[3 + i] += (REAL)0.5 * (x[y + k] * pose[z + k] - x[z + k] * pose[y + k]);
+            r[3 + i] += (REAL)0.5 * ((x[y + k] * pose[z + k]) - (x[z + k] * pose[y + k]));
         }
     }
     return err;
@@ -1057,10 +1158,13 @@ LOCAL REAL ik_6r_residual(const REAL pose[12], REAL cs[6][2], REAL r[6], REAL ja
 /* (J'J + damping) step = J' r by the LDL' decomposition. */
 LOCAL void ik_6r_step(REAL jac[6][6], const REAL r[6], REAL damping, REAL step[6])
 {
-    REAL l[6][6], d[6];
-    int i, j, k;
+    REAL l[6][6];
+    REAL d[6];
+    int i;
+    int j;
+    int k;
     for (i = 0; i < 6; ++i) {
-        REAL pivot = damping + IK_6R_EPS * IK_6R_EPS;
+        REAL pivot = damping + (IK_6R_EPS * IK_6R_EPS);
         step[i] = (REAL)0;
         for (k = 0; k < 6; ++k) {
             step[i] += jac[i][k] * r[k];
@@ -1078,7 +1182,7 @@ LOCAL void ik_6r_step(REAL jac[6][6], const REAL r[6], REAL damping, REAL step[6
             pivot -= l[i][j] * v;
             step[i] -= l[i][j] * step[j];
         }
-        d[i] = (pivot > IK_6R_EPS * IK_6R_EPS) ? pivot : IK_6R_EPS * IK_6R_EPS;
+        d[i] = (pivot > (IK_6R_EPS * IK_6R_EPS)) ? pivot : (IK_6R_EPS * IK_6R_EPS);
     }
     for (i = 5; i >= 0; --i) {
         step[i] /= d[i];
@@ -1095,16 +1199,18 @@ LOCAL void ik_6r_move(REAL cs[6][2], const REAL step[6])
     REAL largest = (REAL)1;
     int i;
     for (i = 0; i < 6; ++i) {
-        largest = ((REAL)2 * FABS(step[i]) > largest) ? (REAL)2 * FABS(step[i]) : largest;
+        largest = (((REAL)2 * FABS(step[i])) > largest) ? ((REAL)2 * FABS(step[i])) : largest;
     }
     for (i = 0; i < 6; ++i) {
         const REAL t = (REAL)0.5 * step[i] / largest;
-        const REAL c = cs[i][0], s = cs[i][1], w = (REAL)1 / ((REAL)1 + t * t);
-        cs[i][0] = (c * ((REAL)1 - t * t) - (REAL)2 * s * t) * w;
-        cs[i][1] = (s * ((REAL)1 - t * t) + (REAL)2 * c * t) * w;
+        const REAL c = cs[i][0];
+        const REAL s = cs[i][1];
+        const REAL w = (REAL)1 / ((REAL)1 + (t * t));
+        cs[i][0] = ((c * ((REAL)1 - (t * t))) - ((REAL)2 * s * t)) * w;
+        cs[i][1] = ((s * ((REAL)1 - (t * t))) + ((REAL)2 * c * t)) * w;
 #if DH_SLIDES
         if (i == DH_SLIDE) {
-            cs[i][0] = c + step[i] / largest;
+            cs[i][0] = c + (step[i] / largest);
             cs[i][1] = (REAL)0;
         }
 #endif
@@ -1117,13 +1223,20 @@ LOCAL void ik_6r_move(REAL cs[6][2], const REAL step[6])
  * pose is not met, 1 if it is met far from the start, 2 if it is met close to the start. */
 LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6][2], REAL cs[6][2])
 {
-    REAL best = (REAL)10, begin = (REAL)0, before = (REAL)10;
-    int it, i;
-    for (it = 0; it <= IK_6R_STEPS || (patient && *left > 0 && it <= 6 * IK_6R_STEPS); ++it) {
-        REAL r[6], jac[6][6], step[6], damping = (REAL)0, (*from)[2] = trial;
+    REAL best = (REAL)10;
+    REAL begin = (REAL)0;
+    REAL before = (REAL)10;
+    int it;
+    int i;
+    for (it = 0; (it <= IK_6R_STEPS) || (patient && (*left > 0) && (it <= (6 * IK_6R_STEPS))); ++it) {
+        REAL r[6];
+        REAL jac[6][6];
+        REAL step[6];
+        REAL damping = (REAL)0;
+        REAL (*from)[2] = trial;
         const REAL err = ik_6r_residual(pose, trial, r, jac);
         const int better = err < best;
-        const int stalled = !(patient ? FABS(err - before) > (REAL)0.01 * err : err < (REAL)0.5 * before);
+        const int stalled = !(patient ? (FABS(err - before) > ((REAL)0.01 * err)) : (err < ((REAL)0.5 * before)));
         *left -= patient;
         begin = (it == 0) ? err : begin;
         if (better) {
@@ -1133,7 +1246,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
                 cs[i][1] = trial[i][1];
             }
         }
-        if (best < IK_6R_DONE || (it >= 3 && best > (REAL)VALUE_6R_HOPELESS) || (best < IK_6R_ACCEPT && !(err < (REAL)0.5 * before)) || !(patient || better)) {
+        if ((best < IK_6R_DONE) || ((it >= 3) && (best > (REAL)VALUE_6R_HOPELESS)) || ((best < IK_6R_ACCEPT) && !(err < ((REAL)0.5 * before))) || !(patient || better)) {
             break;
         }
         before = err;
@@ -1145,7 +1258,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
             const REAL kick = (REAL)2 * SQRT(best);
             from = cs;
             for (i = 0; i < 6; ++i) {
-                step[i] = kick * ik_6r_wave[(5 * i + 3 * it) % 17][0];
+                step[i] = kick * ik_6r_wave[((5 * i) + (3 * it)) % 17][0];
             }
             before = (REAL)10;
         }
@@ -1155,7 +1268,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
         }
         ik_6r_move(trial, step);
     }
-    return best < IK_6R_ACCEPT ? 1 + (begin < (REAL)VALUE_6R_CLOSE) : 0;
+    return (best < IK_6R_ACCEPT) ? (1 + (begin < (REAL)VALUE_6R_CLOSE)) : 0;
 }
 
 /* Sum of the differences of the cosines and sines (or displacements) of two solutions. */
@@ -1173,7 +1286,7 @@ LOCAL REAL ik_6r_apart(REAL a[6][2], REAL b[6][2])
 LOCAL int ik_6r_place(REAL rows[IK_6R_MAX + 1][6][2], int count)
 {
     int k;
-    for (k = 0; k < count && ik_6r_apart(rows[k], rows[count]) >= IK_6R_SAME; ++k) {
+    for (k = 0; (k < count) && (ik_6r_apart(rows[k], rows[count]) >= IK_6R_SAME); ++k) {
     }
     return k;
 }
@@ -1184,18 +1297,26 @@ LOCAL int ik_6r_place(REAL rows[IK_6R_MAX + 1][6][2], int count)
 LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][12], REAL h[3][6][10],
     const REAL root[2], int order, int *left, unsigned *taken, REAL rows[IK_6R_MAX + 1][6][2], int *count)
 {
-    int unreal = 0, attempt, met = 0;
-    for (attempt = order; attempt <= 2 && !met && *left > 0; ++attempt) {
-        REAL pair[IK_6R_WIDE + 1][2][2], w[12];
-        int i, j, pairs = 0;
+    int unreal = 0;
+    int attempt;
+    int met = 0;
+    for (attempt = order; (attempt <= 2) && !met && (*left > 0); ++attempt) {
+        REAL pair[IK_6R_WIDE + 1][2][2];
+        REAL w[12];
+        int i;
+        int j;
+        int pairs = 0;
         ik_6r_null(h, root, w);
         pairs = ik_6r_factor(w, pair[0]) < (REAL)VALUE_6R_SHAPE;
         if (attempt == 2) {
             pairs += ik_6r_shared(h, root, pair + pairs, &unreal);
         }
-        for (j = 0; j < pairs && *count < IK_6R_MAX; ++j) {
-            REAL t[6][2], cs[6][2];
-            int place, near, joint;
+        for (j = 0; (j < pairs) && (*count < IK_6R_MAX); ++j) {
+            REAL t[6][2];
+            REAL cs[6][2];
+            int place;
+            int near;
+            int joint;
             for (i = 0; i < 2; ++i) {
                 t[2 + pass[2]][i] = root[i];
                 t[2 + pass[3]][i] = pair[j][0][i];
@@ -1215,19 +1336,19 @@ LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][1
                 REAL *const to = cs[joint];
                 joint += pass[1];
                 joint += (joint < 0) ? 6 : (joint > 5) ? -6 : 0;
-                to[0] = ik_6r_odd[0] * t[i][0] - ik_6r_odd[3] * t[i][1];
-                to[1] = (ik_6r_odd[0] * t[i][1] + ik_6r_odd[3] * t[i][0]) * (REAL)pass[1];
+                to[0] = (ik_6r_odd[0] * t[i][0]) - (ik_6r_odd[3] * t[i][1]);
+                to[1] = ((ik_6r_odd[0] * t[i][1]) + (ik_6r_odd[3] * t[i][0])) * (REAL)pass[1];
             }
             ik_6r_unit(6, cs);
 #if DH_SLIDES
             cs[DH_SLIDE][0] = t[2 + pass[4]][0] * (REAL)pass[1];
             cs[DH_SLIDE][1] = (REAL)0;
 #endif
-            near = ik_6r_polish(pose, pass[5] != 0 || attempt == 2, left, cs, rows[*count]);
+            near = ik_6r_polish(pose, (pass[5] != 0) || (attempt == 2), left, cs, rows[*count]);
             if (near > 0) {
                 place = ik_6r_place(rows, *count);
-                met |= order == 1 && near + (pass[5] != 0) >= 2 && ((*taken >> place) & 1u) == 0u;
-                *taken |= order == 1 ? 1u << place : 0u;
+                met |= (order == 1) && ((near + (pass[5] != 0)) >= 2) && (((*taken >> place) & 1u) == 0u);
+                *taken |= (order == 1) ? (1u << place) : 0u;
                 *count += place == *count;
             }
         }
@@ -1246,15 +1367,16 @@ LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
         REAL turn = root[i][2] + (REAL)VALUE_6R_WIDER;
         int k;
         for (k = 0; k < 2; ++k) {
-            const REAL end[2] = {root[i][0] - turn * root[i][1], root[i][1] + turn * root[i][0]};
-            REAL cs[2], reach;
+            const REAL end[2] = {root[i][0] - (turn * root[i][1]), root[i][1] + (turn * root[i][0])};
+            REAL cs[2];
+            REAL reach;
             (void)ik_6r_magnify(outer, end, cs);
             reach = FABS(ik_6r_tangent(zone, cs));
-            zone[2] = reach > zone[2] ? reach : zone[2];
+            zone[2] = (reach > zone[2]) ? reach : zone[2];
             turn = -turn;
         }
     }
-    return zone[2] < (REAL)VALUE_6R_NARROWER * outer[2];
+    return zone[2] < ((REAL)VALUE_6R_NARROWER * outer[2]);
 }
 
 /* Counts the roots of a polynomial (see ik_6r_scan) in a circle of the complex plane around the point z = exp(i y) of the unit circle,
@@ -1263,44 +1385,60 @@ LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
 LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, REAL middle[2])
 {
     for (; *radius < (REAL)VALUE_6R_WIDEST; *radius *= (REAL)2) {
-        REAL c = (REAL)1, s = (REAL)0, turns[2] = {(REAL)0, (REAL)0}, first[2] = {(REAL)0, (REAL)0};
-        int clear = 1, count, i, k;
-        for (i = 0; i < 48 && clear; ++i) {
-            const REAL dx = *radius * c, dy = *radius * s, x = at[0] + dx, y = at[1] + dy, next = c;
-            REAL re = p[0][8], im = -p[1][8], dr = (REAL)0, di = (REAL)0, size = x * x + y * y, u, v;
+        REAL c = (REAL)1;
+        REAL s = (REAL)0;
+        REAL turns[2] = {(REAL)0, (REAL)0};
+        REAL first[2] = {(REAL)0, (REAL)0};
+        int clear = 1;
+        int count;
+        int i;
+        int k;
+        for (i = 0; (i < 48) && clear; ++i) {
+            const REAL dx = *radius * c;
+            const REAL dy = *radius * s;
+            const REAL x = at[0] + dx;
+            const REAL y = at[1] + dy;
+            const REAL next = c;
+            REAL re = p[0][8];
+            REAL im = -p[1][8];
+            REAL dr = (REAL)0;
+            REAL di = (REAL)0;
+            REAL size = (x * x) + (y * y);
+            REAL u;
+            REAL v;
             REAL least = (REAL)(2 * VALUE_6R_CLEAR) * noise;
             for (k = 7; k >= -8; --k) { /* f = 2 z^8 p and its derivative by Horner's rule */
-                u = dr * x - di * y + re;
-                di = dr * y + di * x + im;
+                u = (dr * x) - (di * y) + re;
+                di = (dr * y) + (di * x) + im;
                 dr = u;
-                u = re * x - im * y + (k == 0 ? (REAL)2 : (REAL)1) * p[0][k < 0 ? -k : k];
-                im = re * y + im * x + (k < 0 ? p[1][-k] : (REAL)0) - (k > 0 ? p[1][k] : (REAL)0);
+                u = (re * x) - (im * y) + (((k == 0) ? (REAL)2 : (REAL)1) * p[0][(k < 0) ? -k : k]);
+                im = (re * y) + (im * x) + ((k < 0) ? p[1][-k] : (REAL)0) - ((k > 0) ? p[1][k] : (REAL)0);
                 re = u;
             }
             size *= size;
             size *= size;
-            least *= size > (REAL)1 ? size * size : (REAL)1;
-            size = re * re + im * im;
-            clear = size > least * least;
+            least *= (size > (REAL)1) ? (size * size) : (REAL)1;
+            size = (re * re) + (im * im);
+            clear = size > (least * least);
             size = (REAL)(1.0 / 48.0) / (size + IK_6R_TINY);
-            u = (dr * re + di * im) * size; /* f' / f */
-            v = (di * re - dr * im) * size;
-            re = u * dx - v * dy; /* times z - at, which is dz / (i dy) */
-            im = u * dy + v * dx;
+            u = ((dr * re) + (di * im)) * size; /* f' / f */
+            v = ((di * re) - (dr * im)) * size;
+            re = (u * dx) - (v * dy); /* times z - at, which is dz / (i dy) */
+            im = (u * dy) + (v * dx);
             turns[0] += re;
             turns[1] += im;
-            first[0] += re * dx - im * dy;
-            first[1] += re * dy + im * dx;
-            c = (REAL)0.9914448613738104 * c - (REAL)0.13052619222005157 * s;
-            s = (REAL)0.9914448613738104 * s + (REAL)0.13052619222005157 * next;
+            first[0] += (re * dx) - (im * dy);
+            first[1] += (re * dy) + (im * dx);
+            c = ((REAL)0.9914448613738104 * c) - ((REAL)0.13052619222005157 * s);
+            s = ((REAL)0.9914448613738104 * s) + ((REAL)0.13052619222005157 * next);
         }
         count = (int)(turns[0] + (REAL)0.5);
-        if (clear && FABS(turns[0] - (REAL)count) + FABS(turns[1]) < (REAL)VALUE_6R_WHOLE) {
-            const REAL share = (REAL)1 / (REAL)(count > 0 ? count : 1);
+        if (clear && ((FABS(turns[0] - (REAL)count) + FABS(turns[1])) < (REAL)VALUE_6R_WHOLE)) {
+            const REAL share = (REAL)1 / (REAL)((count > 0) ? count : 1);
             REAL scale;
-            middle[0] = at[0] + first[0] * share;
-            middle[1] = at[1] + first[1] * share;
-            scale = (REAL)1 / SQRT(middle[0] * middle[0] + middle[1] * middle[1]);
+            middle[0] = at[0] + (first[0] * share);
+            middle[1] = at[1] + (first[1] * share);
+            scale = (REAL)1 / SQRT((middle[0] * middle[0]) + (middle[1] * middle[1]));
             middle[0] *= scale;
             middle[1] *= scale;
             return count;
@@ -1315,14 +1453,20 @@ LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, R
 LOCAL REAL ik_6r_complex_lu(REAL a[6][9][2], int n, int columns, REAL sign[2])
 {
     REAL least = (REAL)1;
-    int i, j, k;
+    int i;
+    int j;
+    int k;
     for (k = 0; k < n; ++k) {
-        REAL best = (REAL)-1, size, u, v, x;
+        REAL best = (REAL)-1;
+        REAL size;
+        REAL u;
+        REAL v;
+        REAL x;
         int pivot = k;
         for (i = k; i < 6; ++i) {
-            size = a[i][k][0] * a[i][k][0] + a[i][k][1] * a[i][k][1];
-            pivot = size > best ? i : pivot;
-            best = size > best ? size : best;
+            size = (a[i][k][0] * a[i][k][0]) + (a[i][k][1] * a[i][k][1]);
+            pivot = (size > best) ? i : pivot;
+            best = (size > best) ? size : best;
         }
         for (j = k; j < columns; ++j) {
             for (i = 0; i < 2; ++i) {
@@ -1332,20 +1476,21 @@ LOCAL REAL ik_6r_complex_lu(REAL a[6][9][2], int n, int columns, REAL sign[2])
             }
         }
         size = SQRT(best) + IK_6R_TINY;
-        least = size < least ? size : least;
+        least = (size < least) ? size : least;
         u = a[k][k][0] / size;
         v = a[k][k][1] / size;
-        x = pivot == k ? (REAL)1 : (REAL)-1;
-        best = x * (sign[0] * u - sign[1] * v);
-        sign[1] = x * (sign[0] * v + sign[1] * u);
+        x = (pivot == k) ? (REAL)1 : (REAL)-1;
+        best = x * ((sign[0] * u) - (sign[1] * v));
+        sign[1] = x * ((sign[0] * v) + (sign[1] * u));
         sign[0] = best;
         u /= size; /* the inverse of the pivot is u - i v */
         v /= size;
         for (i = k + 1; i < 6; ++i) {
-            const REAL re = a[i][k][0] * u + a[i][k][1] * v, im = a[i][k][1] * u - a[i][k][0] * v;
+            const REAL re = (a[i][k][0] * u) + (a[i][k][1] * v);
+            const REAL im = (a[i][k][1] * u) - (a[i][k][0] * v);
             for (j = k + 1; j < columns; ++j) {
-                a[i][j][0] -= re * a[k][j][0] - im * a[k][j][1];
-                a[i][j][1] -= re * a[k][j][1] + im * a[k][j][0];
+                a[i][j][0] -= (re * a[k][j][0]) - (im * a[k][j][1]);
+                a[i][j][1] -= (re * a[k][j][1]) + (im * a[k][j][0]);
             }
         }
     }
@@ -1356,14 +1501,19 @@ LOCAL REAL ik_6r_complex_lu(REAL a[6][9][2], int n, int columns, REAL sign[2])
  * number of magnitude 1. Returns the least magnitude of a pivot, see ik_6r_reduce. */
 LOCAL REAL ik_6r_phase(REAL h[3][6][10], const REAL cosine[2], const REAL sine[2], REAL phase[2])
 {
-    REAL side[2][6][9][2], rest[6][9][2], least = (REAL)1, size;
-    int i, j, k;
+    REAL side[2][6][9][2];
+    REAL rest[6][9][2];
+    REAL least = (REAL)1;
+    REAL size;
+    int i;
+    int j;
+    int k;
     for (i = 0; i < 6; ++i) {
         for (j = 0; j < 9; ++j) {
             for (k = 0; k < 2; ++k) {
-                const REAL x = (k == 0 ? h[0][i][j] : (REAL)0) + cosine[k] * h[1][i][j] + sine[k] * h[2][i][j];
+                const REAL x = ((k == 0) ? h[0][i][j] : (REAL)0) + (cosine[k] * h[1][i][j]) + (sine[k] * h[2][i][j]);
                 side[0][i][j][k] = x;
-                side[1][i][j < 6 ? j + 3 : j - 6][k] = x;
+                side[1][i][(j < 6) ? (j + 3) : (j - 6)][k] = x;
             }
         }
     }
@@ -1371,16 +1521,16 @@ LOCAL REAL ik_6r_phase(REAL h[3][6][10], const REAL cosine[2], const REAL sine[2
     phase[1] = (REAL)0;
     for (k = 0; k < 2; ++k) {
         size = ik_6r_complex_lu(side[k], 3, 9, phase);
-        least = size < least ? size : least;
+        least = (size < least) ? size : least;
         for (i = 0; i < 3; ++i) {
             for (j = 0; j < 6; ++j) {
-                rest[3 * k + i][j][0] = side[k][3 + i][3 + j][0];
-                rest[3 * k + i][j][1] = side[k][3 + i][3 + j][1];
+                rest[(3 * k) + i][j][0] = side[k][3 + i][3 + j][0];
+                rest[(3 * k) + i][j][1] = side[k][3 + i][3 + j][1];
             }
         }
     }
     size = ik_6r_complex_lu(rest, 6, 6, phase);
-    return size < least ? size : least;
+    return (size < least) ? size : least;
 }
 
 /* Upper bound of the number of roots on the unit circle z = exp(i x), complex solutions with a real kept angle included: 16 less twice
@@ -1395,18 +1545,27 @@ LOCAL int ik_6r_bound(REAL h[3][6][10], int enough)
         {(REAL)0.9807852804032304, (REAL)0.19509032201612825}, {(REAL)0.9951847266721969, (REAL)0.0980171403295606},
         {(REAL)0.9987954562051724, (REAL)0.049067674327418015}, {(REAL)0.9996988186962042, (REAL)0.024541228522912288},
         {(REAL)0.9999247018391445, (REAL)0.012271538285719925}, {(REAL)0.9999811752826011, (REAL)0.006135884649154475}};
-    int bound = IK_6R_MAX, ring;
-    for (ring = 0; ring < 3 && bound > enough; ++ring) {
-        const REAL near = (REAL)0.5 * ((REAL)1 / radius[ring] + radius[ring]), far = (REAL)0.5 * (radius[ring] - (REAL)1 / radius[ring]);
-        REAL at[2] = {(REAL)1, (REAL)0}, before[2] = {(REAL)1, (REAL)0}, turned = (REAL)0;
-        int fine = 0, done = 0, left, clear = 1;
-        for (left = VALUE_6R_POINTS; clear && done < 1024;) { /* ends: `clear` falls when no points are left */
-            const REAL c = left == VALUE_6R_POINTS ? at[0] : at[0] * turn[fine][0] - at[1] * turn[fine][1];
-            const REAL s = left == VALUE_6R_POINTS ? at[1] : at[1] * turn[fine][0] + at[0] * turn[fine][1];
-            const REAL cosine[2] = {near * c, far * s}, sine[2] = {near * s, -far * c};
-            REAL phase[2], step;
-            clear = ik_6r_phase(h, cosine, sine, phase) > (REAL)VALUE_6R_PIVOT * IK_6R_EPS && left > 0;
-            step = ik_atan2(phase[1] * before[0] - phase[0] * before[1], phase[0] * before[0] + phase[1] * before[1]);
+    int bound = IK_6R_MAX;
+    int ring;
+    for (ring = 0; (ring < 3) && (bound > enough); ++ring) {
+        const REAL near = (REAL)0.5 * (((REAL)1 / radius[ring]) + radius[ring]);
+        const REAL far = (REAL)0.5 * (radius[ring] - ((REAL)1 / radius[ring]));
+        REAL at[2] = {(REAL)1, (REAL)0};
+        REAL before[2] = {(REAL)1, (REAL)0};
+        REAL turned = (REAL)0;
+        int fine = 0;
+        int done = 0;
+        int left;
+        int clear = 1;
+        for (left = VALUE_6R_POINTS; clear && (done < 1024);) { /* ends: `clear` falls when no points are left */
+            const REAL c = (left == VALUE_6R_POINTS) ? at[0] : ((at[0] * turn[fine][0]) - (at[1] * turn[fine][1]));
+            const REAL s = (left == VALUE_6R_POINTS) ? at[1] : ((at[1] * turn[fine][0]) + (at[0] * turn[fine][1]));
+            const REAL cosine[2] = {near * c, far * s};
+            const REAL sine[2] = {near * s, -far * c};
+            REAL phase[2];
+            REAL step;
+            clear = (ik_6r_phase(h, cosine, sine, phase) > ((REAL)VALUE_6R_PIVOT * IK_6R_EPS)) && (left > 0);
+            step = ik_atan2((phase[1] * before[0]) - (phase[0] * before[1]), (phase[0] * before[0]) + (phase[1] * before[1]));
             if (left-- < VALUE_6R_POINTS) {
                 if (FABS(step) > (REAL)VALUE_6R_PHASE) {
                     clear &= fine < 5;
@@ -1415,7 +1574,7 @@ LOCAL int ik_6r_bound(REAL h[3][6][10], int enough)
                 }
                 turned += step;
                 done += 32 >> fine;
-                fine -= fine > 0 && FABS(step) < (REAL)(0.4 * VALUE_6R_PHASE) && done % (64 >> fine) == 0;
+                fine -= (fine > 0) && (FABS(step) < (REAL)(0.4 * VALUE_6R_PHASE)) && ((done % (64 >> fine)) == 0);
             }
             at[0] = c;
             at[1] = s;
@@ -1423,8 +1582,8 @@ LOCAL int ik_6r_bound(REAL h[3][6][10], int enough)
             before[1] = phase[1];
         }
         if (clear) {
-            const int inside = 8 + (int)FLOOR(turned * (REAL)0.15915494309189535 + (REAL)0.5);
-            bound = IK_6R_MAX - 2 * inside < bound ? IK_6R_MAX - 2 * inside : bound;
+            const int inside = 8 + (int)FLOOR((turned * (REAL)0.15915494309189535) + (REAL)0.5);
+            bound = ((IK_6R_MAX - (2 * inside)) < bound) ? (IK_6R_MAX - (2 * inside)) : bound;
         }
     }
     return bound;
@@ -1437,8 +1596,20 @@ LOCAL int ik_6r_bound(REAL h[3][6][10], int enough)
 LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL noise, REAL h[3][6][10],
     REAL rows[IK_6R_MAX + 1][6][2], int *count, int *plain)
 {
-    REAL e[6][12], zone[IK_6R_ZONES][3], seen[12], simple[24][2], circle[24][3];
-    int zones = 1, singles = 0, circles = 0, total = 0, known = 1, at, k, left = IK_6R_PATIENCE, of[24];
+    REAL e[6][12];
+    REAL zone[IK_6R_ZONES][3];
+    REAL seen[12];
+    REAL simple[24][2];
+    REAL circle[24][3];
+    int zones = 1;
+    int singles = 0;
+    int circles = 0;
+    int total = 0;
+    int known = 1;
+    int at;
+    int k;
+    int left = IK_6R_PATIENCE;
+    int of[24];
     unsigned taken = 0u;
     zone[0][0] = (REAL)1;
     zone[0][1] = (REAL)0;
@@ -1447,22 +1618,28 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
     ik_6r_loop(seen, pass[0], pass[1], e);
     ik_6r_pencil(e, pass, h);
     for (at = 0; at < zones; ++at) {
-        REAL root[25][3], p[2][9], level;
-        int order[25], begin = -1, empty = 1, roots = ik_6r_scan(h, zone[at], noise, p, &level, root, order);
+        REAL root[25][3];
+        REAL p[2][9];
+        REAL level;
+        int order[25];
+        int begin = -1;
+        int empty = 1;
+        int roots = ik_6r_scan(h, zone[at], noise, p, &level, root, order);
         known &= roots < 24; /* otherwise some may have been left out */
-        for (k = 0; k < roots && root[k][2] > (REAL)0.8; ++k) {
+        for (k = 0; (k < roots) && (root[k][2] > (REAL)0.8); ++k) {
         }
-        *plain = at == 0 && roots > 0 && k == roots && pass[5] == 0 ? -1 : *plain; /* zero all round: a continuum */
+        *plain = ((at == 0) && (roots > 0) && (k == roots) && (pass[5] == 0)) ? -1 : *plain; /* zero all round: a continuum */
         for (k = 0; k < roots; ++k) { /* clusters of unresolved roots become zones, magnified and solved again */
             int joined = 0;
-            const REAL blur = root[k][2], reaches = root[k][0] + FABS(root[k][1]) * blur + (REAL)0.5 * blur * blur;
-            if (order[k] == 1 || (at > 0 && reaches < IK_6R_EDGE) || zone[at][2] < (REAL)VALUE_6R_NARROWEST || zones == IK_6R_ZONES) {
+            const REAL blur = root[k][2];
+            const REAL reaches = root[k][0] + (FABS(root[k][1]) * blur) + ((REAL)0.5 * blur * blur);
+            if ((order[k] == 1) || ((at > 0) && (reaches < IK_6R_EDGE)) || (zone[at][2] < (REAL)VALUE_6R_NARROWEST) || (zones == IK_6R_ZONES)) {
                 continue; /* simple; beyond the edge of this zone; or as narrow as can be */
             }
             begin = (begin < 0) ? k : begin;
-            if (k + 1 < roots && order[k + 1] == 2) {
+            if (((k + 1) < roots) && (order[k + 1] == 2)) {
                 const REAL reach = root[k][2] + root[k + 1][2] + (REAL)VALUE_6R_JOINED;
-                joined = (REAL)1 - root[k][0] * root[k + 1][0] - root[k][1] * root[k + 1][1] < (REAL)0.5 * reach * reach;
+                joined = ((REAL)1 - (root[k][0] * root[k + 1][0]) - (root[k][1] * root[k + 1][1])) < ((REAL)0.5 * reach * reach);
 #if BOUNDED
                 if (joined && !ik_6r_zone(zone[at], root + begin, k - begin + 2, zone[zones])) { /* too wide to be magnified at once */
                     joined = 0;
@@ -1480,12 +1657,15 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
         root[roots][2] = (REAL)0;
         order[roots] = 2;
         for (k = 0; k <= roots; ++k) {
-            const int middle = k == roots, before = *count;
-            int m, inside, here = middle ? at > 0 && empty : at == 0 || root[k][0] > IK_6R_EDGE;
+            const int middle = k == roots;
+            const int before = *count;
+            int m;
+            int inside;
+            int here = middle ? ((at > 0) && empty) : ((at == 0) || (root[k][0] > IK_6R_EDGE));
             REAL cs[2];
             (void)ik_6r_magnify(zone[at], root[k], cs);
             for (m = 1; m < zones; ++m) { /* a root inside a narrower zone is left to that zone, which resolves it better */
-                here &= !((zone[m][2] < zone[at][2] || (m > at && zone[m][2] <= zone[at][2])) && FABS(ik_6r_tangent(zone[m], cs)) <= (REAL)VALUE_6R_INSIDE * zone[m][2]);
+                here &= !(((zone[m][2] < zone[at][2]) || ((m > at) && (zone[m][2] <= zone[at][2]))) && (FABS(ik_6r_tangent(zone[m], cs)) <= ((REAL)VALUE_6R_INSIDE * zone[m][2])));
             }
             if (!here) {
                 continue;
@@ -1499,17 +1679,20 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
                 ++singles;
                 continue;
             }
-            *plain = *plain < 0 ? -1 : 0;
+            *plain = (*plain < 0) ? -1 : 0;
             for (m = 0, inside = 0; m < circles; ++m) { /* counted with an earlier one? */
-                const REAL x = root[k][0] - circle[m][0], y = root[k][1] - circle[m][1], r = circle[m][2] - root[k][2];
-                inside |= of[m] == at && r > (REAL)0 && x * x + y * y < r * r;
+                const REAL x = root[k][0] - circle[m][0];
+                const REAL y = root[k][1] - circle[m][1];
+                const REAL r = circle[m][2] - root[k][2];
+                inside |= (of[m] == at) && (r > (REAL)0) && (((x * x) + (y * y)) < (r * r));
             }
             (void)ik_6r_rows(pose, pass, e, h, cs, 2, &left, &taken, rows, count);
-            if (!inside && (!middle || *count > before)) {
-                REAL mean[2], *const radius = circle[circles % 24] + 2;
+            if (!inside && (!middle || (*count > before))) {
+                REAL mean[2];
+                REAL *const radius = circle[circles % 24] + 2;
                 int turns;
-                *radius = (REAL)1.5 * root[k][2] > (REAL)VALUE_6R_CIRCLE ? (REAL)1.5 * root[k][2] : (REAL)VALUE_6R_CIRCLE;
-                turns = circles < 24 ? ik_6r_wind(p, level, root[k], radius, mean) : -1;
+                *radius = (((REAL)1.5 * root[k][2]) > (REAL)VALUE_6R_CIRCLE) ? ((REAL)1.5 * root[k][2]) : (REAL)VALUE_6R_CIRCLE;
+                turns = (circles < 24) ? ik_6r_wind(p, level, root[k], radius, mean) : -1;
                 if (turns > 0) {
                     circle[circles][0] = root[k][0];
                     circle[circles][1] = root[k][1];
@@ -1522,24 +1705,33 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
             }
         }
     }
-    for (k = 0; k < singles && known; ++k) {
-        int inside = 0, m;
+    for (k = 0; (k < singles) && known; ++k) {
+        int inside = 0;
+        int m;
         for (m = 0; m < circles; ++m) {
-            const REAL t = ik_6r_tangent(zone[of[m]], simple[k]) / zone[of[m]][2], w = (REAL)1 / ((REAL)1 + t * t);
-            const REAL x = ((REAL)1 - t * t) * w - circle[m][0], y = (REAL)2 * t * w - circle[m][1];
-            inside |= x * x + y * y < circle[m][2] * circle[m][2];
+            const REAL t = ik_6r_tangent(zone[of[m]], simple[k]) / zone[of[m]][2];
+            const REAL w = (REAL)1 / ((REAL)1 + (t * t));
+            const REAL x = (((REAL)1 - (t * t)) * w) - circle[m][0];
+            const REAL y = ((REAL)2 * t * w) - circle[m][1];
+            inside |= ((x * x) + (y * y)) < (circle[m][2] * circle[m][2]);
         }
         total += !inside;
     }
-    return known && total >= 0 && total % 2 == 0 ? total : -1;
+    return (known && (total >= 0) && ((total % 2) == 0)) ? total : -1;
 }
 
 /* Lower bound of the smallest singular value of the Jacobian at a solution (lengths scaled), at least a third of it: the inverse of the
  * norm of its inverse. joint: the one that moves most in the direction in which the tip moves least. */
 LOCAL REAL ik_6r_gain(const REAL pose[12], REAL cs[6][2], int *joint)
 {
-    REAL r[6], jac[6][6], a[6][12], norm = (REAL)0, most = (REAL)0;
-    int i, j, k;
+    REAL r[6];
+    REAL jac[6][6];
+    REAL a[6][12];
+    REAL norm = (REAL)0;
+    REAL most = (REAL)0;
+    int i;
+    int j;
+    int k;
     (void)ik_6r_residual(pose, cs, r, jac);
     for (i = 0; i < 6; ++i) {
         for (j = 0; j < 6; ++j) {
@@ -1551,7 +1743,7 @@ LOCAL REAL ik_6r_gain(const REAL pose[12], REAL cs[6][2], int *joint)
         int pivot = k;
         REAL scale;
         for (i = k + 1; i < 6; ++i) {
-            pivot = FABS(a[i][k]) > FABS(a[pivot][k]) ? i : pivot;
+            pivot = (FABS(a[i][k]) > FABS(a[pivot][k])) ? i : pivot;
         }
         for (j = 0; j < 12; ++j) {
             const REAL x = a[pivot][j];
@@ -1559,13 +1751,13 @@ LOCAL REAL ik_6r_gain(const REAL pose[12], REAL cs[6][2], int *joint)
             a[k][j] = x;
         }
         scale = a[k][k];
-        scale = FABS(scale) > IK_6R_EPS * IK_6R_EPS ? scale : IK_6R_EPS * IK_6R_EPS;
+        scale = (FABS(scale) > (IK_6R_EPS * IK_6R_EPS)) ? scale : (IK_6R_EPS * IK_6R_EPS);
         for (j = 0; j < 12; ++j) {
             a[k][j] /= scale;
         }
         for (i = 0; i < 6; ++i) {
             const REAL factor = a[i][k];
-            for (j = 0; j < 12 && i != k; ++j) {
+            for (j = 0; (j < 12) && (i != k); ++j) {
                 a[i][j] -= factor * a[k][j];
             }
         }
@@ -1576,8 +1768,8 @@ LOCAL REAL ik_6r_gain(const REAL pose[12], REAL cs[6][2], int *joint)
             moved += a[i][6 + j] * a[i][6 + j];
         }
         norm += moved;
-        *joint = moved > most ? j : *joint;
-        most = moved > most ? moved : most;
+        *joint = (moved > most) ? j : *joint;
+        most = (moved > most) ? moved : most;
     }
     return (REAL)1 / SQRT(norm);
 }
@@ -1586,21 +1778,27 @@ LOCAL REAL ik_6r_gain(const REAL pose[12], REAL cs[6][2], int *joint)
  * rounding error. Returns 0 if it cannot be. */
 LOCAL int ik_6r_follow(const REAL pose[12], int joint, REAL by, REAL cs[6][2])
 {
-    REAL step[6] = {(REAL)0}, r[6], jac[6][6];
-    int it, i;
+    REAL step[6] = {0};
+    REAL r[6];
+    REAL jac[6][6];
+    int it;
+    int i;
 #if DH_SLIDES
     if (joint == DH_SLIDE) {
         cs[joint][0] += by;
     } else
 #endif
     {
-        const REAL x = cs[joint][0], y = cs[joint][1], c = COS(by), s = SIN(by);
-        cs[joint][0] = x * c - y * s;
-        cs[joint][1] = y * c + x * s;
+        const REAL x = cs[joint][0];
+        const REAL y = cs[joint][1];
+        const REAL c = COS(by);
+        const REAL s = SIN(by);
+        cs[joint][0] = (x * c) - (y * s);
+        cs[joint][1] = (y * c) + (x * s);
     }
     for (it = 0; it <= IK_6R_STEPS; ++it) {
         ik_6r_move(cs, step);
-        if (ik_6r_residual(pose, cs, r, jac) < (REAL)2 * IK_6R_DONE) {
+        if (ik_6r_residual(pose, cs, r, jac) < ((REAL)2 * IK_6R_DONE)) {
             return 1;
         }
         for (i = 0; i < 6; ++i) {
@@ -1615,8 +1813,10 @@ LOCAL int ik_6r_follow(const REAL pose[12], int joint, REAL by, REAL cs[6][2])
  * reference (of all six joints: rad or scaled length), if a path of solutions leads there. */
 LOCAL int ik_6r_free(const REAL pose[12], int joint, const REAL ref[6], REAL cs[6][2])
 {
-    REAL x[6][2], by = (REAL)0.01;
-    int side, i;
+    REAL x[6][2];
+    REAL by = (REAL)0.01;
+    int side;
+    int i;
     for (side = 0; side < 2; ++side) {
         for (i = 0; i < 12; ++i) {
             x[i / 2][i % 2] = cs[i / 2][i % 2];
@@ -1633,13 +1833,13 @@ LOCAL int ik_6r_free(const REAL pose[12], int joint, const REAL ref[6], REAL cs[
         x[i / 2][i % 2] = cs[i / 2][i % 2];
     }
 #if DH_SLIDES
-    by = joint == DH_SLIDE ? ref[joint] - cs[joint][0] : ik_wrap(ref[joint] - ik_atan2(cs[joint][1], cs[joint][0]));
+    by = (joint == DH_SLIDE) ? (ref[joint] - cs[joint][0]) : ik_wrap(ref[joint] - ik_atan2(cs[joint][1], cs[joint][0]));
 #else
     by = ik_wrap(ref[joint] - ik_atan2(cs[joint][1], cs[joint][0]));
 #endif
-    for (side = 0; side < VALUE_PATH_STEPS && ik_6r_follow(pose, joint, by / (REAL)VALUE_PATH_STEPS, x); ++side) {
+    for (side = 0; (side < VALUE_PATH_STEPS) && ik_6r_follow(pose, joint, by / (REAL)VALUE_PATH_STEPS, x); ++side) {
     }
-    for (i = 0; i < 12 && side == VALUE_PATH_STEPS; ++i) {
+    for (i = 0; (i < 12) && (side == VALUE_PATH_STEPS); ++i) {
         cs[i / 2][i % 2] = x[i / 2][i % 2];
     }
     return 1;
@@ -1649,11 +1849,13 @@ LOCAL int ik_6r_free(const REAL pose[12], int joint, const REAL ref[6], REAL cs[
  * well. */
 LOCAL int ik_6r_weigh(const REAL gain[IK_6R_MAX], REAL rows[IK_6R_MAX + 1][6][2], int count)
 {
-    int i, k, total = count;
+    int i;
+    int k;
+    int total = count;
     for (i = 0; i < count; ++i) {
         int alone = gain[i] < (REAL)VALUE_6R_DOUBLE;
         for (k = 0; k < count; ++k) {
-            alone &= k == i || !(gain[k] < (REAL)VALUE_6R_DOUBLE) || ik_6r_apart(rows[i], rows[k]) > (REAL)VALUE_6R_TWINS;
+            alone &= (k == i) || !(gain[k] < (REAL)VALUE_6R_DOUBLE) || (ik_6r_apart(rows[i], rows[k]) > (REAL)VALUE_6R_TWINS);
         }
         total += alone;
     }
@@ -1667,16 +1869,25 @@ LOCAL int ik_6r_weigh(const REAL gain[IK_6R_MAX], REAL rows[IK_6R_MAX + 1][6][2]
  * there may differ. */
 LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], unsigned flags[IK_6R_MAX], int *certain)
 {
-    REAL pose[12], h[3][6][10], rows[IK_6R_MAX + 1][6][2], gain[IK_6R_MAX];
-    int i, j, count = 0, pass, here = -1, plain = 1, joint = 0;
+    REAL pose[12];
+    REAL h[3][6][10];
+    REAL rows[IK_6R_MAX + 1][6][2];
+    REAL gain[IK_6R_MAX];
+    int i;
+    int j;
+    int count = 0;
+    int pass;
+    int here = -1;
+    int plain = 1;
+    int joint = 0;
     for (i = 0; i < 9; ++i) {
-        pose[i] = t[i + i / 3];
+        pose[i] = t[i + (i / 3)];
     }
     for (i = 0; i < 3; ++i) {
-        pose[9 + i] = t[4 * i + 3] * (REAL)PER_LENGTH;
+        pose[9 + i] = t[(4 * i) + 3] * (REAL)PER_LENGTH;
     }
     *certain = 0;
-    for (pass = 0; pass < PASSES && !*certain; ++pass) {
+    for (pass = 0; (pass < PASSES) && !*certain; ++pass) {
         const int total = ik_6r_eliminate(pose, ik_6r_pass[pass], ik_6r_noise[pass], h, rows, &count, &plain);
         const int moved = ik_6r_pass[pass][5] != 0;
         here = moved ? here : total;
@@ -1686,13 +1897,13 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
             int steady;
             for (i = 0; i < count; ++i) {
                 gain[i] = ik_6r_gain(pose, rows[i], &joint);
-                least = gain[i] < least ? gain[i] : least;
+                least = (gain[i] < least) ? gain[i] : least;
             }
-            steady = moved && plain >= 0 && count > 0 && least > (REAL)VALUE_6R_STEADY;
-            *certain = ik_6r_weigh(gain, rows, count) == here || (steady && count == total);
+            steady = moved && (plain >= 0) && (count > 0) && (least > (REAL)VALUE_6R_STEADY);
+            *certain = (ik_6r_weigh(gain, rows, count) == here) || (steady && (count == total));
 #if BOUNDED
             /* The determinant itself may tell what its polynomial does not, of regular solutions only: it counts no continuum. */
-            if (!*certain && (steady || (!moved && least > (REAL)VALUE_6R_DOUBLE))) {
+            if (!*certain && (steady || (!moved && (least > (REAL)VALUE_6R_DOUBLE)))) {
                 *certain = ik_6r_bound(h, count) == count;
             }
 #endif
@@ -1700,12 +1911,12 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     }
     for (i = 0; i < count; ++i) {
         flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
-        if (plain < 1 && ik_6r_gain(pose, rows[i], &joint) < (REAL)VALUE_6R_DOUBLE) {
+        if ((plain < 1) && (ik_6r_gain(pose, rows[i], &joint) < (REAL)VALUE_6R_DOUBLE)) {
             flags[i] = ik_6r_free(pose, joint, ref, rows[i]) ? (unsigned)IK_FREE : 0u;
         }
         for (j = 0; j < 6; ++j) {
             const REAL x = ik_atan2(rows[i][j][1], rows[i][j][0]);
-            q[i][j] = x > (REAL)-3.141592653589793 ? x : (REAL)3.141592653589793;
+            q[i][j] = (x > (REAL)-3.141592653589793) ? x : (REAL)3.141592653589793;
         }
 #if DH_SLIDES
         q[i][DH_SLIDE] = rows[i][DH_SLIDE][0] * (REAL)LENGTH;

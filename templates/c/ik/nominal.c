@@ -5,19 +5,28 @@
  * the deviation of the two arms decides, a Jacobian is nearly singular, or the solutions do not converge to different ones. */
 LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions *found, ik_solutions *out)
 {
-    REAL x[JOINTS][LANES], error[LANES], moved[LANES], inverse[LANES], det[LANES];
-    int stage = 0, doubt = 0, step, i, j, k;
+    REAL x[JOINTS][LANES];
+    REAL error[LANES];
+    REAL moved[LANES];
+    REAL inverse[LANES];
+    REAL det[LANES];
+    int stage = 0;
+    int doubt = 0;
+    int step;
+    int i;
+    int j;
+    int k;
     unsigned flags = 0u;
     const int rows = ik_nearby(T, ref LOCK, (REAL)VALUE_MARGIN_SLACK, (REAL)VALUE_MARGIN_LEAST NO_BAND, found, &stage);
     for (i = 0; i < rows; ++i) {
         flags |= found->flags[i];
     }
-    if (rows == 0 || rows % 2 != 0 || flags != 0u) {
+    if ((rows == 0) || ((rows % 2) != 0) || (flags != 0u)) {
         return 0;
     }
     for (j = 0; j < JOINTS; ++j) {
         for (i = 0; i < LANES; ++i) {
-            x[j][i] = found->q[i < rows ? i : 0][j];
+            x[j][i] = found->q[(i < rows) ? i : 0][j];
         }
     }
     for (step = 0; step < VALUE_NEWTON_STEPS; ++step) {
@@ -25,8 +34,8 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
         int met = 1;
         ik_newton(T, x, error, moved, inverse, det);
         for (i = 0; i < rows; ++i) {
-            doubt |= !(inverse[i] * moved[i] <= (REAL)VALUE_NEWTON_TURN) || !(inverse[i] <= (REAL)VALUE_MARGIN_INVERSE);
-            worst = error[i] > worst ? error[i] : worst;
+            doubt |= !((inverse[i] * moved[i]) <= (REAL)VALUE_NEWTON_TURN) || !(inverse[i] <= (REAL)VALUE_MARGIN_INVERSE);
+            worst = (error[i] > worst) ? error[i] : worst;
         }
         if (doubt) {
             return 0;
@@ -50,19 +59,19 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
     for (i = 0; i < rows; ++i) {
         for (j = 0; j < JOINTS; ++j) {
 #if SLIDES
-            out->q[i][j] = ((SLIDING >> j) & 1u) != 0u ? x[j][i] : ik_wrap(x[j][i]);
+            out->q[i][j] = (((SLIDING >> j) & 1u) != 0u) ? x[j][i] : ik_wrap(x[j][i]);
 #else
             out->q[i][j] = ik_wrap(x[j][i]);
 #endif
         }
         out->flags[i] = 0u;
-        out->branch[i] = det[i] > (REAL)0 ? 2u : 3u; /* bit 1: the label is known */
+        out->branch[i] = (det[i] > (REAL)0) ? 2u : 3u; /* bit 1: the label is known */
         out->residual[i] = error[i];
         for (k = 0; k < i; ++k) {
             int same = 1;
-            for (j = 0; j < JOINTS && same; ++j) {
+            for (j = 0; (j < JOINTS) && same; ++j) {
                 const REAL apart = FABS(out->q[i][j] - out->q[k][j]);
-                same = apart < (REAL)VALUE_DISTINCT || apart > (REAL)(6.283185307179586 - VALUE_DISTINCT);
+                same = (apart < (REAL)VALUE_DISTINCT) || (apart > (REAL)(6.283185307179586 - VALUE_DISTINCT));
             }
             doubt |= same;
         }

@@ -2,7 +2,8 @@
 #include "kernel.h"
 LOCAL void ik_exchange(ik_solutions *out, int i, int j)
 {
-    const unsigned flags = out->flags[i], branch = out->branch[i];
+    const unsigned flags = out->flags[i];
+    const unsigned branch = out->branch[i];
     const REAL residual = out->residual[i];
     int k;
     out->flags[i] = out->flags[j];
@@ -27,7 +28,7 @@ LOCAL void ik_move(const ik_solutions *from, int i, ik_solutions *out, int to)
     (void)to;
 #else
     int k;
-    if (from != out || to != i) {
+    if ((from != out) || (to != i)) {
         for (k = 0; k < JOINTS; ++k) {
             out->q[to][k] = from->q[i][k];
         }
@@ -42,18 +43,20 @@ LOCAL void ik_move(const ik_solutions *from, int i, ik_solutions *out, int to)
 LOCAL void ik_sort(const REAL *ref, ik_solutions *out)
 {
     REAL away[ROWS];
-    int i, j, k;
+    int i;
+    int j;
+    int k;
     for (i = 0; i < out->count; ++i) {
         away[i] = (REAL)0;
         for (k = 0; k < JOINTS; ++k) {
 #if SLIDES
-            const REAL d = (out->q[i][k] - (ref ? ref[k] : (REAL)0)) / (((SLIDING >> k) & 1u) != 0u ? IK_TOL_REACH : (REAL)1);
+            const REAL d = (out->q[i][k] - (ref ? ref[k] : (REAL)0)) / ((((SLIDING >> k) & 1u) != 0u) ? IK_TOL_REACH : (REAL)1);
 #else
             const REAL d = (out->q[i][k] - (ref ? ref[k] : (REAL)0));
 #endif
             away[i] += d * d;
         }
-        for (j = i; j > 0 && away[j] < away[j - 1]; --j) {
+        for (j = i; (j > 0) && (away[j] < away[j - 1]); --j) {
             const REAL d = away[j];
             away[j] = away[j - 1];
             away[j - 1] = d;

@@ -3,29 +3,34 @@
 /* Damped Gauss-Newton step: the d that minimizes |J d - e|^2 + damping^2 |d|^2, by Householder reflections. */
 LOCAL void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, REAL d[JOINTS])
 {
-    REAL A[STACKED][JOINTS], b[STACKED];
-    int i, j, k;
+    REAL A[STACKED][JOINTS];
+    REAL b[STACKED];
+    int i;
+    int j;
+    int k;
     for (i = 0; i < STACKED; ++i) {
-        b[i] = i < ERRORS ? e[i] : (REAL)0;
+        b[i] = (i < ERRORS) ? e[i] : (REAL)0;
         for (j = 0; j < JOINTS; ++j) {
-            A[i][j] = i < ERRORS ? J[i][j] : (i - ERRORS == j ? damping : (REAL)0);
+            A[i][j] = (i < ERRORS) ? J[i][j] : (((i - ERRORS) == j) ? damping : (REAL)0);
         }
     }
     for (k = 0; k < JOINTS; ++k) {
-        REAL h2 = (REAL)0, h, f;
-        for (i = k; i <= ERRORS + k; ++i) { /* rows below are still zero in this column */
+        REAL h2 = (REAL)0;
+        REAL h;
+        REAL f;
+        for (i = k; i <= (ERRORS + k); ++i) { /* rows below are still zero in this column */
             h2 += A[i][k] * A[i][k];
         }
-        h = A[k][k] > (REAL)0 ? -SQRT(h2) : SQRT(h2);
+        h = (A[k][k] > (REAL)0) ? -SQRT(h2) : SQRT(h2);
         f = h * (A[k][k] - h);
         A[k][k] -= h;
         for (j = k + 1; j <= JOINTS; ++j) {
             REAL t = (REAL)0;
-            for (i = k; i <= ERRORS + k; ++i) {
-                t += A[i][k] * (j < JOINTS ? A[i][j] : b[i]);
+            for (i = k; i <= (ERRORS + k); ++i) {
+                t += A[i][k] * ((j < JOINTS) ? A[i][j] : b[i]);
             }
             t /= f;
-            for (i = k; i <= ERRORS + k; ++i) {
+            for (i = k; i <= (ERRORS + k); ++i) {
                 if (j < JOINTS) {
                     A[i][j] += t * A[i][k];
                 } else {
@@ -60,38 +65,45 @@ LOCAL void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, R
 #endif
 LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAMETER)
 {
-    REAL x[JOINTS], e[ERRORS], J[ERRORS][JOINTS], best, cost;
-    int i, step, worse = 0;
+    REAL x[JOINTS];
+    REAL e[ERRORS];
+    REAL J[ERRORS][JOINTS];
+    REAL best;
+    REAL cost;
+    int i;
+    int step;
+    int worse = 0;
     for (i = 0; i < JOINTS; ++i) {
         x[i] = q[i];
     }
     best = cost = ik_error(T, x, e, J HELD);
-    for (step = 0; step < steps && best > IK_TOL_DONE && damping < (REAL)VALUE_MOST_DAMPING; ++step) {
-        REAL d[JOINTS] = {(REAL)0}, most = (REAL)1;
-        ik_step(J, e, damping * SQRT(cost) + IK_TOL_EPS, d);
+    for (step = 0; (step < steps) && (best > IK_TOL_DONE) && (damping < (REAL)VALUE_MOST_DAMPING); ++step) {
+        REAL d[JOINTS] = {0};
+        REAL most = (REAL)1;
+        ik_step(J, e, (damping * SQRT(cost)) + IK_TOL_EPS, d);
         for (i = 0; i < JOINTS; ++i) {
-            most = FABS(d[i]) > most ? FABS(d[i]) : most;
+            most = (FABS(d[i]) > most) ? FABS(d[i]) : most;
         }
         for (i = 0; i < JOINTS; ++i) { /* limit the step to one radian or one reach */
 #if SLIDES
-            x[i] += d[i] / most * (((SLIDING >> i) & 1u) != 0u ? IK_TOL_REACH : (REAL)1);
+            x[i] += d[i] / most * ((((SLIDING >> i) & 1u) != 0u) ? IK_TOL_REACH : (REAL)1);
 #else
             x[i] += d[i] / most;
 #endif
         }
         cost = ik_error(T, x, e, J HELD);
         if (cost < best) {
-            const int stuck = cost > (REAL)VALUE_STUCK * best && damping > (REAL)1; /* at the minimum, which is not zero */
+            const int stuck = (cost > ((REAL)VALUE_STUCK * best)) && (damping > (REAL)1); /* at the minimum, which is not zero */
             for (i = 0; i < JOINTS; ++i) {
                 q[i] = x[i];
             }
             best = cost;
             worse = 0;
-            damping = damping > (REAL)VALUE_DAMPING ? (REAL)VALUE_LESS_DAMPING * damping : damping;
+            damping = (damping > (REAL)VALUE_DAMPING) ? ((REAL)VALUE_LESS_DAMPING * damping) : damping;
             if (stuck) {
                 break;
             }
-        } else if (++worse > VALUE_WORSE_STEPS || !(cost < (REAL)VALUE_DIVERGED)) {
+        } else if ((++worse > VALUE_WORSE_STEPS) || !(cost < (REAL)VALUE_DIVERGED)) {
             for (i = 0; i < JOINTS; ++i) {
                 x[i] = q[i];
             }

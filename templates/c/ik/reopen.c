@@ -21,18 +21,21 @@ LOCAL REAL ik_with(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, un
 {
     ik_solutions trial;
     REAL at[JOINTS];
-    int stage = 0, i, k, rows;
+    int stage = 0;
+    int i;
+    int k;
+    int rows;
     for (i = 0; i < JOINTS; ++i) {
-        at[i] = i == j ? x : ref[i];
+        at[i] = (i == j) ? x : ref[i];
     }
     rows = ik_candidates(T, at LOCK, IK_TOL_SLACK, least NO_BAND, &trial, &stage);
     for (i = 0; i < rows; ++i) {
-        if (IK_HELD(trial.flags[i]) == held && ((trial.branch[i] ^ branch) & ~ik_merged(held)) == 0u) {
+        if ((IK_HELD(trial.flags[i]) == held) && (((trial.branch[i] ^ branch) & ~ik_merged(held)) == 0u)) {
             for (k = 0; k < JOINTS; ++k) {
                 q[k] = trial.q[i][k];
             }
             for (k = 0; k < JOINTS; ++k) {
-                if (k != j && ((held >> k) & 1u) != 0u) {
+                if ((k != j) && (((held >> k) & 1u) != 0u)) {
                     (void)ik_shift(T, q, k, ref);
                 }
             }
@@ -47,26 +50,37 @@ LOCAL REAL ik_with(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, un
  * step. Where the violation has a minimum between steps, ternary search looks for a value inside. Returns 0 if none is found. */
 LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, unsigned held, unsigned branch, int j, REAL *q)
 {
-    const REAL start = ik_clamped(ref[j], j), h = (REAL)VALUE_LIMIT_STEP;
-    REAL best = (REAL)-1, x[JOINTS];
-    int side, k, i;
+    const REAL start = ik_clamped(ref[j], j);
+    const REAL h = (REAL)VALUE_LIMIT_STEP;
+    REAL best = (REAL)-1;
+    REAL x[JOINTS];
+    int side;
+    int k;
+    int i;
     for (side = -1; side <= 1; side += 2) {
-        REAL back = start, middle = start, g1 = ik_with(T, ref LOCK, least, held, branch, j, start, x), g0 = g1;
+        REAL back = start;
+        REAL middle = start;
+        REAL g1 = ik_with(T, ref LOCK, least, held, branch, j, start, x);
+        REAL g0 = g1;
         int dips = 0;
         for (k = 1; k <= VALUE_LIMIT_STEPS; ++k) {
-            const REAL front = ik_clamped(start + (REAL)(side * k) * h, j);
+            const REAL front = ik_clamped(start + ((REAL)(side * k) * h), j);
             const REAL g = ik_with(T, ref LOCK, least, held, branch, j, front, x);
-            REAL bad = middle, good = front, deep = g;
-            if (g > (REAL)0 && k > 1 && g1 <= g0 && g1 <= g && ++dips <= VALUE_LIMIT_DIPS) {
-                REAL a = back, b = front;
-                for (i = 0; i < VALUE_DIP_STEPS && deep > (REAL)0; ++i) {
-                    const REAL u = a + (b - a) / (REAL)3, v = b - (b - a) / (REAL)3;
+            REAL bad = middle;
+            REAL good = front;
+            REAL deep = g;
+            if ((g > (REAL)0) && (k > 1) && (g1 <= g0) && (g1 <= g) && (++dips <= VALUE_LIMIT_DIPS)) {
+                REAL a = back;
+                REAL b = front;
+                for (i = 0; (i < VALUE_DIP_STEPS) && (deep > (REAL)0); ++i) {
+                    const REAL u = a + ((b - a) / (REAL)3);
+                    const REAL v = b - ((b - a) / (REAL)3);
                     const REAL gu = ik_with(T, ref LOCK, least, held, branch, j, u, x);
                     const REAL gv = ik_with(T, ref LOCK, least, held, branch, j, v, x);
-                    good = gu <= gv ? u : v;
-                    deep = gu <= gv ? gu : gv;
-                    a = gu <= gv ? a : u;
-                    b = gu <= gv ? v : b;
+                    good = (gu <= gv) ? u : v;
+                    deep = (gu <= gv) ? gu : gv;
+                    a = (gu <= gv) ? a : u;
+                    b = (gu <= gv) ? v : b;
                 }
                 bad = back;
             }
@@ -80,7 +94,7 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
                     }
                 }
                 (void)ik_with(T, ref LOCK, least, held, branch, j, good, x);
-                if (!(best >= (REAL)0) || FABS(good - start) < best) {
+                if (!(best >= (REAL)0) || (FABS(good - start) < best)) {
                     best = FABS(good - start);
                     for (i = 0; i < JOINTS; ++i) {
                         q[i] = x[i];
@@ -101,23 +115,25 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
 LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REAL tolerance, ik_solutions *wide, int w)
 {
     const unsigned held = IK_HELD(wide->flags[w]);
-    REAL q[JOINTS], error;
-    int j, k;
+    REAL q[JOINTS];
+    REAL error;
+    int j;
+    int k;
     for (k = 0; k < JOINTS; ++k) {
         q[k] = wide->q[w][k];
     }
-    for (j = 0; j < JOINTS && ik_outside(q, IK_TOL_LIMIT) > (REAL)0; ++j) {
+    for (j = 0; (j < JOINTS) && (ik_outside(q, IK_TOL_LIMIT) > (REAL)0); ++j) {
         if (((held >> j) & 1u) != 0u) {
             (void)ik_shift(T, q, j, ref);
         }
     }
-    for (j = 0; j < JOINTS && ik_outside(q, IK_TOL_LIMIT) > (REAL)0; ++j) {
+    for (j = 0; (j < JOINTS) && (ik_outside(q, IK_TOL_LIMIT) > (REAL)0); ++j) {
         if (((held >> j) & 1u) != 0u) {
             (void)ik_search(T, ref LOCK, least, held, wide->branch[w], j, q);
         }
     }
     error = ik_refine(T, q, VALUE_STEPS, (REAL)VALUE_DAMPING, held);
-    if (error <= tolerance && !(ik_outside(q, IK_TOL_LIMIT) > (REAL)0)) {
+    if ((error <= tolerance) && !(ik_outside(q, IK_TOL_LIMIT) > (REAL)0)) {
         for (k = 0; k < JOINTS; ++k) {
             wide->q[w][k] = q[k];
         }
@@ -134,21 +150,27 @@ LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REA
  * its own one. */
 LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned options, REAL accuracy, ik_solutions *found, int rows)
 {
-    const REAL own = (REAL)VALUE_REOPENED * accuracy * accuracy, tolerance = own > IK_TOL_ACCEPT ? own : IK_TOL_ACCEPT;
+    const REAL own = (REAL)VALUE_REOPENED * accuracy * accuracy;
+    const REAL tolerance = (own > IK_TOL_ACCEPT) ? own : IK_TOL_ACCEPT;
     REAL least = IK_TOL_FREE;
-    int pending = 0, i, w;
+    int pending = 0;
+    int i;
+    int w;
     for (i = 0; i < rows; ++i) {
-        pending += (found->flags[i] & IK_OPEN) != 0u && ik_loose(T, accuracy, found, i) != 0u;
+        pending += ((found->flags[i] & IK_OPEN) != 0u) && (ik_loose(T, accuracy, found, i) != 0u);
     }
-    for (; pending > 0 && least < (REAL)2 * IK_TOL_DOUBT; least *= (REAL)10) {
+    for (; (pending > 0) && (least < ((REAL)2 * IK_TOL_DOUBT)); least *= (REAL)10) {
         ik_solutions wide;
         int stage = 0;
         const int count = ik_candidates(T, at LOCK, IK_TOL_SLACK, least NO_BAND, &wide, &stage);
         for (w = 0; w < count; ++w) {
-            const unsigned held = IK_HELD(wide.flags[w]), other = ~ik_merged(held);
-            int first = -1, aside = -1, fits = -1;
+            const unsigned held = IK_HELD(wide.flags[w]);
+            const unsigned other = ~ik_merged(held);
+            int first = -1;
+            int aside = -1;
+            int fits = -1;
             for (i = 0; i < rows; ++i) {
-                if (held != 0u && IK_HELD(found->flags[i]) == held && ((found->branch[i] ^ wide.branch[w]) & other) == 0u) {
+                if ((held != 0u) && (IK_HELD(found->flags[i]) == held) && (((found->branch[i] ^ wide.branch[w]) & other) == 0u)) {
                     if (fits < 0) {
                         wide.residual[w] = ik_refine(T, wide.q[w], VALUE_STEPS, (REAL)VALUE_DAMPING, held);
                         fits = wide.residual[w] <= tolerance;
@@ -157,8 +179,8 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
                         --pending;
                         if (ik_joined(T, found->q[i], wide.q[w], held, tolerance)) {
                             found->flags[i] = IK_GONE;
-                            first = first < 0 ? i : first;
-                        } else if (aside >= 0 && ik_joined(T, found->q[i], found->q[aside], held, tolerance)) {
+                            first = (first < 0) ? i : first;
+                        } else if ((aside >= 0) && ik_joined(T, found->q[i], found->q[aside], held, tolerance)) {
                             found->flags[i] = IK_GONE;
                         } else { /* another continuum, which this replacement does not stand for */
                             found->flags[i] &= 0xffffu; /* looked at: no longer among those with these free joints */
@@ -169,7 +191,7 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
             }
             if (first >= 0) {
 #if LIMITED
-                if ((options & IK_LIMITS) && ik_outside(wide.q[w], IK_TOL_LIMIT) > (REAL)0) {
+                if ((options & IK_LIMITS) && (ik_outside(wide.q[w], IK_TOL_LIMIT) > (REAL)0)) {
                     ik_fit(T, at LOCK, least, tolerance, &wide, w);
                 }
 #endif

@@ -27,25 +27,28 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
 #if LIMITED
     REAL fits[JOINTS];
 #endif
-    int inside = 1, i;
-    for (i = 0; ref && i < JOINTS; ++i) {
+    int inside = 1;
+    int i;
+    for (i = 0; ref && (i < JOINTS); ++i) {
 #if SLIDES
-        q[i] = ((SLIDING >> i) & 1u) != 0u ? q[i] : ref[i] + ik_wrap(q[i] - ref[i]);
+        q[i] = (((SLIDING >> i) & 1u) != 0u) ? q[i] : (ref[i] + ik_wrap(q[i] - ref[i]));
 #else
         q[i] = ref[i] + ik_wrap(q[i] - ref[i]);
 #endif
     }
 #if LIMITED
     for (i = 0; i < JOINTS; ++i) { /* no branches, which would be mispredicted: most solutions violate some limit */
-        const REAL low = ik_lower[i] - IK_TOL_LIMIT, high = ik_upper[i] + IK_TOL_LIMIT;
+        const REAL low = ik_lower[i] - IK_TOL_LIMIT;
+        const REAL high = ik_upper[i] + IK_TOL_LIMIT;
 #if SLIDES
         const REAL turn = (((SLIDING >> i) & 1u) != 0u) ? (REAL)0 : (REAL)6.283185307179586;
 #else
         const REAL turn = (REAL)6.283185307179586;
 #endif
-        const REAL below = low - q[i], above = q[i] - high;
+        const REAL below = low - q[i];
+        const REAL above = q[i] - high;
         const REAL turns = ik_whole((below + FABS(below)) * (REAL)0.07957747154594767) - ik_whole((above + FABS(above)) * (REAL)0.07957747154594767);
-        const REAL x = q[i] + turn * turns;
+        const REAL x = q[i] + (turn * turns);
         fits[i] = ((REAL)0.5 + COPYSIGN((REAL)0.5, x - low)) * ((REAL)0.5 + COPYSIGN((REAL)0.5, high - x)); /* 0 or 1 */
         q[i] += turn * turns * fits[i];
     }
@@ -63,11 +66,11 @@ LOCAL REAL ik_apart(const REAL *a, const REAL *b)
     int i;
     for (i = 0; i < JOINTS; ++i) {
 #if SLIDES
-        const REAL d = FABS((((SLIDING >> i) & 1u) != 0u) ? (a[i] - b[i]) / IK_TOL_REACH : ik_wrap(a[i] - b[i]));
+        const REAL d = FABS((((SLIDING >> i) & 1u) != 0u) ? ((a[i] - b[i]) / IK_TOL_REACH) : ik_wrap(a[i] - b[i]));
 #else
         const REAL d = FABS(ik_wrap(a[i] - b[i]));
 #endif
-        most = d > most ? d : most;
+        most = (d > most) ? d : most;
     }
     return most;
 }

@@ -5,7 +5,8 @@
 LOCAL int ik_sound(const ik_solutions *found, int rows)
 {
     unsigned flags = 0u;
-    int tight = 1, i;
+    int tight = 1;
+    int i;
     for (i = 0; i < rows; ++i) {
         flags |= found->flags[i];
         tight &= found->residual[i] <= IK_TOL_TIGHT;
@@ -27,9 +28,9 @@ LOCAL int ik_settle(const REAL *T, unsigned options, ik_solutions *out, int i)
         return !ik_repeated(out, i);
     }
 #endif
-    if (!(error <= IK_TOL_TIGHT && error >= (REAL)0)) {
+    if (!((error <= IK_TOL_TIGHT) && (error >= (REAL)0))) {
 #if VIRTUAL
-        if (error > IK_TOL_LOOSE && !(options & IK_RESIDUAL)) { /* too far from the target to be worth refining */
+        if ((error > IK_TOL_LOOSE) && !(options & IK_RESIDUAL)) { /* too far from the target to be worth refining */
             return 0;
         }
 #endif

@@ -8,7 +8,7 @@ LOCAL ik_status ik_answer(TARGET_PARAMETER const REAL *q_ref, unsigned options, 
     if (options & IK_NEAREST) {
         ik_sort(q_ref, out);
     }
-    return out->count > 0 ? IK_OK : IK_OUTSIDE_LIMITS;
+    return (out->count > 0) ? IK_OK : IK_OUTSIDE_LIMITS;
 }
 
 #endif
@@ -16,21 +16,24 @@ SHARED ik_status robot_inverse_kinematics(
     const REAL target[RESTRICT TARGET], const REAL *RESTRICT q_ref REDUNDANCY_PARAMETER, unsigned options,
     ik_solutions *RESTRICT out)
 {
-    static const REAL zero[JOINTS] = {(REAL)0};
+    static const REAL zero[JOINTS] = {0};
     const REAL *const ref = q_ref ? q_ref : zero;
 #if COUPLED
     chain_solutions found;
-    REAL T[TARGET], y[CHAIN_JOINTS];
+    REAL T[TARGET];
+    REAL y[CHAIN_JOINTS];
 #else
     REAL T[TARGET];
 #if SINGLE
     ik_solutions *const found = out;
 #else
-    ik_solutions candidates, *const found = &candidates;
+    ik_solutions candidates;
+    ik_solutions *const found = &candidates;
 #endif
 #endif
     const ik_status status = ik_check(target, q_ref REDUNDANCY, T);
-    int rows, outside;
+    int rows;
+    int outside;
 #if COUPLED || !SOUND
     int i;
 #endif
@@ -96,7 +99,7 @@ SHARED ik_status robot_inverse_kinematics(
         {
             const int kept = out->count;
             ik_keep(T, options, found, i, out);
-            doubt |= out->count == kept && !(out->residual[kept] <= IK_TOL_ACCEPT); /* a solution was not refined */
+            doubt |= (out->count == kept) && !(out->residual[kept] <= IK_TOL_ACCEPT); /* a solution was not refined */
         }
 #else
         ik_keep(T, options, found, i, out);
@@ -117,7 +120,7 @@ SHARED ik_status robot_inverse_kinematics(
     ik_add(T, options, found, rows, out);
 #endif
 #if BANDED
-    if (near != 0u || out->count == 0) { /* near a double root: search for two distinct solutions of the true arm */
+    if ((near != 0u) || (out->count == 0)) { /* near a double root: search for two distinct solutions of the true arm */
         static const REAL bands[3] = {(REAL)1, (REAL)VALUE_BAND_2, (REAL)VALUE_BAND_3};
         int k;
         for (k = 0; k < 3; ++k) {
@@ -131,9 +134,9 @@ SHARED ik_status robot_inverse_kinematics(
 #endif
 #endif
     outside = !ik_finish(TARGET_FIRST q_ref, options, out);
-    if (out->count == 0 && !outside) {
+    if ((out->count == 0) && !outside) {
 #if COUPLED
-        out->stage = rows > 0 ? UNFIT_STAGE : found.stage;
+        out->stage = (rows > 0) ? UNFIT_STAGE : found.stage;
 #else
         if (rows > 0) { /* candidates may stem from slightly negative discriminants: find the stage that failed */
             out->stage = 0;
@@ -141,7 +144,7 @@ SHARED ik_status robot_inverse_kinematics(
 #if GENERAL
             out->stage &= ~IK_DOUBT;
 #endif
-            out->stage = rows > 0 ? CHECK_STAGE : out->stage;
+            out->stage = (rows > 0) ? CHECK_STAGE : out->stage;
         }
 #endif
         out->count = rows = ik_descend(T, ref REDUNDANCY, out);

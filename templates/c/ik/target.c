@@ -5,12 +5,12 @@
  * *yy = y.y - 1, *xy = x.y. Returns the sum of their magnitudes and of those of the entries of x cross y - z. */
 LOCAL_INLINE REAL ik_defect(const REAL *T, REAL *xx, REAL *yy, REAL *xy)
 {
-    const REAL zx = T[4] * T[9] - T[8] * T[5] - T[2];
-    const REAL zy = T[8] * T[1] - T[0] * T[9] - T[6];
-    const REAL zz = T[0] * T[5] - T[4] * T[1] - T[10];
-    *xx = T[0] * T[0] + T[4] * T[4] + T[8] * T[8] - (REAL)1;
-    *yy = T[1] * T[1] + T[5] * T[5] + T[9] * T[9] - (REAL)1;
-    *xy = T[0] * T[1] + T[4] * T[5] + T[8] * T[9];
+    const REAL zx = (T[4] * T[9]) - (T[8] * T[5]) - T[2];
+    const REAL zy = (T[8] * T[1]) - (T[0] * T[9]) - T[6];
+    const REAL zz = (T[0] * T[5]) - (T[4] * T[1]) - T[10];
+    *xx = (T[0] * T[0]) + (T[4] * T[4]) + (T[8] * T[8]) - (REAL)1;
+    *yy = (T[1] * T[1]) + (T[5] * T[5]) + (T[9] * T[9]) - (REAL)1;
+    *xy = (T[0] * T[1]) + (T[4] * T[5]) + (T[8] * T[9]);
     return FABS(*xx) + FABS(*yy) + FABS(*xy) + FABS(zx) + FABS(zy) + FABS(zz);
 }
 
@@ -25,9 +25,11 @@ LOCAL REAL ik_accuracy(const REAL *target)
     (void)target;
     return rounding;
 #else
-    REAL xx, yy, xy;
+    REAL xx;
+    REAL yy;
+    REAL xy;
     const REAL defect = ik_defect(target, &xx, &yy, &xy);
-    return defect > rounding ? defect : rounding;
+    return (defect > rounding) ? defect : rounding;
 #endif
 }
 
@@ -45,7 +47,7 @@ LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, R
         T[i] = target[i];
         sum += target[i] * (REAL)0;
     }
-    for (i = 0; q_ref && i < JOINTS; ++i) {
+    for (i = 0; q_ref && (i < JOINTS); ++i) {
         sum += q_ref[i] * (REAL)0;
     }
     if (!(sum <= (REAL)0)) {
@@ -53,20 +55,23 @@ LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, R
     }
 #if !POSITION
     {
-        REAL xx, yy, xy;
+        REAL xx;
+        REAL yy;
+        REAL xy;
         const REAL defect = ik_defect(T, &xx, &yy, &xy);
         if (!(defect <= IK_TOL_ORTHONORMAL)) {
             return IK_NOT_A_ROTATION;
         }
-        if (defect > (REAL)ROUNDINGS * IK_TOL_EPS) { /* the nearest rotation, to first order */
+        if (defect > ((REAL)ROUNDINGS * IK_TOL_EPS)) { /* the nearest rotation, to first order */
             for (i = 0; i < 3; ++i) {
-                const REAL x = T[4 * i], y = T[4 * i + 1];
-                T[4 * i] = x * ((REAL)1 - (REAL)0.5 * xx) - (REAL)0.5 * xy * y;
-                T[4 * i + 1] = y * ((REAL)1 - (REAL)0.5 * yy) - (REAL)0.5 * xy * x;
+                const REAL x = T[4 * i];
+                const REAL y = T[(4 * i) + 1];
+                T[4 * i] = (x * ((REAL)1 - ((REAL)0.5 * xx))) - ((REAL)0.5 * xy * y);
+                T[(4 * i) + 1] = (y * ((REAL)1 - ((REAL)0.5 * yy))) - ((REAL)0.5 * xy * x);
             }
-            T[2] = T[4] * T[9] - T[8] * T[5];
-            T[6] = T[8] * T[1] - T[0] * T[9];
-            T[10] = T[0] * T[5] - T[4] * T[1];
+            T[2] = (T[4] * T[9]) - (T[8] * T[5]);
+            T[6] = (T[8] * T[1]) - (T[0] * T[9]);
+            T[10] = (T[0] * T[5]) - (T[4] * T[1]);
         }
     }
 #endif
@@ -83,9 +88,9 @@ LOCAL int ik_far(const REAL *T)
     const REAL bound = (REAL)FAR_AWAY;
 #if TOOL
     const REAL longest = (REAL)TOOL_AWAY;
-    if (!(FABS(T[3]) < longest && FABS(T[4]) < longest && FABS(T[5]) < longest)) {
+    if (!((FABS(T[3]) < longest) && (FABS(T[4]) < longest) && (FABS(T[5]) < longest))) {
         return 1;
     }
 #endif
-    return !(FABS(T[AT_X]) < bound && FABS(T[AT_Y]) < bound && FABS(T[AT_Z]) < bound);
+    return !((FABS(T[AT_X]) < bound) && (FABS(T[AT_Y]) < bound) && (FABS(T[AT_Z]) < bound));
 }

@@ -36,20 +36,24 @@ static const REAL ik_trig8_odd[8][9] = {
 /* Values of p and dp/dx at u = tan(x/2), where x counts from the centre of the arc, by Horner's rule in z = exp(i x). */
 LOCAL void ik_trig8_value(const REAL a[9], const REAL b[9], REAL u, REAL out[2])
 {
-    const REAL w = (REAL)1 / ((REAL)1 + u * u);
-    const REAL c = ((REAL)1 - u * u) * w, s = (REAL)2 * u * w;
-    REAL hr = a[8], hi = -b[8], dr = (REAL)0, di = (REAL)0;
+    const REAL w = (REAL)1 / ((REAL)1 + (u * u));
+    const REAL c = ((REAL)1 - (u * u)) * w;
+    const REAL s = (REAL)2 * u * w;
+    REAL hr = a[8];
+    REAL hi = -b[8];
+    REAL dr = (REAL)0;
+    REAL di = (REAL)0;
     int k;
     for (k = 7; k >= 0; --k) {
-        const REAL er = dr * c - di * s + hr;
-        const REAL gr = hr * c - hi * s + a[k];
-        di = dr * s + di * c + hi;
-        hi = hr * s + hi * c - b[k];
+        const REAL er = (dr * c) - (di * s) + hr;
+        const REAL gr = (hr * c) - (hi * s) + a[k];
+        di = (dr * s) + (di * c) + hi;
+        hi = (hr * s) + (hi * c) - b[k];
         dr = er;
         hr = gr;
     }
     out[0] = hr;
-    out[1] = -(dr * s + di * c);
+    out[1] = -((dr * s) + (di * c));
 }
 
 /* The root of p between u0 and u1 near u, where p changes its sign: Newton steps kept inside the bracket. */
@@ -57,8 +61,9 @@ LOCAL REAL ik_trig8_refine(const REAL a[9], const REAL b[9], REAL u0, REAL u1, R
 {
     int it;
     for (it = 0; it < 50; ++it) {
-        REAL v[2], step;
-        if (!(u > u0 && u < u1)) {
+        REAL v[2];
+        REAL step;
+        if (!((u > u0) && (u < u1))) {
             u = (REAL)0.5 * (u0 + u1);
         }
         ik_trig8_value(a, b, u, v);
@@ -67,7 +72,7 @@ LOCAL REAL ik_trig8_refine(const REAL a[9], const REAL b[9], REAL u0, REAL u1, R
         } else {
             u0 = u;
         }
-        step = (REAL)0.5 * v[0] * ((REAL)1 + u * u);
+        step = (REAL)0.5 * v[0] * ((REAL)1 + (u * u));
         if (FABS(step) < FABS(v[1])) {
             step /= v[1];
             u -= step;
@@ -79,7 +84,7 @@ LOCAL REAL ik_trig8_refine(const REAL a[9], const REAL b[9], REAL u0, REAL u1, R
             break;
         }
     }
-    return u < u0 ? u0 : (u > u1 ? u1 : u);
+    return (u < u0) ? u0 : ((u > u1) ? u1 : u);
 }
 
 /* Finds the roots of p, whose values are known to +- noise. root: cos x, sin x, and half the width (rad) of the interval in
@@ -88,15 +93,24 @@ LOCAL REAL ik_trig8_refine(const REAL a[9], const REAL b[9], REAL u0, REAL u1, R
  * at its end; b[0] is not used. Returns the number of entries written, at most 24. */
 LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_ROWS][3], int mult[IK_TRIG8_ROWS])
 {
-    REAL stack[IK_TRIG8_DEPTH + 2][17], from[IK_TRIG8_DEPTH + 2], width[IK_TRIG8_DEPTH + 2], first = (REAL)0;
-    int arc, count = 0, splits = 0, left, k, j;
+    REAL stack[IK_TRIG8_DEPTH + 2][17];
+    REAL from[IK_TRIG8_DEPTH + 2];
+    REAL width[IK_TRIG8_DEPTH + 2];
+    REAL first = (REAL)0;
+    int arc;
+    int count = 0;
+    int splits = 0;
+    int left;
+    int k;
+    int j;
     stack[0][16] = (REAL)0;
     for (arc = 0; arc < 4; ++arc) {
         REAL *const whole = stack[0];
         const REAL last = whole[16];
         int top = 1;
         for (j = 0; j <= 8; ++j) {
-            REAL even = a[0] * ik_trig8_even[0][j], odd = (REAL)0;
+            REAL even = a[0] * ik_trig8_even[0][j];
+            REAL odd = (REAL)0;
             for (k = 1; k <= 8; ++k) {
                 even += a[k] * ik_trig8_even[k][j];
                 odd += b[k] * ik_trig8_odd[k - 1][j];
@@ -105,65 +119,73 @@ LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_R
             whole[16 - j] = even - odd;
         }
         /* neighbouring arcs share the value at their seam, so that no root falls between them */
-        first = arc == 0 ? whole[0] : first;
-        whole[0] = arc == 0 ? first : last;
-        whole[16] = arc == 3 ? first : whole[16];
+        first = (arc == 0) ? whole[0] : first;
+        whole[0] = (arc == 0) ? first : last;
+        whole[16] = (arc == 3) ? first : whole[16];
         from[0] = -IK_TRIG8_ARC;
         width[0] = (REAL)2 * IK_TRIG8_ARC;
-        for (left = 1 + 2 * (IK_TRIG8_SPLITS - splits); top > 0 && left > 0; --left) { /* an interval leaves the stack, or is split */
+        for (left = 1 + (2 * (IK_TRIG8_SPLITS - splits)); (top > 0) && (left > 0); --left) { /* an interval leaves the stack, or is split */
             REAL *const c = stack[top - 1];
-            const REAL u0 = from[top - 1], du = width[top - 1];
-            REAL u = u0 + (REAL)0.5 * du, blur = (REAL)0.5 * du, cross = (REAL)0, at = (REAL)0.5;
-            int changes = 0, doubtful = FABS(c[0]) <= noise, rising = 1, falling = 1, order = 2;
+            const REAL u0 = from[top - 1];
+            const REAL du = width[top - 1];
+            REAL u = u0 + ((REAL)0.5 * du);
+            REAL blur = (REAL)0.5 * du;
+            REAL cross = (REAL)0;
+            REAL at = (REAL)0.5;
+            int changes = 0;
+            int doubtful = FABS(c[0]) <= noise;
+            int rising = 1;
+            int falling = 1;
+            int order = 2;
             for (j = 1; j <= 16; ++j) {
                 const REAL rise = c[j] - c[j - 1];
                 if ((c[j] < (REAL)0) != (c[j - 1] < (REAL)0)) {
                     ++changes;
-                    cross += (REAL)j - c[j] / rise;
+                    cross += (REAL)j - (c[j] / rise);
                 }
                 doubtful += FABS(c[j]) <= noise;
                 rising &= rise >= (REAL)0;
                 falling &= rise <= (REAL)0;
             }
             --top;
-            if (doubtful == 0 && changes == 0) {
+            if ((doubtful == 0) && (changes == 0)) {
                 continue;
             }
-            if (doubtful <= 16 && (rising || falling || (doubtful == 0 && changes == 1))) {
+            if ((doubtful <= 16) && (rising || falling || ((doubtful == 0) && (changes == 1)))) {
                 if (changes == 1) {
-                    u = ik_trig8_refine(a, b, u0, u0 + du, u0 + (REAL)0.0625 * du * cross, c[0] < (REAL)0);
-                    order = doubtful > 2 ? 2 : 1;
-                    blur = doubtful > 2 ? (REAL)0.03125 * (REAL)doubtful * du : (REAL)0;
+                    u = ik_trig8_refine(a, b, u0, u0 + du, u0 + ((REAL)0.0625 * du * cross), c[0] < (REAL)0);
+                    order = (doubtful > 2) ? 2 : 1;
+                    blur = (doubtful > 2) ? ((REAL)0.03125 * (REAL)doubtful * du) : (REAL)0;
                 } else if (doubtful > 1) { /* flat where it touches zero, at an end of the interval */
-                    u = (c[0] < (REAL)0) == rising ? u0 + du : u0;
+                    u = ((c[0] < (REAL)0) == rising) ? (u0 + du) : u0;
                     blur = (REAL)0;
                 } else {
                     continue;
                 }
-            } else if (doubtful <= 16 && du > IK_TRIG8_ARC * (REAL)VALUE_6R_TRIG_NARROWEST && splits < IK_TRIG8_SPLITS && top < IK_TRIG8_DEPTH) {
+            } else if ((doubtful <= 16) && (du > (IK_TRIG8_ARC * (REAL)VALUE_6R_TRIG_NARROWEST)) && (splits < IK_TRIG8_SPLITS) && (top < IK_TRIG8_DEPTH)) {
                 ++splits; /* de Casteljau: the right part stays in place, the left part goes on top of it */
-                if (changes == 2 && cross > (REAL)4.0 && cross < (REAL)28.0) {
+                if ((changes == 2) && (cross > (REAL)4.0) && (cross < (REAL)28.0)) {
                     at = (REAL)0.03125 * cross; /* between two roots, where the polygon crosses zero twice */
                 }
                 for (k = 0; k < 16; ++k) {
                     stack[top + 1][k] = c[0];
-                    for (j = 0; j < 16 - k; ++j) {
+                    for (j = 0; j < (16 - k); ++j) {
                         c[j] += at * (c[j + 1] - c[j]);
                     }
                 }
                 stack[top + 1][16] = c[0];
-                from[top] = u0 + at * du;
-                width[top] = du - at * du;
+                from[top] = u0 + (at * du);
+                width[top] = du - (at * du);
                 from[top + 1] = u0;
                 width[top + 1] = at * du;
                 top += 2;
                 continue;
             }
             if (count < IK_TRIG8_ROWS) {
-                const REAL w = (REAL)1 / ((REAL)1 + u * u);
+                const REAL w = (REAL)1 / ((REAL)1 + (u * u));
                 REAL *const x = root[count];
                 int known = 0;
-                x[0] = ((REAL)1 - u * u) * w;
+                x[0] = ((REAL)1 - (u * u)) * w;
                 x[1] = (REAL)2 * u * w;
                 x[2] = (REAL)2 * blur * w;
                 for (j = arc; j > 0; --j) {
@@ -171,8 +193,8 @@ LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_R
                     x[0] = -x[1];
                     x[1] = v;
                 }
-                for (j = 0; order == 2 && j < count; ++j) { /* double roots that touch count once */
-                    known |= mult[j] == 2 && root[j][0] * x[0] + root[j][1] * x[1] > (REAL)1 - (REAL)128 * IK_TRIG8_EPS;
+                for (j = 0; (order == 2) && (j < count); ++j) { /* double roots that touch count once */
+                    known |= (mult[j] == 2) && (((root[j][0] * x[0]) + (root[j][1] * x[1])) > ((REAL)1 - ((REAL)128 * IK_TRIG8_EPS)));
                 }
                 mult[count] = order;
                 count += !known;

@@ -29,7 +29,8 @@ class CBuilder(Scaffold):
         extra = () if radicand is None else (self.pool.of(radicand),)
         a, b, k, w, n = self._add(
             (
-                f"REAL a{tag} = {{0}}, b{tag} = {{1}}, k{tag} = {{2}}, w{tag};",
+                *(f"REAL {letter}{tag} = {{{slot}}};" for slot, letter in enumerate("abk")),
+                f"REAL w{tag};",
                 f"unsigned f{tag} = 0u;",
                 f"const int n{tag} = ik_linear(&a{tag}, &b{tag}, &k{tag}, {w2}, {self._real(unit)}, {{3}}, "
                 f"least, {self._open_bit(joint)}, {self._free_bits(joint)}, {self._slack}, &w{tag}, &f{tag});",
@@ -55,7 +56,7 @@ class CBuilder(Scaffold):
         k = k / h
         better = None if radicand is None else self.pool.of(radicand) / (h * h)
         cosine, w = self._add(
-            (f"REAL k{tag} = {{0}}, w{tag};",),
+            (f"REAL k{tag} = {{0}};", f"REAL w{tag};"),
             (k,),
             defines=(f"k{tag}", f"w{tag}"),
             beside=() if better is None else (better,),
@@ -93,7 +94,7 @@ class CBuilder(Scaffold):
         """
         if not self._margins:
             return self._slack
-        wide = f"least > IK_TOL_FREE ? ik_wide(slack, {size}, {self._real(unit)}) : slack"
+        wide = f"(least > IK_TOL_FREE) ? ik_wide(slack, {size}, {self._real(unit)}) : slack"
         return self._slack.replace("slack", wide, 1)
 
     def _loop(self, tag: str, n: Scalar, w: Scalar, label: Label, name: str) -> Scalar:
@@ -102,7 +103,7 @@ class CBuilder(Scaffold):
         first, second = ("", "-") if label.positive > 0 else ("-", "")
         self._branch.append((f"(unsigned)i{tag}", 1))
         return self._add(
-            (f"const REAL {name} = i{tag} == 0 ? {first}w{tag} : {second}w{tag};",), (i, w), defines=(name,)
+            (f"const REAL {name} = (i{tag} == 0) ? {first}w{tag} : {second}w{tag};",), (i, w), defines=(name,)
         )[0]
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
@@ -133,7 +134,7 @@ class CBuilder(Scaffold):
         nodes = tuple(self.pool.of(x) for x in k)
         *arrays, n = self._add(
             (
-                f"REAL c{tag}_[4], s{tag}_[4], x{tag}_[4];",
+                *(f"REAL {letter}{tag}_[4];" for letter in "csx"),
                 f"unsigned g{tag}[4];",
                 f"const int n{tag} = ik_quartic({{0}}, {{1}}, {{2}}, {{3}}, {{4}}, slack, "
                 f"c{tag}_, s{tag}_, x{tag}_, g{tag});",
@@ -145,7 +146,7 @@ class CBuilder(Scaffold):
         self._needs.update(("quartic", "near"))
         i = self._open(tag, n, 4)
         c, s, x = self._add(
-            (f"const REAL c{tag} = c{tag}_[i{tag}], s{tag} = s{tag}_[i{tag}], x{tag} = x{tag}_[i{tag}];",),
+            tuple(f"const REAL {letter}{tag} = {letter}{tag}_[i{tag}];" for letter in "csx"),
             (*arrays, i),
             defines=(f"c{tag}", f"s{tag}", f"x{tag}"),
         )
@@ -166,7 +167,8 @@ class CBuilder(Scaffold):
         roots, n = self._add(
             (
                 f"REAL x{tag}_[{most}];",
-                f"unsigned g{tag}[{most}], f{tag} = 0u;",
+                f"unsigned g{tag}[{most}];",
+                f"unsigned f{tag} = 0u;",
                 f"const int n{tag} = ik_{kind}({slots}, {self._real(unit)}, {slack}, x{tag}_, g{tag}, &f{tag});",
             ),
             nodes,
@@ -189,7 +191,7 @@ class CBuilder(Scaffold):
         arc = self._unscaled(joint, tag)
         turn = Turn(
             *self._add(
-                (f"REAL c{tag} = {{1}}, s{tag} = {{0}};", *self._directed(joint, tag, "{2}", arc)),
+                (f"REAL c{tag} = {{1}};", f"REAL s{tag} = {{0}};", *self._directed(joint, tag, "{2}", arc)),
                 (self.pool.of(s), self.pool.of(c), self.reference(joint)),
                 defines=(f"c{tag}", f"s{tag}"),
                 calls=("unit",) if arc is None else ("unit", "arc"),
@@ -216,20 +218,22 @@ class CBuilder(Scaffold):
             self._needs.add("feasible")
         bit, scale = self._open_bit(joint), "" if unit == 1.0 else f" * {self._real(unit)}"
         doubt, free = f"(IK_TOL_DOUBT{scale})", f"(least{scale})"
-        doubtful = f"{{2}} <= {doubt} * {doubt}"
+        doubtful = f"{{2}} <= ({doubt} * {doubt})"
         if self._margins:  # `least` may be larger than what is doubtful otherwise
-            doubtful = f"{doubtful} || {{2}} <= {free} * {free}"
+            doubtful = f"({doubtful}) || ({{2}} <= ({free} * {free}))"
         self._flags.append(f"f{tag}")
         a, b, f = self._add(
             (
-                f"REAL a{tag} = {{0}}, b{tag} = {{1}};",
+                f"REAL a{tag} = {{0}};",
+                f"REAL b{tag} = {{1}};",
                 f"unsigned f{tag} = 0u;",
                 f"if ({doubtful}) {{",
                 f"    f{tag} = {bit};",
-                f"    if ({{2}} <= {free} * {free}) {{",
+                f"    if ({{2}} <= ({free} * {free})) {{",
                 f"        const REAL x{tag} = {reference};",
                 f"        f{tag} = {self._free_bits(joint)};",
-                f"        a{tag} = COS(x{tag}); b{tag} = SIN(x{tag});",
+                f"        a{tag} = COS(x{tag});",
+                f"        b{tag} = SIN(x{tag});",
                 "    }",
                 "}",
             ),
@@ -237,7 +241,7 @@ class CBuilder(Scaffold):
             defines=(f"a{tag}", f"b{tag}", f"f{tag}"),
             rare=tuple(range(3, 4 + len(bounds))),
         )
-        inverse = f"(f{tag} & (unsigned)IK_FREE) != 0u ? (REAL)1 : (REAL)1 / {{0}}"
+        inverse = f"((f{tag} & (unsigned)IK_FREE) != 0u) ? (REAL)1 : ((REAL)1 / {{0}})"
         g = self._defined(f"g{tag}", inverse, (size, f), ("inverse",))
         turn = self._turned(tag, a * g, b * g)
         self._angle(joint, Turn(a, b) if joint.index in self._joints else turn)
@@ -268,7 +272,8 @@ class CBuilder(Scaffold):
             f"{self._open_bit(joint)}, {self._free_bits(joint)});",
             f"if ((f{tag} & (unsigned)IK_FREE) != 0u) {{",
             f"    const REAL x{tag} = {reference};",
-            f"    c{tag} = COS(x{tag}); s{tag} = SIN(x{tag});",
+            f"    c{tag} = COS(x{tag});",
+            f"    s{tag} = SIN(x{tag});",
             *([] if arc is None else [f"    {ARC}"]),
             "}",
         )
@@ -286,8 +291,8 @@ class CBuilder(Scaffold):
         if not joint.revolute:
             return raw
         tag = self._tag(joint)
-        line = f"const REAL c{tag} = COS({{0}}), s{tag} = SIN({{0}});"
-        return Turn(*self._add((line,), (raw,), defines=(f"c{tag}", f"s{tag}"), calls=("angle",)))
+        lines = (f"const REAL c{tag} = COS({{0}});", f"const REAL s{tag} = SIN({{0}});")
+        return Turn(*self._add(lines, (raw,), defines=(f"c{tag}", f"s{tag}"), calls=("angle",)))
 
     def wrist(
         self, joints: tuple[Joint, Joint, Joint], M: tuple[Vector, Vector, Vector], signs: tuple[int, int]
@@ -304,8 +309,10 @@ class CBuilder(Scaffold):
         arc = self._unscaled(joints[0], first)
         c4, s4, c5, s5, f = self._add(
             (
-                f"REAL c{first} = {{0}}, s{first} = {{1}};",
-                f"const REAL s{middle} = SQRT(c{first} * c{first} + s{first} * s{first}), c{middle} = {{2}};",
+                f"REAL c{first} = {{0}};",
+                f"REAL s{first} = {{1}};",
+                f"const REAL s{middle} = SQRT((c{first} * c{first}) + (s{first} * s{first}));",
+                f"const REAL c{middle} = {{2}};",
                 *self._directed(joints[0], first, "{3}", arc),
             ),
             (*nodes, self.reference(joints[0])),
@@ -320,7 +327,7 @@ class CBuilder(Scaffold):
         c6, s6 = self._turned(last, self.pool.of(dot(column0, mx)), self.pool.of(dot(column1, mx)))
         built = tuple(total(c6 * u, s6 * v) for u, v in zip(column0, column1, strict=True))
         self.residual((), minus(built, mx))
-        line = f"const int n{first}f = (f{first} & (unsigned)IK_FREE) == 0u ? 2 : 1;"
+        line = f"const int n{first}f = ((f{first} & (unsigned)IK_FREE) == 0u) ? 2 : 1;"
         (n,) = self._add((line,), (f,), defines=(f"n{first}f",))
         turns = (Turn(c4, s4), Turn(c5, s5), Turn(self.pool.of(c6), self.pool.of(s6)))
         return self._flipped(joints, turns, f"{first}f", n)
@@ -348,7 +355,7 @@ class CBuilder(Scaffold):
         virtual = [joint for joint in joints if joint not in real]
         if not virtual and all(index in self._values for index in self._joints):
             return turns
-        g = self._defined(f"g{tag}", "{0} == 0 ? (REAL)1 : (REAL)-1", (i,))
+        g = self._defined(f"g{tag}", "({0} == 0) ? (REAL)1 : (REAL)-1", (i,))
         flipped = (Turn(g * x4.c, g * x4.s), Turn(x5.c, g * x5.s), Turn(g * x6.c, g * x6.s))
         for joint, turn in zip(joints, flipped, strict=True):
             if joint in virtual:

@@ -174,7 +174,7 @@ class Scaffold:
         second = "{2}" if other is not None else formula.format("{1}")
         operands = (choice, source) if other is None else (choice, source, other)
         self._add(
-            (f"const REAL {variable.text} = {{0}} == 0 ? {{1}} : {second};",),
+            (f"const REAL {variable.text} = ({{0}} == 0) ? {{1}} : {second};",),
             operands,
             defines=(variable.text,),
             calls=("opposite",) if formula.startswith("ik_opposite") else (),
@@ -237,7 +237,7 @@ class Scaffold:
         ``sure`` to exist, code is added that records at which equation the search failed.
         """
         k = len(self._loops)
-        failed = f"if ({{0}} == 0) {{ *stage = *stage < {k + 1} ? {k + 1} : *stage; {STOP}}}"
+        failed = f"if ({{0}} == 0) {{ *stage = (*stage < {k + 1}) ? {k + 1} : *stage; {STOP}}}"
         self._add(() if sure else (failed,), (count,), opens=k)
         self._loops.append(Loop(f"i{tag}", count.text, most, k))
         return self.pool.var(f"i{tag}")

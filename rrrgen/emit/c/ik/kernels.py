@@ -234,7 +234,7 @@ def reopening(base: Settings, stem: str, name: str, opens: Iterable[tuple[int, i
     The kernel is emitted once for each function ``<stem>_<name>`` that lists candidates. ``opens`` are the joints that
     may be free there: (joint index, bits of the branch number without meaning while it is free).
     """
-    bits = [f"bits |= (held >> {joint}) & 1u ? {mask}u : 0u;" for joint, mask in opens if mask]
+    bits = [f"bits |= (((held >> {joint}) & 1u) != 0u) ? {mask}u : 0u;" for joint, mask in opens if mask]
     words = {
         f"ik_{function}": f"{stem}_{function}_{name}" for function in ("merged", "with", "search", "fit", "reopen")
     }

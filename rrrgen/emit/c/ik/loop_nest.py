@@ -155,7 +155,7 @@ def position(loops: Sequence[Loop]) -> tuple[list[str], int]:
     terms = []
     for k, loop in enumerate(loops):
         stride = prod(inner.most for inner in loops[k + 1 :])
-        terms.append(loop.variable if stride == 1 else f"{stride} * {loop.variable}")
+        terms.append(loop.variable if stride == 1 else f"({stride} * {loop.variable})")
     return terms, prod(loop.most for loop in loops)
 
 
@@ -253,7 +253,7 @@ class _Slot:
     @property
     def text(self) -> str:
         """The C expression of the array index."""
-        other = [f"{self.step} * {self.choice}"] if self.choice else []
+        other = [f"({self.step} * {self.choice})"] if self.choice else []
         first = [str(self.first)] if self.first or not (self.index or other) else []
         return " + ".join([*first, *self.index, *other])
 
@@ -289,7 +289,9 @@ class _Gathering:
         copies, end = self._copied(arcs)
         loops = self.nest.loops
         before = (
-            f"REAL sine[{arcs}] = {{(REAL)0}}, cosine[{arcs}] = {{(REAL)0}}, angle[{end}];",
+            f"REAL sine[{arcs}] = {{0}};",
+            f"REAL cosine[{arcs}] = {{0}};",
+            f"REAL angle[{end}];",
             *(f"int {_kept_count(loop)}[{position(loops[: loop.level])[1]}] = {{0}};" for loop in loops if loop.level),
             "int i;",
         )
@@ -319,7 +321,7 @@ class _Gathering:
         self.taken += count
         stores = (f"cosine[{slot.text}] = {arc.cosine};", f"sine[{slot.text}] = {arc.sine};")
         alone = item.lines == (ARC,)
-        lines = stores if alone else tuple(line.replace(ARC, " ".join(stores)) for line in item.lines)
+        lines = stores if alone else tuple(part for line in item.lines for part in _in_place_of_arc(line, stores))
         calls = tuple(name for name in item.calls if name != "arc")
         return replace(item, lines=lines, calls=calls, arc=None)
 
@@ -355,6 +357,11 @@ class _Gathering:
         """The operations after the loops, for counting: an arc tangent per slot, and rotations of angles by pi."""
         turned = [flip for flip in self.flips.values() if flip.formula.startswith("ik_opposite")]
         return ("arc",) * self.taken + ("opposite",) * sum(self.slots[flip.source.text].count for flip in turned)
+
+
+def _in_place_of_arc(line: str, stores: tuple[str, ...]) -> list[str]:
+    """The line itself or, where it holds the placeholder of an arc tangent, one line for each of ``stores``."""
+    return [line.replace(ARC, store) for store in stores] if ARC in line else [line]
 
 
 def _kept_count(loop: Loop) -> str:
