@@ -45,7 +45,7 @@ AROUND = {
         f"{RRR} rrr_real dq_last[3], J[18], V[6], weight[6], dq_ref[3], q_min[3], q_max[3], dq_max[3], ddq_max[3];",
         "",
     ),
-    ("docs/control.md", "#include"): ("rrr", "rrr_real r[3];", ""),
+    ("docs/contact.md", "#include"): ("rrr", "rrr_real r[3];", ""),
     ("docs/control.md", "static rrr_fourier"): ("rrr", f"{RRR} double t;", ""),
     ("docs/control.md", "rrr_tool"): ("rrr", RRR, ""),
     ("docs/control.md", "static const rrr_real tau_max"): ("rrr", "", "(void)tau_max; (void)names;"),
