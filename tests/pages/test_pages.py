@@ -18,6 +18,7 @@ from rrrgen.robot.file import load_spec
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("examples/**/*.md"), ROOT / "bench/README.md"])
 FIGURES = {
+    "gallery": "examples/gallery/figure.py",
     "control_loop": "examples/control_loop/run.py",
     "pick_up": "examples/pick_up/run.py",
     "collision": "examples/collision/run.py",
