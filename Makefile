@@ -74,7 +74,8 @@ bench: setup  ## measure emitted C side by side with other packages; the page an
 	$(BIN)/python -m bench -o bench/results
 	cp bench/results/benchmark.md bench/results/benchmark.svg bench/results/benchmark.png docs/
 
-docs: setup  ## the documentation as web pages, in docs/_build/html
+docs: core  ## the documentation as web pages, in docs/_build/html
+	$(BIN)/python -m pip install --quiet -e ".[docs]"
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 
 pages: setup  ## every command that the pages and the help texts print, as printed; it takes some minutes

@@ -7,9 +7,10 @@ author = "the rrrgen authors"
 project_copyright = author
 release = version = VERSION
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click", "sphinx_copybutton"]
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
+copybutton_prompt_text = "$ "  # not part of what is copied
 exclude_patterns = ["_build"]
 nitpicky = False
 suppress_warnings = ["myst.xref_missing", "ref.python"]  # links to folders of the repository; roles of private classes
