@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
 from rrrgen.base.templates import render
 from rrrgen.base.version import VERSION
 from rrrgen.controller.layout import COUNTERS, HEAD, Place, Struct, Structs, structs
-from rrrgen.controller.programs import own_programs
+from rrrgen.controller.programs import called_programs, own_programs
 from rrrgen.controller.proposals import proposals
 from rrrgen.controller.table import MODES, PARTS, PHASES, STATUS, Field, Unit, mode_number
 from rrrgen.emit import Real
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.c.language import Dialect, Trig, nonfinite_function, sincos_strategy
+from rrrgen.emit.controller.differential_ik import differential_ik_files
 from rrrgen.emit.interface import Check
 from rrrgen.emit.printing import columns
-from rrrgen.program import Program
+from rrrgen.program import REFUSED, Program
 from rrrgen.robot.identity import identify
 
 ARGUMENTS = {
@@ -95,6 +96,7 @@ def unit_files(unit: Unit, real: Real, trig: Trig = "inline") -> dict[str, str]:
         "phases": list(PHASES.items()),
         "reference": _references(unit),
         "call": calls,
+        "called_laws": set(unit.modes) - {"free", "gravity", "joint_impedance"},
         "laws_header": f"{calls.own_prefix}.h" if calls.own else "",
         "defaults": _default_table(laid.parameters, dialect),
         "literal": lambda value: _literal(value, dialect),
@@ -111,6 +113,19 @@ def unit_files(unit: Unit, real: Real, trig: Trig = "inline") -> dict[str, str]:
         files |= function_files(calls.own_prefix, title, list(calls.own.values()), real, sincos_strategy(trig))
     description = described(unit, real, laid)
     return files | {f"{dialect.prefix}.json": json.dumps(description, indent=1, allow_nan=False) + "\n"}
+
+
+def standalone_files(unit: Unit, real: Real, further: Sequence[Program] = ()) -> dict[str, str]:
+    """The unit with all that it calls: of the model only these functions, and ``further`` ones of it."""
+    name = unit.model.spec.name
+    called = {program.name: program for program in (*called_programs(unit), *further)}
+    own = own_programs(unit)
+    files = function_files(
+        name, f"functions of {name} for its controller", [p for p in called.values() if p.name not in own], real
+    )
+    if unit.has("velocity"):
+        files |= differential_ik_files(name.removesuffix("_any_gravity"), unit.n, real)
+    return files | unit_files(unit, real)
 
 
 def unit_check(unit: Unit) -> Check:
@@ -184,8 +199,11 @@ class _Calls:
         self.own_prefix = f"{self.prefix.removesuffix('_any_gravity')}_controller_laws"
 
     def law(self, mode: str) -> str:
-        """The call of the law of ``mode``."""
-        return self.function(self.unit.law(mode), {**ARGUMENTS, **OF_MODES.get(mode, {})})
+        """The call of the law of ``mode``: 0, 1 where it is damped, 2 where it refused its input."""
+        name = self.unit.law(mode)
+        refused = Dialect(self.own_prefix if name in self.own else self.prefix, "double").failure(REFUSED)
+        call = self.function(name, {**ARGUMENTS, **OF_MODES.get(mode, {})})
+        return f"{self.prefix.removesuffix('_any_gravity')}_controller_outcome((int){call}, (int){refused})"
 
     def observer(self, name: str) -> str:
         """The call of a function of the observer: its start, its step, or contact detection."""
@@ -203,10 +221,6 @@ class _Calls:
     def gravity(self, q: str, g: str) -> str:
         """The call that computes the gravity torques ``g`` at ``q``."""
         return self.function("gravity", {**ARGUMENTS, "q": q, "g": g})
-
-    def status(self, mode: str) -> bool:
-        """Whether the law of ``mode`` has a status."""
-        return self.unit.model.programs[self.unit.law(mode)].status is not None
 
     def _arguments(self, program: Program, given: Mapping[str, str]) -> list[str]:
         known = {**given}

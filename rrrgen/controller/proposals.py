@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from rrrgen.controller.table import Unit
@@ -15,6 +16,12 @@ STIFF, SOFT = 20.0, 8.0
 
 SPEED_POLE = 250.0
 """Pole of the filters of the speeds, 1/s; the loops are ten times slower."""
+
+MIDDLE = 0.6
+"""Share of the way between the limits: off the singular configurations at the middle of many arms."""
+
+SAMPLED = 0.5
+"""Bound of the sum of the eigenvalues of ``Ts M^-1 D``; sampled damping is unstable from 2 on."""
 
 LEARNING = 0.01
 """Share of the error of the torques that the estimator takes out in one period of a fast motion."""
@@ -29,22 +36,30 @@ JUMP = 4.0
 def proposals(unit: Unit) -> dict[str, tuple[float, ...]]:
     """Defaults of gains and parameters by the name of the field; zero is left out. Those that are given stay.
 
-    With the diagonal of the mass matrix at the middle of the joint limits, ``kp = w^2 M_ii`` and ``kd = 2 w M_ii``; for
-    the tip, the inertia that it has along and about each axis of the base.
+    With the diagonal of the mass matrix at the middle of the joint limits, ``kd = 2 w M_ii`` and ``kp = w^2 M_ii``; for
+    the tip, the inertia that it has along and about each axis of the base. Dampings of joints are less where one period
+    would be too long for them (:func:`_damping`), and ``kp = kd^2/(4 M_ii)`` follows.
     """
     model, spec, n = unit.model, unit.model.spec, unit.n
-    inertia, tip = _inertias(model)
+    inertia, free, tip = _inertias(model)
+
+    def damping(pole: float) -> list[float]:
+        return _damping(pole, inertia, free, unit.period)
+
+    def springs(pole: float) -> tuple[float, ...]:
+        return _scaled([d * d / m if m > 0.0 else 0.0 for d, m in zip(damping(pole), inertia, strict=True)], 0.25)
+
     found: dict[str, tuple[float, ...]] = {
-        "stop_damping": _scaled(inertia, 2.0 * STIFF),
-        "guide_damping": _scaled(inertia, 0.5),
-        "pd_kp": _scaled(inertia, STIFF**2),
-        "pd_kd": _scaled(inertia, 2.0 * STIFF),
-        "joint_stiffness": _scaled(inertia, SOFT**2),
-        "joint_damping": _scaled(inertia, 2.0 * SOFT),
+        "stop_damping": _scaled(damping(2.0 * STIFF)),
+        "guide_damping": _scaled(damping(0.5)),
+        "pd_kp": springs(2.0 * STIFF),
+        "pd_kd": _scaled(damping(2.0 * STIFF)),
+        "joint_stiffness": springs(2.0 * SOFT),
+        "joint_damping": _scaled(damping(2.0 * SOFT)),
         "stiffness": _scaled(tip, SOFT**2),
         "damping": _scaled(tip, 2.0 * SOFT),
-        "null_damping": _scaled(inertia, SOFT),
-        "k": _scaled(inertia, STIFF),
+        "null_damping": _scaled(damping(SOFT)),
+        "k": _scaled(damping(STIFF)),
         "kp": (STIFF**2,), "kd": (2.0 * STIFF,),
         "tip_kp": (STIFF**2,), "tip_kd": (2.0 * STIFF,), "tip_damping": (0.02,),
         "lam": (STIFF / 2.0,),
@@ -91,34 +106,53 @@ def _estimator_gain(model: DerivedModel, beta: list[float]) -> tuple[float, ...]
     return tuple(_rounded(share * value * value) for value in beta)
 
 
-def _inertias(model: DerivedModel) -> tuple[list[float], list[float]]:
-    """The diagonal of M (n,) and the inertia of the tip (6,); ones where the robot file states no links."""
+def _damping(pole: float, inertia: list[float], free: list[float], period: float) -> list[float]:
+    """Dampings D of joints, ``pole`` times their inertia, or less so that the sampled loop is stable.
+
+    Torques -D dq held for a period Ts leave ``(I - Ts M^-1 D) dq``, unstable as soon as an eigenvalue of ``Ts M^-1 D``
+    exceeds 2. Their sum is ``Ts sum_i D_i (M^-1)_ii``; each joint may take an equal part of SAMPLED of it. On a
+    light arm with seven joints ``1/(M^-1)_ii``, the inertia of a joint whose neighbours yield, is 30 times less than
+    ``M_ii``.
+    """
+    part = SAMPLED / len(inertia) / period
+    return [min(pole * whole, part * yielding) for whole, yielding in zip(inertia, free, strict=True)]
+
+
+def _inertias(model: DerivedModel) -> tuple[list[float], list[float], list[float]]:
+    """The inertia of each joint M_ii (n,), and ``1/(M^-1)_ii`` (n,), the least of three configurations; that of the
+    tip (6,). Ones where the robot file states no links."""
     import numpy as np
 
     n = model.spec.n
     if model.beta_nominal is None:
-        return [1.0] * n, [1.0] * 6
+        return [1.0] * n, [1.0] * n, [1.0] * 6
     beta = [float(value) for value in (*model.beta_nominal, *(model.drive_inertia_nominal or ()))]
-    q = [_middle(joint.limits.lower, joint.limits.upper) for joint in model.spec.joints]
-    (M,) = evaluate(model.programs["mass_matrix"], *_arguments(model.programs["mass_matrix"], q, beta))
-    (J,) = evaluate(model.programs["jacobian"], *_arguments(model.programs["jacobian"], q, beta))
-    mobility = np.diag(J @ np.linalg.pinv(M) @ J.T)
+    limits = [joint.limits for joint in model.spec.joints]
+
+    def evaluated(function: str, shares: Sequence[float]) -> Any:
+        q = [_middle(each.lower, each.upper, shares[k % len(shares)]) for k, each in enumerate(limits)]
+        return evaluate(model.programs[function], *_arguments(model.programs[function], q, beta))[0]
+
+    masses = [evaluated("mass_matrix", shares) for shares in ((MIDDLE,), (0.5,), (0.3, 0.7, 0.8))]
+    free = np.min([1.0 / np.diag(np.linalg.pinv(M)) for M in masses], axis=0)
+    J = evaluated("jacobian", (MIDDLE,))
+    mobility = np.diag(J @ np.linalg.pinv(masses[0]) @ J.T)
     tip = [1.0 / float(each) if each > 1e-6 * float(np.max(mobility)) else 0.0 for each in mobility]
-    return [float(value) for value in np.diag(M)], tip
+    return [float(value) for value in np.diag(masses[0])], [float(value) for value in free], tip
 
 
 def _arguments(program: Any, q: list[float], beta: list[float]) -> list[list[float]]:
     return [{"q": q, "beta": beta}[port.name] for port in program.inputs]
 
 
-def _middle(lower: Any, upper: Any) -> float:
-    """A configuration between the limits, off the singular ones at the middle of many arms."""
+def _middle(lower: Any, upper: Any, share: float = MIDDLE) -> float:
+    """A position at a share of the way between the limits."""
     if lower is None or upper is None:
-        return 0.5
-    return float(lower) + 0.6 * (float(upper) - float(lower))
+        return share - 0.1
+    return float(lower) + share * (float(upper) - float(lower))
 
 
-def _scaled(values: list[float], factor: float) -> tuple[float, ...]:
+def _scaled(values: list[float], factor: float = 1.0) -> tuple[float, ...]:
     return tuple(_rounded(factor * value) for value in values)
 
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rrrgen.controller.files import described, unit_files
-from rrrgen.controller.programs import called_programs
+from rrrgen.controller.files import described, standalone_files
 from rrrgen.controller.python_class import Controller
 from rrrgen.controller.table import GROUPS, PERIOD, Unit, unit_of
 from rrrgen.emit import Real
-from rrrgen.emit.c.function_files import function_files
-from rrrgen.emit.controller.differential_ik import differential_ik_files
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.robot.spec import RobotSpec
 
@@ -39,12 +36,8 @@ def _compiled(unit: Unit, real: Real) -> tuple[Any, Any]:
     """The functions of the compiled unit: one that calls by name with addresses, and that of the field names."""
     from rrrgen.runtime.build import build_extension
 
-    prefix = unit.model.spec.name
-    robot = prefix.removesuffix("_any_gravity")
-    files = function_files(prefix, f"functions of the controller of {robot}", called_programs(unit), real)
-    files |= {name: text for name, text in unit_files(unit, real).items() if not name.endswith(".json")}
-    if unit.has("velocity"):
-        files |= differential_ik_files(robot, unit.n, real)
+    robot = unit.model.spec.name.removesuffix("_any_gravity")
+    files = {name: text for name, text in standalone_files(unit, real).items() if not name.endswith(".json")}
     p = f"{robot}_controller"
     cdef = f"""
         void {p}_default(void *); int32_t {p}_check(void *); int32_t {p}_init(void *, void *, void *);
