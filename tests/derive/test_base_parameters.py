@@ -1,6 +1,6 @@
 """Minimal base parameters: counts against the published table and singular values, expressions against torques.
 
-The counts of random structures are compared where these are derived, in test_random_robots.py.
+The counts of random structures are compared where these are derived, in tests/pipeline/test_random_robots.py.
 """
 
 from __future__ import annotations
@@ -85,14 +85,14 @@ def test_known_counts_by_singular_values(name):
 RIGHT = (0.0, np.pi / 2, -np.pi / 2, np.pi)
 
 
-@settings(max_examples=50, phases=FINDING)
+@settings(max_examples=20, phases=FINDING)
 @given(robots(max_joints=6, links="none", angles=RIGHT))
 def test_counts_of_structures_full_of_right_angles_equal_the_rank(robot):
     """Where parallel, coincident and perpendicular axes are the rule."""
     assert len(derived_set(to_yaml(robot)).parameters) == base_parameter_count(robot, SAMPLES).rank
 
 
-@settings(max_examples=25, phases=FINDING)
+@settings(max_examples=12, phases=FINDING)
 @given(robots(min_joints=2, max_joints=5, angles=(*RIGHT, 0.7), gravities=((0.0, 0.0, -9.81), (3.1, -2.7, -8.9))))
 def test_symbolic_lengths(robot):
     """Named lengths: the same count, and the expressions at nominal values give tau = Y beta."""
@@ -115,14 +115,13 @@ def check_torques(robot: Robot, spec, own) -> None:
     assert np.max(np.abs(Y @ beta - tau)) <= ROUND_OFF * np.max(np.abs(tau))
 
 
-@pytest.mark.parametrize("off", [2e-16, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4])
-@pytest.mark.parametrize("kinds", ["rp", "rprr"])
+@pytest.mark.parametrize("off", [2e-16, 1e-12, 1e-8, 1e-4])
 @pytest.mark.parametrize("convention", ["standard", "modified"])
-def test_angles_beside_a_right_angle_give_the_torques(kinds, convention, off):
+def test_angles_beside_a_right_angle_give_the_torques(convention, off):
     """Eliminations by the sine or cosine of such an angle multiply round-off by its inverse; others are chosen."""
-    names = {"r": "revolute", "p": "prismatic"}
+    kinds = ("revolute", "prismatic", "revolute", "revolute")
     base = random_robot(7, n=len(kinds), convention=convention)
-    rows = [(names[kind], -np.pi / 2, *row[2:]) for kind, row in zip(kinds, base.rows, strict=True)]
+    rows = [(kind, -np.pi / 2, *row[2:]) for kind, row in zip(kinds, base.rows, strict=True)]
     text = to_yaml(replace(base, rows=tuple(rows))).replace("alpha: -pi/2", f"alpha: -(pi/2 - {off:.0e})")
     assert text.count(f"{off:.0e}") == len(kinds)
     spec = loads_spec(text)
