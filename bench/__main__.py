@@ -65,7 +65,7 @@ def bench(
 
     parts = frozenset(only or PARTS)
     plan = Plan(robots or ROBOTS, quick, tuple(flags.split()), pinocchio, parts)
-    with progress_bar(in_processes=True) as draw:  # drawn between measurements only
+    with progress_bar() as draw:  # drawn between measurements only
 
         def tell(done: int, total: int, message: str) -> None:
             draw(done, total, message)

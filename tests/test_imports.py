@@ -42,7 +42,7 @@ ROOMS = (
 )
 """From the bottom to the top: a room imports from rooms before it. The compiler knows nothing of the laboratory."""
 
-HEAVY = ("sympy", "numpy", "scipy", "casadi", "cffi", "jinja2", "matplotlib", "cvxpy", "ruamel", "rich")
+HEAVY = ("sympy", "numpy", "scipy", "casadi", "cffi", "jinja2", "matplotlib", "cvxpy", "ruamel", "joblib")
 
 
 @cache

@@ -171,7 +171,6 @@ EXTRAS = {
     "casadi": "identify",
     "scipy": "identify",
     "matplotlib": "plot",
-    "joblib": "identify",
     "cvxpy": "identify",
     "clarabel": "identify",
     "h5py": "logs",

@@ -43,7 +43,7 @@ def case_study(
       rrrgen experiment case-study --quick -o runs/case-study
       rrrgen experiment case-study -o runs/case-study --jobs 2
     """
-    require("rrrgen experiment case-study", "casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")
+    require("rrrgen experiment case-study", "casadi", "scipy", "matplotlib", "cvxpy", "clarabel")
     from rrrgen.lab.experiment.case_study.case_study import QUICK, CaseStudySettings, run_case_study
 
     with progress_bar() as progress:

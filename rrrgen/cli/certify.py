@@ -96,7 +96,7 @@ def certify(
 
     casadi = serialized_casadi(casadi_files)
     spec = with_solver(read_with_warnings(robot), method)
-    with progress_bar(in_processes=True) as tell:
+    with progress_bar() as tell:
         model, files = emitted(spec, real, trig, further, casadi, jobs, experiment, tell)
     with progress_bar() as tell:
         report = verify(load.compile(spec, "c", real), samples, seed, tell=tell)

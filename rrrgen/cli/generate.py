@@ -444,7 +444,7 @@ def generate(
     start = time.perf_counter()
     with_casadi = serialized_casadi(casadi_files)
     spec = with_solver(read_with_warnings(robot), method)
-    with progress_bar(in_processes=True) as tell:
+    with progress_bar() as tell:
         model, files = emitted(spec, real, trig, further, with_casadi and not only_check, jobs, experiment, tell)
     if verbose:
         _report_passes(model)

@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -116,39 +117,34 @@ class Context(click.Context):
 # Progress of long computations: a bar on a terminal, nothing if stderr is redirected.
 # ------------------------------------------------------------------------------------------------------------------
 
+BAR = 30
+"""Characters of a full bar."""
+
+CLEAR = "\r\x1b[2K"
+"""Empty the line of the cursor, which goes to its beginning."""
+
 
 @contextmanager
-def progress_bar(in_processes: bool = False) -> Iterator[Tell]:
+def progress_bar() -> Iterator[Tell]:
     """Draw a progress bar on stderr; yields the function ``tell(done, total, message)`` that updates it.
 
-    ``total`` is 0 where the end is not known. With ``in_processes`` the bar is drawn by ``tell`` alone, which forked
-    processes may call; otherwise a thread keeps it moving, and a process with several threads cannot fork safely.
+    ``total`` is 0 where the end is not known. No thread draws it: a process with several of them cannot fork safely.
     """
     if not sys.stderr.isatty():
         yield lambda done, total, message: None
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    start = time.monotonic()
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-    )
-    console = Console(stderr=True)
-    kept = not sys.stdout.isatty()  # what is written to a file or a pipe goes there, not above the bar
-    with Progress(
-        *columns, console=console, transient=True, auto_refresh=not in_processes, redirect_stdout=not kept
-    ) as bar:
-        task = bar.add_task("", total=None)
+    def tell(done: int, total: int, message: str) -> None:
+        full = round(BAR * done / total) if total else 0
+        part = f"  {'#' * full:.<{BAR}} {done / total:4.0%}" if total else ""
+        line = f"{message}{part}  {time.monotonic() - start:.0f} s"
+        click.echo(CLEAR + line[: shutil.get_terminal_size().columns - 1], err=True, nl=False)
 
-        def tell(done: int, total: int, message: str) -> None:
-            bar.update(task, description=message, completed=done, total=total or None)
-            if in_processes:
-                bar.refresh()
-
+    try:
         yield tell
+    finally:
+        click.echo(CLEAR, err=True, nl=False)
 
 
 @contextmanager

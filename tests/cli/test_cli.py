@@ -95,7 +95,7 @@ def test_help_is_quick_because_nothing_heavy_is_imported():
     script = (
         "import sys; from rrrgen.cli.main import run; run(['--help']);"
         "print(sorted({m.split('.')[0] for m in sys.modules} & {'sympy', 'numpy', 'casadi', 'scipy', 'jinja2', 'cffi',"
-        " 'ruamel', 'rich', 'matplotlib'}), file=sys.stderr)"
+        " 'ruamel', 'joblib', 'matplotlib'}), file=sys.stderr)"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT)
     assert done.stderr == "[]\n"

@@ -51,7 +51,6 @@ def folder(tmp_path_factory):
 
 USES = {
     "experiment excite": (["pendulum", "-o", "x"], ("casadi", "matplotlib")),
-    "experiment excite in parallel": (["pendulum", "--jobs", "2", "-o", "x"], ("joblib",)),
     "experiment excite on a cluster": (
         ["pendulum", "--cluster", "tcp://localhost:1", "-o", "x"],
         ("dask", "distributed"),
@@ -79,7 +78,7 @@ USES = {
     "response frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "response model": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "response vibration": (["--mode", "28:0.1", "--rate", "1000", "-o", "x"], ("scipy", "matplotlib")),
-    "experiment case-study": (["-o", "x"], ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel")),
+    "experiment case-study": (["-o", "x"], ("casadi", "scipy", "matplotlib", "cvxpy", "clarabel")),
     "generate": (["pendulum", "--casadi-files", "-o", "x"], ("casadi",)),
     "generate with a filter": (["pendulum", "--no-casadi-files", "--tuning", "tuning.json", "-o", "x"], ("scipy",)),
 }

@@ -24,6 +24,7 @@ FINDING = (Phase.explicit, Phase.generate)  # a robot prints as it is; shrinking
 
 NAMES_OF_FRAMES = ("link_frames", "link_jacobians")
 
+
 @without_collection()
 def derived(robot) -> tuple[np.ndarray, dict[str, tuple[Program, ...]]]:
     """The projection K of ``beta = K phi``, and all functions in all ways, without the words about regrouping."""

@@ -354,9 +354,7 @@ def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, und
 
 def test_a_cluster_that_does_not_answer_is_an_input_error(monkeypatch) -> None:
     pytest.importorskip("distributed", reason="clusters need the extra 'cluster'")
-    import rrrgen.lab.design.starts as starts
-
-    monkeypatch.setattr(starts, "CLUSTER_TIMEOUT", "1s")
+    monkeypatch.setattr("rrrgen.base.parallel.CLUSTER_TIMEOUT", "1s")
     began = time.monotonic()
     with pytest.raises(InputError, match="no Dask scheduler answers"):
         run_starts(pendulum_problem(), range(1), cluster="tcp://127.0.0.1:9")

@@ -159,7 +159,6 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path):
 
 
 def test_two_processes_give_the_same_bits(tmp_path):
-    pytest.importorskip("joblib", reason="joblib runs several processes")
     path, regressor, _ = recording(tmp_path)
     maker = RowMaker(regressor, PROCESSINGS[1], len(regressor.names))
     observations = Observations((LogStream(open_log(path), chunk=1500),), maker)

@@ -13,7 +13,7 @@ from pages.test_pages import blocks, calls
 from pages.test_tutorials import ROOT
 
 PAGE = (ROOT / "docs/quick-start.md").read_text(encoding="utf-8")
-EXTRAS = ("casadi", "scipy", "matplotlib", "joblib", "cvxpy", "clarabel", "pinocchio", "mujoco", "roboticstoolbox")
+EXTRAS = ("casadi", "scipy", "matplotlib", "cvxpy", "clarabel", "pinocchio", "mujoco", "roboticstoolbox")
 
 
 def section(title: str) -> str:

@@ -7,20 +7,16 @@ interrupted search loses only unfinished starts, and a repeated search returns t
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from rrrgen.base.errors import InputError, MissingExtraError
+from rrrgen.base.parallel import as_computed
 from rrrgen.lab.data.run_folder import write_atomically
 from rrrgen.lab.design.check import ExcitationCheck, LimitUse
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.lab.design.problem import ExcitationProblem
 from rrrgen.lab.design.search import StartResult, solve_start
-
-CLUSTER_TIMEOUT = "15s"
-"""Longest time to wait for an answer of the scheduler."""
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, message)``."""
@@ -47,7 +43,7 @@ def run_starts(
     missing = [seed for seed in seeds if seed not in done]
     if progress is not None and done:
         progress(len(done), len(seeds), f"{len(done)} starts read back")
-    for result in _solve_all(problem, missing, jobs, cluster):
+    for _, result in as_computed(solve_start, missing, jobs, cluster=cluster, shared=[problem]):
         done[result.seed] = result
         if checkpoints is not None:
             write_atomically(_place(checkpoints, digest, result.seed), json.dumps(_to_json(result, digest), indent=1))
@@ -55,42 +51,6 @@ def run_starts(
             best = min(done.values(), key=lambda r: r.score).check.condition
             progress(len(done), len(seeds), f"start {result.seed}: cond {result.check.condition:.4g}, best {best:.4g}")
     return [done[seed] for seed in seeds]
-
-
-def _solve_all(
-    problem: ExcitationProblem, seeds: Sequence[int], jobs: int, cluster: str | None
-) -> Iterator[StartResult]:
-    if not seeds:
-        return
-    if jobs == 1 and cluster is None:
-        yield from (solve_start(problem, seed) for seed in seeds)
-        return
-    import joblib
-
-    with _backend(problem, jobs, cluster):
-        parallel = joblib.Parallel(return_as="generator_unordered", pre_dispatch="all", batch_size=1)
-        yield from parallel(joblib.delayed(solve_start)(problem, seed) for seed in seeds)
-
-
-@contextmanager
-def _backend(problem: ExcitationProblem, jobs: int, cluster: str | None) -> Iterator[None]:
-    """Select the joblib backend: processes of this machine, or a Dask cluster, to which ``problem`` is sent once."""
-    import joblib
-
-    if cluster is None:
-        with joblib.parallel_config(backend="loky", n_jobs=jobs, inner_max_num_threads=1):
-            yield
-        return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise MissingExtraError("a cluster", "distributed", "cluster") from None
-    try:
-        client = Client(cluster, timeout=CLUSTER_TIMEOUT, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError) as error:
-        raise InputError(f"no Dask scheduler answers at {cluster}: {error}") from error
-    with client, joblib.parallel_config(backend="dask", client=client, n_jobs=-1, scatter=[problem]):
-        yield
 
 
 def _place(folder: Path, digest: str, seed: int) -> Path:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.base.ordered_map import ordered_map
+from rrrgen.base.parallel import ordered_map
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_rows
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Observations, RowMaker, Window

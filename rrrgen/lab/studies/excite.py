@@ -8,8 +8,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import require
+from rrrgen.base.parallel import CLUSTER
 from rrrgen.lab.studies.experiment_options import ExperimentOptions
-from rrrgen.lab.studies.identify import parallel_packages
 from rrrgen.lab.studies.options import option, with_changes
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
 
@@ -134,7 +134,7 @@ def excite(
         DerivationError: no start meets every limit.
     """
     chosen = with_changes(ExciteOptions, options, changes)
-    require("rrrgen experiment excite", "casadi", "matplotlib", *parallel_packages(chosen.jobs, chosen.cluster))
+    require("rrrgen experiment excite", "casadi", "matplotlib", *(CLUSTER if chosen.cluster else ()))
     from rrrgen.lab.design.robot import limits_of
     from rrrgen.lab.studies.sources import ignore, robot_input
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from rrrgen.base.errors import require
+from rrrgen.base.parallel import CLUSTER
 from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.preprocessing import PreprocessingOptions
 from rrrgen.lab.studies.results import EstimateResult, FigureMaker, Run
@@ -112,14 +113,7 @@ class IdentifyOptions(StudyOptions):
     def packages(self) -> tuple[str, ...]:
         """The optional packages that these options need."""
         consistency = ("cvxpy", "clarabel") if self.consistent else ()
-        return ("scipy", "matplotlib", *consistency, *parallel_packages(self.jobs, self.cluster))
-
-
-def parallel_packages(jobs: int, cluster: str | None) -> tuple[str, ...]:
-    """The optional packages needed for work in several ``jobs``, or on a Dask ``cluster``."""
-    if cluster is not None:
-        return ("joblib", "dask", "distributed")
-    return ("joblib",) if jobs > 1 else ()
+        return ("scipy", "matplotlib", *consistency, *(CLUSTER if self.cluster else ()))
 
 
 def known_values(entries: Sequence[str]) -> tuple[dict[str, float], dict[str, float]]:

