@@ -115,17 +115,21 @@ def unit_files(unit: Unit, real: Real, trig: Trig = "inline") -> dict[str, str]:
     return files | {f"{dialect.prefix}.json": json.dumps(description, indent=1, allow_nan=False) + "\n"}
 
 
-def standalone_files(unit: Unit, real: Real, further: Sequence[Program] = ()) -> dict[str, str]:
+def standalone_files(unit: Unit, real: Real, further: Sequence[Program] = (), trig: Trig = "inline") -> dict[str, str]:
     """The unit with all that it calls: of the model only these functions, and ``further`` ones of it."""
     name = unit.model.spec.name
     called = {program.name: program for program in (*called_programs(unit), *further)}
-    own = own_programs(unit)
+    of_model = [called[each] for each in called.keys() - own_programs(unit).keys()]
     files = function_files(
-        name, f"functions of {name} for its controller", [p for p in called.values() if p.name not in own], real
+        name,
+        f"functions of {name} for its controller",
+        sorted(of_model, key=lambda p: p.name),
+        real,
+        sincos_strategy(trig),
     )
     if unit.has("velocity"):
         files |= differential_ik_files(name.removesuffix("_any_gravity"), unit.n, real)
-    return files | unit_files(unit, real)
+    return files | unit_files(unit, real, trig)
 
 
 def unit_check(unit: Unit) -> Check:
