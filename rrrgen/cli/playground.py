@@ -22,7 +22,7 @@ POLICY = (
 )
 """What the page and its workers may load: their own files alone. ``blob:`` is the emitted JavaScript of an arm."""
 
-PAGE = ("index.html", "page.css", "page.js", "arm-worker.js", "compiler-worker.js")
+PAGE = ("index.html", "page.css", "page.js", "arm-worker.js", "compiler-worker.js", "offline.js")
 RUNTIME = ("pyodide.mjs", "pyodide.asm.mjs", "pyodide.asm.wasm", "python_stdlib.zip", "pyodide-lock.json")
 LIBRARIES = ("sympy", "mpmath", "jinja2", "markupsafe", "ruamel.yaml", "click")
 """What the compiler imports on the way from robot file to text."""
@@ -47,9 +47,12 @@ joints:
 """An arm to start from: without links, so that joints can be added and removed."""
 
 
-def package(text: str, folder: str, words: Sequence[str], real: str) -> dict[str, object]:
+def package(
+    text: str, folder: str, words: Sequence[str], real: str, modes: Sequence[str] = (), parts: Sequence[str] = ()
+) -> dict[str, object]:
     """Run ``rrrgen generate`` on the robot file ``text`` in ``folder``, which the worker has in memory.
 
+    ``words`` are those of ``--with``, ``modes`` and ``parts`` those of the controller, the usual ones if empty.
     Returns the exit ``code``, what the command printed, the ``files`` (path -> text), and the folder of the archive
     ``zip`` with them: the bytes are those that the command line writes, and the archive of the same files is the same.
     """
@@ -63,7 +66,9 @@ def package(text: str, folder: str, words: Sequence[str], real: str) -> dict[str
     place.mkdir(parents=True)
     (place / "robot.yaml").write_text(text, encoding="utf-8", newline="\n")
     arguments = ["generate", str(place / "robot.yaml"), "-o", str(place / "out"), "-j", "1", "--no-casadi-files"]
-    arguments += ["--real", real, *(["--with", ",".join(words)] if words else [])]
+    arguments += ["--real", real]
+    for option, chosen in (("--with", words), ("--modes", modes), ("--parts", parts)):
+        arguments += [option, ",".join(chosen)] if chosen else []
     printed = StringIO()
     with redirect_stdout(printed), redirect_stderr(printed):
         code = run(arguments)
@@ -140,6 +145,7 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
     Raises UsageError for a runtime that is not the npm package pyodide.
     """
     from rrrgen.base.templates import template_text
+    from rrrgen.controller.table import MODES, PARTS
     from rrrgen.emit.html.playground import prepared
     from rrrgen.robot.file.fields import EMIT
     from rrrgen.robot.robots import bundled_names, bundled_path
@@ -161,11 +167,14 @@ def build(folder: Path, runtime: Path, robots: Sequence[str] = ()) -> None:
         click.echo(f"deriving {name}", err=True)
         content = json.dumps(prepared(text), separators=(",", ":"))
         (folder / "robots" / f"{name}.json").write_text(content, encoding="utf-8", newline="\n")
-    offered = json.dumps({"robots": [*texts, "my_arm"], "with": EMIT})
+    controller = {"modes": {mode.name: mode.text for mode in MODES}, "parts": PARTS}
+    offered = json.dumps({"robots": [*texts, "my_arm"], "with": EMIT, "controller": controller})
     (folder / "offered.json").write_text(offered, encoding="utf-8", newline="\n")
     sizes = {"compiler.zip": write_compiler(folder / "compiler.zip")}
     sizes |= {f"pyodide/{name}": (folder / "pyodide" / name).stat().st_size for name in RUNTIME}
     (folder / "sizes.json").write_text(json.dumps(sizes), encoding="utf-8", newline="\n")
+    files = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())  # kept offline
+    (folder / "files.json").write_text(json.dumps(files), encoding="utf-8", newline="\n")
 
 
 def write_compiler(file: Path) -> int:

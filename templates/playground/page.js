@@ -5,7 +5,7 @@
 const MOST_CHARACTERS = 100000, MOST_SECONDS = 120, COLUMNS = ["name", "type", "alpha", "a", "d", "theta"];
 const HEADINGS = { name: "joint", type: "type", alpha: "α", a: "a", d: "d", theta: "θ" };
 const TABS = { inverse_kinematics: "Inverse kinematics", base_parameters: "Base parameters", closed_forms: "Closed forms", code: "C code" };
-let words = {};  // what --with offers, with its meaning
+let words = {}, controller = {};  // what --with, --modes and --parts offer: word -> meaning
 const $ = (id) => document.getElementById(id);
 
 /* -- workers: questions with numbered answers ------------------------------------------------------------------------- */
@@ -268,7 +268,18 @@ function showTab() {
   if (shownTab === "code") showCode();
   else $("shown").innerHTML = derived[shownTab] || "<p class='note'>Being derived …</p>";  // made by the compiler, which escapes
 }
-const options = { real: "double", words: new Set() };
+const options = { real: "double", words: new Set(), modes: new Set(), parts: new Set() };
+function choices(box, name, offered, chosen) {
+  const bar = box.appendChild(Object.assign(document.createElement("fieldset"), { className: "bar" }));
+  bar.appendChild(Object.assign(document.createElement("legend"), { textContent: name }));
+  Object.entries(offered).forEach(([word, meaning]) => {
+    const label = bar.appendChild(document.createElement("label"));
+    const input = label.appendChild(Object.assign(document.createElement("input"), { type: "checkbox", checked: chosen.has(word) }));
+    label.append(word);
+    label.title = meaning;
+    input.addEventListener("change", () => { chosen[input.checked ? "add" : "delete"](word); files = null; showCode(); });
+  });
+}
 function showCode() {
   const shown = $("shown");
   shown.textContent = "";
@@ -280,13 +291,11 @@ function showCode() {
   const float = real.appendChild(Object.assign(document.createElement("input"), { type: "checkbox", checked: options.real === "float" }));
   real.append("float");
   float.addEventListener("change", () => { options.real = float.checked ? "float" : "double"; files = null; showCode(); });
-  Object.entries(words).forEach(([word, meaning]) => {
-    const label = bar.appendChild(document.createElement("label"));
-    const input = label.appendChild(Object.assign(document.createElement("input"), { type: "checkbox", checked: options.words.has(word) }));
-    label.append(word);
-    label.title = meaning;
-    input.addEventListener("change", () => { options.words[input.checked ? "add" : "delete"](word); files = null; showCode(); });
-  });
+  choices(box, "with", words, options.words);
+  if (options.words.has("controller")) {
+    choices(box, "modes of the controller; none chosen: all that the arm has", controller.modes, options.modes);
+    choices(box, "parts of the controller; none chosen: the usual ones", controller.parts, options.parts);
+  }
   if (!files) {
     const make = box.appendChild(Object.assign(document.createElement("button"), { type: "button", className: "main", id: "make", textContent: "Print the C package" }));
     make.addEventListener("click", () => print(make).catch((error) => status(error.message)));
@@ -313,7 +322,8 @@ async function print(button) {
   if (button) button.disabled = true;
   status(compilerReady ? "Deriving and printing the package …" : "Printing begins when the compiler is loaded.");
   try {
-    const result = await derive("package", text, [...options.words], options.real);
+    const own = options.words.has("controller") ? [[...options.modes], [...options.parts]] : [];
+    const result = await derive("package", text, [...options.words], options.real, ...own);
     if (mine !== edition) return null;
     if (result.code !== 0) throw new Error(result.printed.trim().split("\n")[0] || "the package was not printed");
     files = result;
@@ -396,8 +406,8 @@ async function begin() {
   const wanted = new URLSearchParams(location.hash.slice(1));
   const offered = fetch("offered.json").then((response) => response.json());
   const first = open(wanted.get("robot") && /^\w+$/.test(wanted.get("robot")) ? wanted.get("robot") : "ur5").catch(() => null);
-  const { robots: names, with: meanings } = await offered;
-  words = meanings;
+  const { robots: names, ...more } = await offered;
+  ({ with: words, controller } = more);
   const select = $("robot");
   select.add(new Option("your own", ""));
   names.forEach((name) => select.add(new Option(name === "my_arm" ? "six joints to start from" : name, name)));
@@ -415,3 +425,4 @@ async function begin() {
   setTimeout(compilerWorker, 50);  // the picture first
 }
 begin().catch((error) => status(error.message));
+if ("serviceWorker" in navigator) navigator.serviceWorker.register("offline.js", { type: "module" }).catch(() => {});  // file: has none

@@ -96,6 +96,15 @@ try {
   await until("rrr", () => document.body.dataset.arm === "rrr");
   await context.setOffline(true);
   await page.click("#tab-code");
+  const choice = (group, word) => page.locator(".code fieldset").nth(group).locator("label", { hasText: new RegExp(`^${word}$`) }).locator("input");
+  for (const [group, word] of ["controller", "computed_torque", "observer"].entries()) await choice(group, word).check();
+  await shoot("controller");
+  await page.click("#make");
+  await until("controller", () => document.getElementById("code"));
+  found.controller = await page.evaluate(() => [...document.querySelectorAll(".code select option")].map((e) => e.value));
+  await page.selectOption(".code select", "rrr_controller.h");
+  found.modes = (await page.textContent("#code")).match(/RRR_CONTROLLER_MODE_\w+/g);
+  await choice(0, "controller").uncheck();
   await page.click("#make");
   await until("package", () => document.getElementById("code"));
   found.header = (await page.textContent("#code")).slice(0, 200);
@@ -105,6 +114,15 @@ try {
   await page.click("text=Copy >> nth=1");
   await page.waitForTimeout(200);
   found.copied = await status();
+
+  // the page opens again without a network, on what it kept
+  const offline = await context.newPage();
+  await offline.goto(address);
+  for (let k = 0; k < 100 && !found.offline; k++) {
+    await offline.waitForTimeout(100);
+    found.offline = await offline.evaluate(() => document.body.dataset.arm || "");
+  }
+  await offline.close();
   await context.setOffline(false);
 
   // a stranger's link with markup in its texts

@@ -143,6 +143,17 @@ def test_files_equal_those_of_the_command_line(found: tuple[dict[str, Any], Path
     assert answers["copied"] == "rrr.h is in the clipboard."
 
 
+def test_modes_and_parts_of_the_controller_are_chosen(found: tuple[dict[str, Any], Path]) -> None:
+    answers, _ = found
+    assert {"rrr_controller.h", "rrr_controller.c", "rrr_controller.json"} <= set(answers["controller"])
+    modes = [mode for mode in answers["modes"] if mode != "RRR_CONTROLLER_MODE_NAMES"]
+    assert set(modes) == {f"RRR_CONTROLLER_MODE_{mode}" for mode in ("FREE", "GRAVITY", "COMPUTED_TORQUE")}
+
+
+def test_the_page_opens_without_a_network(found: tuple[dict[str, Any], Path]) -> None:
+    assert found[0]["offline"] == "ur5"
+
+
 def test_markup_in_a_strangers_file_stays_text(found: tuple[dict[str, Any], Path]) -> None:
     assert found[0]["broken"] == ""
 
