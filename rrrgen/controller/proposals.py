@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from mpmath import diag, eigsy, matrix
 
 from rrrgen.controller.table import Unit
 from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.functions.friction import friction_parameters
-from rrrgen.program import evaluate
+from rrrgen.program.evaluation import evaluate_floats
+from rrrgen.program.program import Program
 
 STIFF, SOFT = 20.0, 8.0
 """Bandwidths of tracking and of impedances, rad/s: far below what a period of 1 ms allows."""
@@ -95,14 +98,12 @@ def _kalman_gain(period: float) -> tuple[float, ...]:
 
 def _estimator_gain(model: DerivedModel, beta: list[float]) -> tuple[float, ...]:
     """Gains in proportion to the square of each parameter; a sample of a fast motion takes a share of LEARNING."""
-    import numpy as np
-
     q = [_middle(joint.limits.lower, joint.limits.upper) for joint in model.spec.joints]
     motion = {"q": q, "dq": [1.0] * len(q), "ddq": [1.0] * len(q), "gravity": [0.0, 0.0, -9.81]}
-    Y = evaluate(model.programs["regressor"], *(motion[port.name] for port in model.programs["regressor"].inputs))[0]
-    Y = np.asarray(Y)
-    largest = float(np.linalg.norm(Y * np.array(beta[: Y.shape[1]]), 2))
-    share = LEARNING / largest**2 if largest > 0.0 else 0.0
+    Y = _evaluated(model.programs["regressor"], motion)
+    Y *= diag(beta[: Y.cols])
+    largest = max(eigsy(Y * Y.T, eigvals_only=True))  # square of the largest singular value
+    share = LEARNING / float(largest) if largest > 0.0 else 0.0
     return tuple(_rounded(share * value * value) for value in beta)
 
 
@@ -121,28 +122,41 @@ def _damping(pole: float, inertia: list[float], free: list[float], period: float
 def _inertias(model: DerivedModel) -> tuple[list[float], list[float], list[float]]:
     """The inertia of each joint M_ii (n,), and ``1/(M^-1)_ii`` (n,), the least of three configurations; that of the
     tip (6,). Ones where the robot file states no links."""
-    import numpy as np
-
     n = model.spec.n
     if model.beta_nominal is None:
         return [1.0] * n, [1.0] * n, [1.0] * 6
     beta = [float(value) for value in (*model.beta_nominal, *(model.drive_inertia_nominal or ()))]
     limits = [joint.limits for joint in model.spec.joints]
 
-    def evaluated(function: str, shares: Sequence[float]) -> Any:
+    def evaluated(function: str, shares: Sequence[float]) -> matrix:
         q = [_middle(each.lower, each.upper, shares[k % len(shares)]) for k, each in enumerate(limits)]
-        return evaluate(model.programs[function], *_arguments(model.programs[function], q, beta))[0]
+        return _evaluated(model.programs[function], {"q": q, "beta": beta})
 
     masses = [evaluated("mass_matrix", shares) for shares in ((MIDDLE,), (0.5,), (0.3, 0.7, 0.8))]
-    free = np.min([1.0 / np.diag(np.linalg.pinv(M)) for M in masses], axis=0)
+    inverses = [_pseudo_inverse(M) for M in masses]
+    free = [1.0 / max(float(inverse[i, i]) for inverse in inverses) for i in range(n)]
     J = evaluated("jacobian", (MIDDLE,))
-    mobility = np.diag(J @ np.linalg.pinv(masses[0]) @ J.T)
-    tip = [1.0 / float(each) if each > 1e-6 * float(np.max(mobility)) else 0.0 for each in mobility]
-    return [float(value) for value in np.diag(masses[0])], [float(value) for value in free], tip
+    mobility = _diagonal(J * inverses[0] * J.T)
+    tip = [1.0 / each if each > 1e-6 * max(mobility) else 0.0 for each in mobility]
+    return _diagonal(masses[0]), free, tip
 
 
-def _arguments(program: Any, q: list[float], beta: list[float]) -> list[list[float]]:
-    return [{"q": q, "beta": beta}[port.name] for port in program.inputs]
+def _evaluated(program: Program, values: Mapping[str, Sequence[float]]) -> matrix:
+    """The first output of ``program`` as a matrix, from its inputs by name."""
+    rows, columns = program.outputs[0].shape
+    numbers = evaluate_floats(program, *(values[port.name] for port in program.inputs))[0]
+    return matrix([numbers[columns * i : columns * (i + 1)] for i in range(rows)])
+
+
+def _pseudo_inverse(symmetric: matrix) -> matrix:
+    """Of a positive semidefinite matrix, by its eigenvalues; those of a joint that moves no mass count as zero."""
+    values, vectors = eigsy(symmetric)
+    least = 1e-15 * max(values)
+    return vectors * diag([1.0 / value if value > least else 0.0 for value in values]) * vectors.T
+
+
+def _diagonal(square: matrix) -> list[float]:
+    return [float(square[i, i]) for i in range(square.rows)]
 
 
 def _middle(lower: Any, upper: Any, share: float = MIDDLE) -> float:

@@ -28,7 +28,8 @@ for arguments in (
     ["show", "rrr", "--latex", "-f", "gravity", "-f", "inverse_kinematics"],
     ["show", "ur5", "-f", "inverse_kinematics", "--program"],
     ["generate", "rrr", "-o", str(folder / "rrr"), "-j", "1"],
-    ["generate", "pendulum", "-o", str(folder / "pendulum"), "-j", "1", "--with", "control,javascript,timing"],
+    ["generate", "pendulum", "-o", str(folder / "pendulum"), "-j", "1",
+     "--with", "control,controller,javascript,timing", "--parts", "observer,estimator,kalman"],
 ):
     result = CliRunner().invoke(cli, arguments)
     print(" ".join(arguments[:2]), result.exit_code, len(result.stdout))
