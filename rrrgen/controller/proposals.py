@@ -149,7 +149,7 @@ def _evaluated(program: Program, values: Mapping[str, Sequence[float]]) -> matri
 
 
 def _pseudo_inverse(symmetric: matrix) -> matrix:
-    """Of a positive semidefinite matrix, by its eigenvalues; those of a joint that moves no mass count as zero."""
+    """The pseudo-inverse of a positive semidefinite matrix; eigenvalues of joints that move no mass count as zero."""
     values, vectors = eigsy(symmetric)
     least = 1e-15 * max(values)
     return vectors * diag([1.0 / value if value > least else 0.0 for value in values]) * vectors.T

@@ -307,7 +307,7 @@ function showCode() {
   const select = second.appendChild(document.createElement("select"));
   select.setAttribute("aria-label", "file");
   Object.keys(files.files).forEach((path) => select.add(new Option(path, path)));
-  select.value = chosen in files.files ? chosen : Object.keys(files.files).find((path) => path.endsWith(".h"));
+  select.value = chosen in files.files ? chosen : `${document.body.dataset.arm}.h`;
   const copy = second.appendChild(Object.assign(document.createElement("button"), { type: "button", textContent: "Copy" }));
   const zip = second.appendChild(Object.assign(document.createElement("button"), { type: "button", textContent: "Download all as ZIP" }));
   const code = box.appendChild(Object.assign(document.createElement("pre"), { tabIndex: 0, id: "code" }));
