@@ -18,7 +18,6 @@ import click
 import numpy as np
 
 from bench.machines import CORTEX, MACHINES
-from rrrgen.program import Role
 
 SOURCE = CORTEX / "loop.c"
 CLOCK = 168e6  # Hz, of a common Cortex-M4F
@@ -27,7 +26,7 @@ RATE = 1e3  # Hz, of the loop
 
 @dataclass(frozen=True)
 class Loop:
-    """What the loop has printed, and the bytes of code of its two functions."""
+    """What the loop has printed, and the bytes of code and constants of the controller."""
 
     passed: bool
     error: float  # rad or m
@@ -44,30 +43,32 @@ class Loop:
 
 
 def measured(name: str, folder: Path) -> Loop:
-    """Emit the control laws of a robot in float, run the loop, and read what it prints."""
-    from rrrgen.derive import derive
-    from rrrgen.emit.c.robot_files import CBackend
+    """Emit the controller of a robot in float, run the loop, and read what it prints."""
+    from rrrgen.controller.files import standalone_files
+    from rrrgen.controller.table import GROUPS, unit_of
+    from rrrgen.emit.targets.c_package import derived_model
     from rrrgen.robot.file import read
-    from rrrgen.robot.identity import identify
 
-    spec = read(name)
-    model = derive(spec, groups=("model", "control", "observer"))
-    for file, text in CBackend().files(model, identify(spec), "float").items():
-        (folder / file).write_text(text, encoding="utf-8")
-    friction = next(port for port in model.programs["friction_with"].inputs if port.role is Role.FRICTION)
-    sizes = {"JOINTS": spec.n, "PARAMETERS": model.b, "FRICTION": friction.size}
-    named = {"ROBOT": spec.name, "HEADER": f'"{spec.name}.h"', **sizes, "TRACE": 1}
+    model = derived_model(read(name), GROUPS)[0]
+    unit = unit_of(model, ["computed_torque"], ["observer"])
+    files = standalone_files(unit, "float", [model.programs["forward_dynamics"]])
+    for file, text in files.items():
+        (folder / file).write_text(text, encoding="utf-8", newline="\n")
+    robot = model.spec.name
+    headers = {"MODEL": f'"{robot}.h"', "CONTROLLER": f'"{robot}_controller.h"'}
+    named = {"ROBOT": robot, "UPPER": robot.upper(), **headers, "TRACE": 1}
     machine = MACHINES["cortex-m4f"]
     options = (*(f"-D{key}={value}" for key, value in named.items()), f"-I{folder}", "-ffunction-sections")
     machine = replace(machine, compiler=(*machine.compiler, *options), link=(*machine.link, "-Wl,--gc-sections"))
-    program = machine.build(folder, [f"{spec.name}.c", str(SOURCE)], "-O2")
+    sources = [file for file in files if file.endswith(".c")]
+    program = machine.build(folder, [*sources, str(SOURCE)], "-O2")
     status, output = machine.execute(program)
     *lines, last = output.strip().splitlines() or [""]
     numbers = [float(each) for each in re.findall(r"[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?", last)]
     if len(numbers) != 4:
         raise RuntimeError(f"the loop of {name} did not finish: {output}")
     error, external, instructions, stack = numbers
-    return Loop(status == 0, error, external, int(instructions), int(stack), _code(program, spec.name), _trace(lines))
+    return Loop(status == 0, error, external, int(instructions), int(stack), _code(program, robot), _trace(lines))
 
 
 def _trace(lines: Sequence[str]) -> tuple[tuple[float, ...], ...]:
@@ -98,8 +99,8 @@ def draw(name: str, loop: Loop, file: Path) -> None:
 def _code(program: Path, name: str) -> int:
     listed = subprocess.run(["arm-none-eabi-nm", "-S", str(program)], capture_output=True, text=True, check=True)
     rows = [line.split() for line in listed.stdout.splitlines()]
-    wanted = {f"{name}_computed_torque", f"{name}_momentum_observer"}
-    return sum(int(row[1], 16) for row in rows if len(row) == 4 and row[3] in wanted)
+    apart = f"{name}_forward_dynamics"  # the plant
+    return sum(int(row[1], 16) for row in rows if len(row) == 4 and row[3].startswith(f"{name}_") and row[3] != apart)
 
 
 @click.command()
