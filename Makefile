@@ -6,8 +6,9 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 CORE := $(VENV)/.core
 READY := $(VENV)/.ready
+READY_CORE := $(VENV)/.ready-core
 # syntax trees, protocols, pickling, numbers and texts of the standard library change from one Python to the next
-PYTHON_TESTS := tests/verify tests/robotfile tests/yamltext tests/program tests/optimize tests/model \
+PYTHON_TESTS := tests/robotfile tests/yamltext tests/program tests/optimize \
 	tests/output/test_manifest.py tests/output/test_writer.py tests/runtime/test_model.py \
 	tests/runtime/test_derived_cache.py tests/cli/test_cli.py tests/backends/test_c_printer.py \
 	tests/backends/test_c_sources.py tests/backends/test_casadi_function.py tests/test_imports.py
@@ -39,6 +40,10 @@ $(READY): $(CORE)
 	$(BIN)/python -m pip install --quiet -e ".[test]"
 	touch $@
 
+$(READY_CORE): $(CORE)
+	$(BIN)/python -m pip install --quiet -e ".[test-core]"
+	touch $@
+
 test: setup lint types unit generated  ## everything that continuous integration runs
 
 lint: setup  ## style
@@ -51,10 +56,10 @@ types: setup  ## static types
 unit: setup  ## the tests, on all processors
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
-python: setup  ## the tests of what depends on the version of Python; continuous integration runs them on every one
+python: $(READY_CORE)  ## the tests of what depends on the version of Python; continuous integration runs them on every one
 	$(BIN)/python -m pytest -q -n auto --dist worksteal $(PYTHON_TESTS)
 
-generated: setup  ## the committed code of the reference robot is what the generator writes today
+generated: core  ## the committed code of the reference robot is what the generator writes today
 	$(BIN)/rrrgen generate rrr -o generated/rrr --check
 
 PYODIDE ?= 314.0.7

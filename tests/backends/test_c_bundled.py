@@ -31,7 +31,6 @@ def sources(robot, real):
         ("panda", "double", "clang", ["-O0", *C99]),
         ("gantry", "double", "clang", ["-O0", *C99]),  # no angle: no kernel that nothing uses
         ("rrr", "double", "gcc", ["-Ofast", *C99]),  # the sines must not come from a kernel that is rearranged
-        ("rrr", "float", "gcc", ["-O1", "-ffast-math", *C99]),
     ],
 )
 def test_bundled_robots_compile_cleanly_and_pass_their_self_test(robot, real, command, flags, tmp_path):

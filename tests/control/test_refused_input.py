@@ -212,8 +212,10 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
-@pytest.mark.parametrize("options", ["-O2", "-O2 -ffast-math", "-O3 -ffast-math -march=native"])
-@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize(
+    ("real", "options"),
+    [("double", "-O2"), ("double", "-O3 -ffast-math -march=native"), ("float", "-O2 -ffast-math")],
+)
 def test_c(real, options, folder):
     """NaN has no meaning under -ffast-math, yet it is refused there too."""
     dialect = Dialect("rrr", real)
