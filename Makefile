@@ -10,8 +10,8 @@ READY_CORE := $(VENV)/.ready-core
 # syntax trees, protocols, pickling, numbers and texts of the standard library change from one Python to the next
 PYTHON_TESTS := tests/robotfile tests/yamltext tests/program tests/optimize \
 	tests/output/test_manifest.py tests/output/test_writer.py tests/runtime/test_model.py \
-	tests/runtime/test_derived_cache.py tests/cli/test_cli.py tests/backends/test_c_printer.py \
-	tests/backends/test_c_sources.py tests/backends/test_casadi_function.py tests/test_imports.py
+	tests/runtime/test_derived_model.py tests/cli/test_main.py tests/backends/test_language.py \
+	tests/backends/test_robot_files.py tests/backends/test_function.py tests/test_imports.py
 
 # --dist worksteal: a file stays with one worker while there are others, so that its fixtures are set up once;
 # tests start many processes, which would compile every module anew where the environment forbids to keep byte code

@@ -16,7 +16,7 @@ if str(TESTS) not in sys.path:  # import modes other than "prepend" do not do th
     sys.path.insert(0, str(TESTS))
 
 # The C of most tests is built at -O1, in 60 % of the time: without contraction no level of optimization changes a bit
-# (tests/runtime/test_compiler.py). What only -O2 and -O3 may find is left to tests that name them (tests/backends).
+# (tests/runtime/test_compilers.py). What only -O2 and -O3 may find is left to tests that name them (tests/backends).
 os.environ.setdefault("RRRGEN_CFLAGS", "-O1")
 
 os.environ.pop("COLUMNS", None)  # processes of pytest-xdist have it: commands would fold what they print into a pipe

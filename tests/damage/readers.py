@@ -244,7 +244,7 @@ def read_par(folder: Path) -> None:
 
 
 def make_calibration(folder: Path) -> None:
-    from tests.robotfile.test_import_ur_calibration import FAR_AWAY
+    from tests.robotfile.test_ur_calibration import FAR_AWAY
 
     (folder / "ur.yaml").write_text(FAR_AWAY, encoding="utf-8")
 
@@ -260,13 +260,13 @@ def make_mechanism(folder: Path) -> None:
 
 
 def make_urdf(folder: Path) -> None:
-    from tests.robotfile.importers.test_import_urdf import ARM
+    from tests.robotfile.importers.test_urdf import ARM
 
     (folder / "arm.urdf").write_text(ARM, encoding="utf-8")
 
 
 def make_mjcf(folder: Path) -> None:
-    from tests.robotfile.importers.test_import_mjcf import ARM
+    from tests.robotfile.importers.test_mjcf import ARM
 
     (folder / "arm.xml").write_text(ARM, encoding="utf-8")
 

@@ -42,10 +42,10 @@ ELSEWHERE = {
     "rrrgen experiment case-study": "tests/experiments/test_case_study.py",
     "--presliding": "tests/friction_estimation/test_estimation.py",
     "rrrgen experiment friction": "tests/friction_estimation/test_estimation.py, with the other joints locked",
-    "RX90.par": "tests/robotfile/test_import_symoro.py",
+    "RX90.par": "tests/robotfile/test_open_symoro.py",
     "panda_link8": "tests/robotfile/importers/test_real_urdf.py, with a URDF of the Panda",
     "rrrgen response linearise": "tests/experiments/test_response_experiment.py",
-    "make-robot": "tests/cli/test_cli.py",
+    "make-robot": "tests/cli/test_main.py",
 }
 """Words of commands that are not run here, and why."""
 

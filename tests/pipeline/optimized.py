@@ -12,6 +12,6 @@ from rrrgen.robot.identity import identify
 
 @cache
 def bundled(name: str) -> DerivedModel:
-    """The bundled robot with all passes, or what the cache kept of it (tests/runtime/test_derived_cache.py)."""
+    """The bundled robot with all passes, or what the cache kept of it (tests/runtime/test_derived_model.py)."""
     spec = load_spec(name)
     return recall(spec, identify(spec), derive)
