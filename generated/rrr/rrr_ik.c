@@ -2,6 +2,8 @@
 #include "rrr_ik.h"
 
 #include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
 
 /* Tolerances: relative to the reach for lengths, absolute for angles. */
 #define RRR_IK_TOL_REACH (rrr_real)1.3536469121517312
@@ -27,7 +29,9 @@
 /* Reduces an angle (rad) to (-pi, pi]. */
 static rrr_real rrr_ik_wrap(rrr_real x)
 {
-    x -= (rrr_real)6.283185307179586 * (rrr_real)((x > (rrr_real)3.141592653589793) - (x <= (rrr_real)-3.141592653589793)); /* enough for |x| up to 3 pi */
+    /* enough for |x| up to 3 pi */
+    x -= (x > (rrr_real)3.141592653589793) ? (rrr_real)6.283185307179586
+                                       : ((x <= (rrr_real)-3.141592653589793) ? (rrr_real)-6.283185307179586 : (rrr_real)0);
     if ((x > (rrr_real)3.141592653589793) || (x <= (rrr_real)-3.141592653589793)) {
         x -= (rrr_real)6.283185307179586 * floor((x * (rrr_real)0.15915494309189535) + (rrr_real)0.5);
     }
@@ -196,7 +200,7 @@ static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3]
         J[2][k] = ((z[0] * r1) - (z[1] * r0)) / RRR_IK_TOL_REACH;
     }
     for (k = 0; k < 3; ++k) {
-        for (i = 0; (i < 3) && (((held >> k) & 1u) != 0u); ++i) {
+        for (i = 0; (i < 3) && (((held >> (unsigned)k) & 1u) != 0u); ++i) {
             J[i][k] = (rrr_real)0;
         }
     }
@@ -264,13 +268,16 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
     rrr_real best;
     rrr_real cost;
     int i;
-    int step;
+    int step = 0;
+    bool going;
     int worse = 0;
     for (i = 0; i < 3; ++i) {
         x[i] = q[i];
     }
-    best = cost = rrr_ik_error(T, x, e, J, held);
-    for (step = 0; (step < steps) && (best > RRR_IK_TOL_DONE) && (damping < (rrr_real)1e6); ++step) {
+    cost = rrr_ik_error(T, x, e, J, held);
+    best = cost;
+    going = (best > RRR_IK_TOL_DONE) && (damping < (rrr_real)1e6);
+    while ((step < steps) && going) {
         rrr_real d[3] = {0};
         rrr_real most = (rrr_real)1;
         rrr_ik_step(J, e, (damping * sqrt(cost)) + RRR_IK_TOL_EPS, d);
@@ -282,7 +289,7 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
         }
         cost = rrr_ik_error(T, x, e, J, held);
         if (cost < best) {
-            const int stuck = (cost > ((rrr_real)0.999999999 * best)) && (damping > (rrr_real)1); /* at the minimum, which is not zero */
+            const bool stuck = (cost > ((rrr_real)0.999999999 * best)) && (damping > (rrr_real)1); /* at the minimum, which is not zero */
             for (i = 0; i < 3; ++i) {
                 q[i] = x[i];
             }
@@ -299,7 +306,10 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
             cost = rrr_ik_error(T, x, e, J, held);
             worse = 0;
             damping *= (rrr_real)100;
+        } else { /* a step to the worse, of which some in a row are allowed */
         }
+        going = (best > RRR_IK_TOL_DONE) && (damping < (rrr_real)1e6);
+        ++step;
     }
     return best;
 }
@@ -400,8 +410,10 @@ static int rrr_ik_place(rrr_real q[3], const rrr_real *ref)
 {
     int inside = 1;
     int i;
-    for (i = 0; ref && (i < 3); ++i) {
-        q[i] = ref[i] + rrr_ik_wrap(q[i] - ref[i]);
+    if (ref != NULL) {
+        for (i = 0; i < 3; ++i) {
+            q[i] = ref[i] + rrr_ik_wrap(q[i] - ref[i]);
+        }
     }
     return inside;
 }
@@ -460,7 +472,7 @@ static void rrr_ik_sort(const rrr_real *ref, rrr_ik_solutions *out)
     for (i = 0; i < out->count; ++i) {
         away[i] = (rrr_real)0;
         for (k = 0; k < 3; ++k) {
-            const rrr_real d = (out->q[i][k] - (ref ? ref[k] : (rrr_real)0));
+            const rrr_real d = (out->q[i][k] - ((ref != NULL) ? ref[k] : (rrr_real)0));
             away[i] += d * d;
         }
         for (j = i; (j > 0) && (away[j] < away[j - 1]); --j) {
@@ -503,8 +515,10 @@ static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref,
         T[i] = target[i];
         sum += target[i] * (rrr_real)0;
     }
-    for (i = 0; q_ref && (i < 3); ++i) {
-        sum += q_ref[i] * (rrr_real)0;
+    if (q_ref != NULL) {
+        for (i = 0; i < 3; ++i) {
+            sum += q_ref[i] * (rrr_real)0;
+        }
     }
     if (!(sum <= (rrr_real)0)) {
         return RRR_IK_NOT_FINITE;
@@ -516,7 +530,7 @@ static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref,
 static int rrr_ik_far(const rrr_real *T)
 {
     const rrr_real bound = (rrr_real)1353646.912151731;
-    return !((fabs(T[0]) < bound) && (fabs(T[1]) < bound) && (fabs(T[2]) < bound));
+    return (int)(!((fabs(T[0]) < bound) && (fabs(T[1]) < bound) && (fabs(T[2]) < bound)));
 }
 
 /* Minimizes the task error from every branch (with negative discriminants set to zero), from the reference and from a few
@@ -538,7 +552,7 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
             break;
         }
         for (i = 0; i < 3; ++i) {
-            x[i] = (start < rows) ? found.q[start][i] : (ref[i] + ((start > rows) ? ((rrr_real)2.0 * sin((rrr_real)(start * (i + 1)))) : (rrr_real)0));
+            x[i] = (start < rows) ? found.q[start][i] : (ref[i] + ((start > rows) ? ((rrr_real)2.0 * sin((rrr_real)start * ((rrr_real)i + (rrr_real)1))) : (rrr_real)0));
         }
         cost = rrr_ik_refine(T, x, 200, (rrr_real)0.1, 0u);
         if ((cost < best) || ((cost <= RRR_IK_TOL_ACCEPT) && (kept > 0))) {
@@ -549,7 +563,7 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
             out->branch[kept] = (start < rows) ? found.branch[start] : 0u;
             out->flags[kept] = (cost > RRR_IK_TOL_ACCEPT) ? (unsigned)RRR_IK_INEXACT : (unsigned)RRR_IK_MULTIPLE;
             out->residual[kept] = cost;
-            if ((cost <= RRR_IK_TOL_ACCEPT) && !rrr_ik_repeated(out, kept)) {
+            if ((cost <= RRR_IK_TOL_ACCEPT) && (rrr_ik_repeated(out, kept) == 0)) {
                 ++kept;
             }
         }
@@ -580,7 +594,7 @@ static int rrr_ik_reaches(const rrr_real *T, rrr_real *x, rrr_real goal, int ste
     rrr_real cost = (rrr_real)0;
     rrr_real before = (rrr_real)0;
     int i;
-    for (;; --steps) {
+    for (;;) {
         const rrr_real earlier = before;
         rrr_real most = (rrr_real)1;
         before = cost;
@@ -598,6 +612,7 @@ static int rrr_ik_reaches(const rrr_real *T, rrr_real *x, rrr_real goal, int ste
         for (i = 0; i < 3; ++i) {
             x[i] += d[i] / most;
         }
+        --steps;
     }
 }
 
@@ -613,13 +628,13 @@ static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_soluti
         found->residual[i] = rrr_ik_refine(T, found->q[i], 12, (rrr_real)0.01, 0u);
     }
     for (j = 0; j < 3; ++j) {
-        for (side = -1; (side <= 1) && (((found->flags[i] >> (8 + j)) & ~(held >> j) & 1u) != 0u); side += 2) {
+        for (side = -1; (side <= 1) && (((found->flags[i] >> (8u + (unsigned)j)) & ~(held >> (unsigned)j) & 1u) != 0u); side += 2) {
             rrr_real q[3];
             for (k = 0; k < 3; ++k) {
                 q[k] = found->q[i][k] + ((k == j) ? ((rrr_real)side * (rrr_real)0.01) : (rrr_real)0);
             }
-            if (rrr_ik_reaches(T, q, accuracy * accuracy, 12, 1u << j)) {
-                held |= 1u << j;
+            if (rrr_ik_reaches(T, q, accuracy * accuracy, 12, 1u << (unsigned)j) != 0) {
+                held |= 1u << (unsigned)j;
             }
         }
     }
@@ -649,7 +664,7 @@ static int rrr_ik_joined(const rrr_real *T, const rrr_real *from, const rrr_real
     if (rrr_ik_apart(from, to) < RRR_IK_TOL_SAME) {
         return 1;
     }
-    for (i = 1; (i < 4) && straight; ++i) {
+    for (i = 1; (i < 4) && (straight != 0); ++i) {
         rrr_ik_between(from, to, (rrr_real)0.25 * (rrr_real)i, x);
         straight = rrr_ik_reaches(T, x, goal, 0, held);
     }
@@ -658,7 +673,7 @@ static int rrr_ik_joined(const rrr_real *T, const rrr_real *from, const rrr_real
     }
     for (left = straight ? 0 : 16; left > 0; --left) {
         rrr_ik_between(last, to, (rrr_real)1 / (rrr_real)left, x);
-        if (!rrr_ik_reaches(T, x, goal, 4, held) || (rrr_ik_apart(x, last) > (rrr_real)0.5)) {
+        if ((rrr_ik_reaches(T, x, goal, 4, held) == 0) || (rrr_ik_apart(x, last) > (rrr_real)0.5)) {
             return 0;
         }
         for (i = 0; i < 3; ++i) {
@@ -692,9 +707,10 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
     int i;
     int w;
     for (i = 0; i < rows; ++i) {
-        pending += ((found->flags[i] & RRR_IK_OPEN) != 0u) && (rrr_ik_loose(T, accuracy, found, i) != 0u);
+        pending += (int)(((found->flags[i] & RRR_IK_OPEN) != 0u) && (rrr_ik_loose(T, accuracy, found, i) != 0u));
     }
-    for (; (pending > 0) && (least < ((rrr_real)2 * RRR_IK_TOL_DOUBT)); least *= (rrr_real)10) {
+    bool wider = least < ((rrr_real)2 * RRR_IK_TOL_DOUBT);
+    while ((pending > 0) && wider) {
         rrr_ik_solutions wide;
         int stage = 0;
         const int count = rrr_ik_branches(T, at, RRR_IK_TOL_SLACK, least, &wide, &stage);
@@ -708,14 +724,14 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
                 if ((held != 0u) && (RRR_IK_HELD(found->flags[i]) == held) && (((found->branch[i] ^ wide.branch[w]) & other) == 0u)) {
                     if (fits < 0) {
                         wide.residual[w] = rrr_ik_refine(T, wide.q[w], 12, (rrr_real)0.01, held);
-                        fits = wide.residual[w] <= tolerance;
+                        fits = (int)(wide.residual[w] <= tolerance);
                     }
                     if (fits > 0) {
                         --pending;
-                        if (rrr_ik_joined(T, found->q[i], wide.q[w], held, tolerance)) {
+                        if (rrr_ik_joined(T, found->q[i], wide.q[w], held, tolerance) != 0) {
                             found->flags[i] = RRR_IK_GONE;
                             first = (first < 0) ? i : first;
-                        } else if ((aside >= 0) && rrr_ik_joined(T, found->q[i], found->q[aside], held, tolerance)) {
+                        } else if ((aside >= 0) && (rrr_ik_joined(T, found->q[i], found->q[aside], held, tolerance) != 0)) {
                             found->flags[i] = RRR_IK_GONE;
                         } else { /* another continuum, which this replacement does not stand for */
                             found->flags[i] &= 0xffffu; /* looked at: no longer among those with these free joints */
@@ -729,6 +745,8 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
                 rrr_ik_take(&wide, w, found, first);
             }
         }
+        least *= (rrr_real)10;
+        wider = least < ((rrr_real)2 * RRR_IK_TOL_DOUBT);
     }
     (void)options;
 }
@@ -741,9 +759,9 @@ static int rrr_ik_sound(const rrr_ik_solutions *found, int rows)
     int i;
     for (i = 0; i < rows; ++i) {
         flags |= found->flags[i];
-        tight &= found->residual[i] <= RRR_IK_TOL_TIGHT;
+        tight &= (int)(found->residual[i] <= RRR_IK_TOL_TIGHT);
     }
-    return tight & (flags == 0u);
+    return (int)((tight != 0) && (flags == 0u));
 }
 
 /* Refines solution i where its residual requires it. Returns 0 if it misses the target or repeats an earlier solution. */
@@ -755,19 +773,19 @@ static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *
     }
     if ((out->flags[i] & RRR_IK_FIXED) != 0u) {
         out->flags[i] &= RRR_IK_PUBLIC;
-        return !rrr_ik_repeated(out, i);
+        return (int)((rrr_ik_repeated(out, i) == 0));
     }
     if (!((error <= RRR_IK_TOL_TIGHT) && (error >= (rrr_real)0))) {
         out->residual[i] = rrr_ik_refine(T, out->q[i], 12, (rrr_real)0.01, 0u);
         if (!(out->residual[i] <= RRR_IK_TOL_ACCEPT)) {
-            if (!(options & RRR_IK_RESIDUAL) || !(out->residual[i] <= (rrr_real)1e6)) {
+            if (((options & RRR_IK_RESIDUAL) == 0u) || !(out->residual[i] <= (rrr_real)1e6)) {
                 return 0;
             }
             out->flags[i] |= (unsigned)RRR_IK_INEXACT;
         }
     }
     out->flags[i] &= RRR_IK_PUBLIC;
-    return !rrr_ik_repeated(out, i);
+    return (int)((rrr_ik_repeated(out, i) == 0));
 }
 
 /* Appends candidate i to the solutions if it meets the target. */
@@ -799,8 +817,10 @@ static inline int rrr_ik_finish(const rrr_real *ref, unsigned options, rrr_ik_so
 {
     int i;
     (void)options;
-    for (i = 0; ref && (i < out->count); ++i) {
-        (void)rrr_ik_place(out->q[i], ref);
+    if (ref != NULL) {
+        for (i = 0; i < out->count; ++i) {
+            (void)rrr_ik_place(out->q[i], ref);
+        }
     }
     for (i = 0; i < out->count; ++i) {
         out->residual[i] = sqrt(out->residual[i]);
@@ -813,7 +833,7 @@ rrr_ik_status rrr_inverse_kinematics(
     rrr_ik_solutions *RRR_RESTRICT out)
 {
     static const rrr_real zero[3] = {0};
-    const rrr_real *const ref = q_ref ? q_ref : zero;
+    const rrr_real *const ref = (q_ref != NULL) ? q_ref : zero;
     rrr_real T[3];
     rrr_ik_solutions *const found = out;
     const rrr_ik_status status = rrr_ik_check(target, q_ref, T);
@@ -825,19 +845,19 @@ rrr_ik_status rrr_inverse_kinematics(
     if (status != RRR_IK_OK) {
         return status;
     }
-    if (rrr_ik_far(T)) {
+    if (rrr_ik_far(T) != 0) {
         out->stage = 4;
         out->distance = (rrr_real)-1;
         return RRR_IK_UNREACHABLE;
     }
     rows = rrr_ik_branches(T, ref, RRR_IK_TOL_SLACK, RRR_IK_TOL_FREE, found, &out->stage);
-    if (rrr_ik_sound(found, rows)) {
+    if (rrr_ik_sound(found, rows) != 0) {
         out->count = rows;
     } else {
         rrr_ik_keep_all(T, target, ref, options, found, rows, out);
     }
-    outside = !rrr_ik_finish(q_ref, options, out);
-    if ((out->count == 0) && !outside) {
+    outside = (int)((rrr_ik_finish(q_ref, options, out) == 0));
+    if ((out->count == 0) && (outside == 0)) {
         if (rows > 0) { /* candidates may stem from slightly negative discriminants: find the stage that failed */
             out->stage = 0;
             rows = rrr_ik_branches(T, ref, (rrr_real)0, RRR_IK_TOL_FREE, found, &out->stage);
@@ -845,14 +865,14 @@ rrr_ik_status rrr_inverse_kinematics(
         }
         out->count = rows = rrr_ik_descend(T, ref, out);
         (void)rrr_ik_finish(ref, options, out);
-        outside = rows > 0;
+        outside = (int)(rows > 0);
     }
     if (out->count == 0) {
-        out->stage = outside ? 0 : out->stage;
-        return outside ? RRR_IK_OUTSIDE_LIMITS : RRR_IK_UNREACHABLE;
+        out->stage = (outside != 0) ? 0 : out->stage;
+        return (outside != 0) ? RRR_IK_OUTSIDE_LIMITS : RRR_IK_UNREACHABLE;
     }
     out->stage = 0;
-    if (options & RRR_IK_NEAREST) {
+    if ((options & RRR_IK_NEAREST) != 0u) {
         rrr_ik_sort(q_ref, out);
     }
     return RRR_IK_OK;
@@ -865,25 +885,25 @@ void rrr_inverse_kinematics_batch(
     size_t k;
     for (k = 0; k < count; ++k) {
         rrr_ik_solutions out;
-        const rrr_ik_status status = rrr_inverse_kinematics(targets + (3 * k), q_ref, options, &out);
+        const rrr_ik_status status = rrr_inverse_kinematics(&targets[k * (size_t)3], q_ref, options, &out);
         int i;
         int j;
         counts[k] = out.count;
         for (i = 0; i < out.count; ++i) {
             for (j = 0; j < 3; ++j) {
-                q[(((k * 4) + (size_t)i) * 3) + (size_t)j] = out.q[i][j];
+                q[(((k * (size_t)4) + (size_t)i) * (size_t)3) + (size_t)j] = out.q[i][j];
             }
-            if (flags) {
-                flags[(k * 4) + (size_t)i] = out.flags[i];
+            if (flags != NULL) {
+                flags[(k * (size_t)4) + (size_t)i] = out.flags[i];
             }
-            if (branch) {
-                branch[(k * 4) + (size_t)i] = out.branch[i];
+            if (branch != NULL) {
+                branch[(k * (size_t)4) + (size_t)i] = out.branch[i];
             }
         }
-        if (statuses) {
+        if (statuses != NULL) {
             statuses[k] = (int)status;
         }
-        if (distances) {
+        if (distances != NULL) {
             distances[k] = out.distance;
         }
     }
@@ -894,7 +914,7 @@ rrr_ik_status rrr_closest(
     rrr_ik_solutions *RRR_RESTRICT out)
 {
     static const rrr_real zero[3] = {0};
-    const rrr_real *const ref = q_ref ? q_ref : zero;
+    const rrr_real *const ref = (q_ref != NULL) ? q_ref : zero;
     rrr_real T[3];
     rrr_ik_status status = rrr_ik_check(target, q_ref, T);
     out->count = 0;
@@ -903,7 +923,7 @@ rrr_ik_status rrr_closest(
     if (status != RRR_IK_OK) {
         return status;
     }
-    if (rrr_ik_far(T)) {
+    if (rrr_ik_far(T) != 0) {
         out->stage = 4;
         out->distance = (rrr_real)-1;
         return RRR_IK_UNREACHABLE;

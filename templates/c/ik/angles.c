@@ -3,7 +3,9 @@
 /* Reduces an angle (rad) to (-pi, pi]. */
 LOCAL REAL ik_wrap(REAL x)
 {
-    x -= (REAL)6.283185307179586 * (REAL)((x > (REAL)3.141592653589793) - (x <= (REAL)-3.141592653589793)); /* enough for |x| up to 3 pi */
+    /* enough for |x| up to 3 pi */
+    x -= (x > (REAL)3.141592653589793) ? (REAL)6.283185307179586
+                                       : ((x <= (REAL)-3.141592653589793) ? (REAL)-6.283185307179586 : (REAL)0);
     if ((x > (REAL)3.141592653589793) || (x <= (REAL)-3.141592653589793)) {
         x -= (REAL)6.283185307179586 * FLOOR((x * (REAL)0.15915494309189535) + (REAL)0.5);
     }

@@ -6,12 +6,15 @@ LOCAL unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags)
 {
     REAL e[6];
     REAL J[6][JOINTS];
-    REAL a[6][10] = {{0}};
+    REAL a[6][10];
     REAL det;
     int i;
     int j;
     (void)ik_error(T, q, e, J NONE_HELD);
     for (i = 0; i < 6; ++i) {
+        for (j = 0; j < 10; ++j) {
+            a[i][j] = (REAL)0;
+        }
         for (j = 0; j < 6; ++j) {
 #if LOCKED_FIRST
             a[i][j] = J[i][j + 1];

@@ -7,25 +7,25 @@ void robot_inverse_kinematics_batch(
     size_t k;
     for (k = 0; k < count; ++k) {
         ik_solutions out;
-        const ik_status status = robot_inverse_kinematics(targets + (TARGET * k), q_ref REDUNDANCY_K, options, &out);
+        const ik_status status = robot_inverse_kinematics(&targets[k * (size_t)TARGET], q_ref REDUNDANCY_K, options, &out);
         int i;
         int j;
         counts[k] = out.count;
         for (i = 0; i < out.count; ++i) {
             for (j = 0; j < JOINTS; ++j) {
-                q[(((k * ROWS) + (size_t)i) * JOINTS) + (size_t)j] = out.q[i][j];
+                q[(((k * (size_t)ROWS) + (size_t)i) * (size_t)JOINTS) + (size_t)j] = out.q[i][j];
             }
-            if (flags) {
-                flags[(k * ROWS) + (size_t)i] = out.flags[i];
+            if (flags != NULL) {
+                flags[(k * (size_t)ROWS) + (size_t)i] = out.flags[i];
             }
-            if (branch) {
-                branch[(k * ROWS) + (size_t)i] = out.branch[i];
+            if (branch != NULL) {
+                branch[(k * (size_t)ROWS) + (size_t)i] = out.branch[i];
             }
         }
-        if (statuses) {
+        if (statuses != NULL) {
             statuses[k] = (int)status;
         }
-        if (distances) {
+        if (distances != NULL) {
             distances[k] = out.distance;
         }
     }

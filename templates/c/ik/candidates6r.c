@@ -64,7 +64,7 @@ LOCAL int ik_branches(
     if (rows == 0) {
         *stage = (*stage < 1) ? 1 : *stage;
     }
-    *stage |= certain ? 0 : IK_DOUBT;
+    *stage |= (certain != 0) ? 0 : IK_DOUBT;
     for (i = 0; i < rows; ++i) {
         for (k = 0; k < 6; ++k) {
 #if DH_SHIFTED && DH_SLIDES

@@ -5,7 +5,7 @@ ik_status robot_closest(
     ik_solutions *RESTRICT out)
 {
     static const REAL zero[JOINTS] = {0};
-    const REAL *const ref = q_ref ? q_ref : zero;
+    const REAL *const ref = (q_ref != NULL) ? q_ref : zero;
     REAL T[TARGET];
     ik_status status = ik_check(target, q_ref REDUNDANCY, T);
     out->count = 0;
@@ -14,7 +14,7 @@ ik_status robot_closest(
     if (status != IK_OK) {
         return status;
     }
-    if (ik_far(T)) {
+    if (ik_far(T) != 0) {
         out->stage = FAR_STAGE;
         out->distance = (REAL)-1;
         return IK_UNREACHABLE;

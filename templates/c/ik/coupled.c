@@ -41,7 +41,7 @@ LOCAL REAL ik_off(const REAL *y, const REAL *q)
     ik_follow(q, x);
     for (i = 0; i < CHAIN_JOINTS; ++i) {
 #if CHAIN_SLIDES
-        const REAL d = FABS((((CHAIN_SLIDING >> i) & 1u) != 0u) ? ((x[i] - y[i]) / IK_TOL_REACH) : chain_wrap(x[i] - y[i]));
+        const REAL d = FABS((((CHAIN_SLIDING >> (unsigned)i) & 1u) != 0u) ? ((x[i] - y[i]) / IK_TOL_REACH) : chain_wrap(x[i] - y[i]));
 #else
         const REAL d = FABS(chain_wrap(x[i] - y[i]));
 #endif
@@ -71,7 +71,7 @@ LOCAL void ik_couple(const REAL *T, unsigned options, const chain_solutions *fou
             cost = ik_refine(T, q, VALUE_STEPS, (REAL)VALUE_DAMPING);
         }
         if (!(cost <= IK_TOL_ACCEPT)) {
-            if (!(options & IK_RESIDUAL) || !(cost <= (REAL)VALUE_BEYOND)) {
+            if (((options & IK_RESIDUAL) == 0u) || !(cost <= (REAL)VALUE_BEYOND)) {
                 continue;
             }
             flags |= (unsigned)IK_INEXACT;

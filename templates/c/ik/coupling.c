@@ -34,7 +34,7 @@ LOCAL void ik_follow(const REAL *q, REAL y[CHAIN_JOINTS])
 LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, REAL T[TARGET])
 {
     REAL y[CHAIN_JOINTS] = {0};
-    if (q_ref) {
+    if (q_ref != NULL) {
         ik_follow(q_ref, y);
     }
     return chain_check(target, y LOCK, T);
@@ -54,14 +54,14 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
         const REAL low = ik_lower[i] - IK_TOL_LIMIT;
         const REAL high = ik_upper[i] + IK_TOL_LIMIT;
         if (period > (REAL)0) {
-            const REAL middle = ref ? ref[i] : (REAL)0;
+            const REAL middle = (ref != NULL) ? ref[i] : (REAL)0;
             const REAL near = q[i] - (period * CEIL(((q[i] - middle) / period) - (REAL)0.5));
             const REAL below = (near < low) ? (low - near) : (REAL)0;
             const REAL above = (near > high) ? (near - high) : (REAL)0;
             const REAL x = near + (period * (CEIL(below / period) - CEIL(above / period)));
             q[i] = ((low <= x) && (x <= high)) ? x : near;
         }
-        inside = inside & ((low <= q[i]) && (q[i] <= high));
+        inside &= (int)((low <= q[i]) && (q[i] <= high));
     }
 #if FOLLOWERS_LIMITED
     for (i = 0; i < FOLLOWERS; ++i) {
@@ -69,7 +69,7 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
         for (j = 0; j < JOINTS; ++j) {
             x += ik_followers[i][j] * q[j];
         }
-        inside = inside & (((ik_least[i] - IK_TOL_LIMIT) <= x) && (x <= (ik_most[i] + IK_TOL_LIMIT)));
+        inside &= (int)(((ik_least[i] - IK_TOL_LIMIT) <= x) && (x <= (ik_most[i] + IK_TOL_LIMIT)));
     }
 #endif
     return inside;
@@ -91,7 +91,7 @@ LOCAL REAL ik_apart(const REAL *a, const REAL *b)
     ik_follow(d, y);
     for (i = 0; i < CHAIN_JOINTS; ++i) {
 #if CHAIN_SLIDES
-        const REAL far = FABS((((CHAIN_SLIDING >> i) & 1u) != 0u) ? (y[i] / IK_TOL_REACH) : y[i]);
+        const REAL far = FABS((((CHAIN_SLIDING >> (unsigned)i) & 1u) != 0u) ? (y[i] / IK_TOL_REACH) : y[i]);
 #else
         const REAL far = FABS(y[i]);
 #endif

@@ -42,12 +42,12 @@ LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions
             ik_lead(found.q[start], 0, x);
         } else {
             for (i = 0; i < JOINTS; ++i) {
-                x[i] = ref[i] + ((start > rows) ? ((REAL)VALUE_SPREAD * SIN((REAL)(start * (i + 1)))) : (REAL)0);
+                x[i] = ref[i] + ((start > rows) ? ((REAL)VALUE_SPREAD * SIN((REAL)start * ((REAL)i + (REAL)1))) : (REAL)0);
             }
         }
 #else
         for (i = 0; i < JOINTS; ++i) {
-            x[i] = (start < rows) ? found.q[start][i] : (ref[i] + ((start > rows) ? ((REAL)VALUE_SPREAD * SIN((REAL)(start * (i + 1)))) : (REAL)0));
+            x[i] = (start < rows) ? found.q[start][i] : (ref[i] + ((start > rows) ? ((REAL)VALUE_SPREAD * SIN((REAL)start * ((REAL)i + (REAL)1))) : (REAL)0));
         }
 #endif
 #if LOCKED
@@ -66,7 +66,7 @@ LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions
             out->branch[kept] = (start < rows) ? found.branch[start] : 0u;
             out->flags[kept] = (cost > IK_TOL_ACCEPT) ? (unsigned)IK_INEXACT : (unsigned)IK_MULTIPLE;
             out->residual[kept] = cost;
-            if ((cost <= IK_TOL_ACCEPT) && !ik_repeated(out, kept)) {
+            if ((cost <= IK_TOL_ACCEPT) && (ik_repeated(out, kept) == 0)) {
                 ++kept;
             }
         }

@@ -50,7 +50,7 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
             axis[k][3 + i] = x[(4 * i) + 3];
         }
 #if SLIDES
-        if (((SLIDING >> k) & 1u) != 0u) {
+        if (((SLIDING >> (unsigned)k) & 1u) != 0u) {
             for (i = 0; i < 3; ++i) {
                 x[(4 * i) + 3] += raw * x[(4 * i) + 2];
             }
@@ -104,7 +104,8 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
             if (s2 > IK_TOL_EPS) {
                 f = ik_atan2(SQRT(s2), c) / SQRT(s2);
             } else { /* angle pi: every column of E + 1 is parallel to the axis, the largest one is the most accurate */
-                j = (E[0][0] > E[1][1]) ? ((E[0][0] > E[2][2]) ? 0 : 2) : ((E[1][1] > E[2][2]) ? 1 : 2);
+                j = (int)(E[0][0] <= E[1][1]);
+                j = (E[j][j] > E[2][2]) ? j : 2;
                 for (i = 0; i < 3; ++i) {
                     e[3 + i] = E[i][j] + ((i == j) ? (REAL)1 : (REAL)0);
                 }
@@ -125,7 +126,7 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
         const REAL r1 = x[7] - z[4];
         const REAL r2 = x[11] - z[5];
 #if SLIDES
-        if (((SLIDING >> k) & 1u) != 0u) { /* displacements are in units of the reach */
+        if (((SLIDING >> (unsigned)k) & 1u) != 0u) { /* displacements are in units of the reach */
             for (i = 0; i < 3; ++i) {
                 J[i][k] = z[i];
 #if !POSITION
@@ -151,7 +152,7 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
 #endif
 #if OPENED
     for (k = 0; k < JOINTS; ++k) {
-        for (i = 0; (i < ERRORS) && (((held >> k) & 1u) != 0u); ++i) {
+        for (i = 0; (i < ERRORS) && (((held >> (unsigned)k) & 1u) != 0u); ++i) {
             J[i][k] = (REAL)0;
         }
     }

@@ -10,9 +10,9 @@ LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, i
     int i;
     for (i = 0; i < out->count; ++i) {
         const int fits = ik_place(out->q[i], ref);
-        out->flags[i] |= fits ? 0u : (unsigned)IK_OUTSIDE;
-        inside = inside & fits;
-        if (fits || !(options & IK_LIMITS)) {
+        out->flags[i] |= (fits != 0) ? 0u : (unsigned)IK_OUTSIDE;
+        inside &= fits;
+        if ((fits != 0) || ((options & IK_LIMITS) == 0u)) {
             ik_move(out, i, out, kept++);
         }
     }
@@ -20,8 +20,10 @@ LOCAL_INLINE int ik_finish(TARGET_PARAMETER const REAL *ref, unsigned options, i
 #else
     int i;
     (void)options;
-    for (i = 0; ref && (i < out->count); ++i) {
-        (void)ik_place(out->q[i], ref);
+    if (ref != NULL) {
+        for (i = 0; i < out->count; ++i) {
+            (void)ik_place(out->q[i], ref);
+        }
     }
 #endif
     for (i = 0; i < out->count; ++i) {

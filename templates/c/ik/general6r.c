@@ -375,7 +375,7 @@ LOCAL void ik_6r_complement(int m, int n, REAL a[6][8], REAL y[4][8])
             ik_6r_reflect(a[k], scale[k], a[j]);
         }
     }
-    for (--k; k >= 0; --k) {
+    for (k = k - 1; k >= 0; --k) {
         for (j = 0; j < (m - n); ++j) {
             ik_6r_reflect(a[k], scale[k], y[j]);
         }
@@ -991,7 +991,7 @@ LOCAL int ik_6r_shared(REAL h[3][6][10], const REAL cs[2], REAL pair[IK_6R_WIDE 
         error += ik_6r_multiply(m, v, 1, weight[way][1], a);
         ik_6r_eigenvalues(m, a, z);
         for (k = 0; k < m; ++k) {
-            unlike += FABS(z[k][1]) > ((REAL)VALUE_6R_UNREAL * ((REAL)1 + FABS(z[k][0])));
+            unlike += (int)(FABS(z[k][1]) > ((REAL)VALUE_6R_UNREAL * ((REAL)1 + FABS(z[k][0]))));
         }
         *unreal = (unlike < *unreal) ? unlike : *unreal;
         *unreal = (error < (REAL)VALUE_6R_MAPPED) ? *unreal : 0;
@@ -1228,15 +1228,15 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
     REAL before = (REAL)10;
     int it;
     int i;
-    for (it = 0; (it <= IK_6R_STEPS) || (patient && (*left > 0) && (it <= (6 * IK_6R_STEPS))); ++it) {
+    for (it = 0; (it <= IK_6R_STEPS) || ((patient != 0) && (*left > 0) && (it <= (6 * IK_6R_STEPS))); ++it) {
         REAL r[6];
         REAL jac[6][6];
         REAL step[6];
         REAL damping = (REAL)0;
         REAL (*from)[2] = trial;
         const REAL err = ik_6r_residual(pose, trial, r, jac);
-        const int better = err < best;
-        const int stalled = !(patient ? (FABS(err - before) > ((REAL)0.01 * err)) : (err < ((REAL)0.5 * before)));
+        const bool better = err < best;
+        const bool stalled = !((patient != 0) ? (FABS(err - before) > ((REAL)0.01 * err)) : (err < ((REAL)0.5 * before)));
         *left -= patient;
         begin = (it == 0) ? err : begin;
         if (better) {
@@ -1246,7 +1246,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
                 cs[i][1] = trial[i][1];
             }
         }
-        if ((best < IK_6R_DONE) || ((it >= 3) && (best > (REAL)VALUE_6R_HOPELESS)) || ((best < IK_6R_ACCEPT) && !(err < ((REAL)0.5 * before))) || !(patient || better)) {
+        if ((best < IK_6R_DONE) || ((it >= 3) && (best > (REAL)VALUE_6R_HOPELESS)) || ((best < IK_6R_ACCEPT) && !(err < ((REAL)0.5 * before))) || !((patient != 0) || better)) {
             break;
         }
         before = err;
@@ -1254,7 +1254,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
             damping += r[i] * r[i];
         }
         ik_6r_step(jac, r, damping, step);
-        if (stalled && patient) {
+        if (stalled && (patient != 0)) {
             const REAL kick = (REAL)2 * SQRT(best);
             from = cs;
             for (i = 0; i < 6; ++i) {
@@ -1268,7 +1268,7 @@ LOCAL int ik_6r_polish(const REAL pose[12], int patient, int *left, REAL trial[6
         }
         ik_6r_move(trial, step);
     }
-    return (best < IK_6R_ACCEPT) ? (1 + (begin < (REAL)VALUE_6R_CLOSE)) : 0;
+    return (best < IK_6R_ACCEPT) ? (1 + (int)(begin < (REAL)VALUE_6R_CLOSE)) : 0;
 }
 
 /* Sum of the differences of the cosines and sines (or displacements) of two solutions. */
@@ -1300,14 +1300,14 @@ LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][1
     int unreal = 0;
     int attempt;
     int met = 0;
-    for (attempt = order; (attempt <= 2) && !met && (*left > 0); ++attempt) {
+    for (attempt = order; (attempt <= 2) && (met == 0) && (*left > 0); ++attempt) {
         REAL pair[IK_6R_WIDE + 1][2][2];
         REAL w[12];
         int i;
         int j;
         int pairs = 0;
         ik_6r_null(h, root, w);
-        pairs = ik_6r_factor(w, pair[0]) < (REAL)VALUE_6R_SHAPE;
+        pairs = (int)(ik_6r_factor(w, pair[0]) < (REAL)VALUE_6R_SHAPE);
         if (attempt == 2) {
             pairs += ik_6r_shared(h, root, pair + pairs, &unreal);
         }
@@ -1347,9 +1347,9 @@ LOCAL int ik_6r_rows(const REAL pose[12], const signed char pass[6], REAL e[6][1
             near = ik_6r_polish(pose, (pass[5] != 0) || (attempt == 2), left, cs, rows[*count]);
             if (near > 0) {
                 place = ik_6r_place(rows, *count);
-                met |= (order == 1) && ((near + (pass[5] != 0)) >= 2) && (((*taken >> place) & 1u) == 0u);
-                *taken |= (order == 1) ? (1u << place) : 0u;
-                *count += place == *count;
+                met |= (int)((order == 1) && ((near + (int)(pass[5] != 0)) >= 2) && (((*taken >> (unsigned)place) & 1u) == 0u));
+                *taken |= (order == 1) ? (1u << (unsigned)place) : 0u;
+                *count += (int)(place == *count);
             }
         }
     }
@@ -1376,7 +1376,7 @@ LOCAL int ik_6r_zone(const REAL outer[3], REAL root[24][3], int n, REAL zone[3])
             turn = -turn;
         }
     }
-    return zone[2] < ((REAL)VALUE_6R_NARROWER * outer[2]);
+    return (int)(zone[2] < ((REAL)VALUE_6R_NARROWER * outer[2]));
 }
 
 /* Counts the roots of a polynomial (see ik_6r_scan) in a circle of the complex plane around the point z = exp(i y) of the unit circle,
@@ -1393,7 +1393,7 @@ LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, R
         int count;
         int i;
         int k;
-        for (i = 0; (i < 48) && clear; ++i) {
+        for (i = 0; (i < 48) && (clear != 0); ++i) {
             const REAL dx = *radius * c;
             const REAL dy = *radius * s;
             const REAL x = at[0] + dx;
@@ -1406,7 +1406,7 @@ LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, R
             REAL size = (x * x) + (y * y);
             REAL u;
             REAL v;
-            REAL least = (REAL)(2 * VALUE_6R_CLEAR) * noise;
+            REAL least = (REAL)2 * (REAL)VALUE_6R_CLEAR * noise;
             for (k = 7; k >= -8; --k) { /* f = 2 z^8 p and its derivative by Horner's rule */
                 u = (dr * x) - (di * y) + re;
                 di = (dr * y) + (di * x) + im;
@@ -1419,7 +1419,7 @@ LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, R
             size *= size;
             least *= (size > (REAL)1) ? (size * size) : (REAL)1;
             size = (re * re) + (im * im);
-            clear = size > (least * least);
+            clear = (int)(size > (least * least));
             size = (REAL)(1.0 / 48.0) / (size + IK_6R_TINY);
             u = ((dr * re) + (di * im)) * size; /* f' / f */
             v = ((di * re) - (dr * im)) * size;
@@ -1433,7 +1433,7 @@ LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, R
             s = ((REAL)0.9914448613738104 * s) + ((REAL)0.13052619222005157 * next);
         }
         count = (int)(turns[0] + (REAL)0.5);
-        if (clear && ((FABS(turns[0] - (REAL)count) + FABS(turns[1])) < (REAL)VALUE_6R_WHOLE)) {
+        if ((clear != 0) && ((FABS(turns[0] - (REAL)count) + FABS(turns[1])) < (REAL)VALUE_6R_WHOLE)) {
             const REAL share = (REAL)1 / (REAL)((count > 0) ? count : 1);
             REAL scale;
             middle[0] = at[0] + (first[0] * share);
@@ -1557,31 +1557,31 @@ LOCAL int ik_6r_bound(REAL h[3][6][10], int enough)
         int done = 0;
         int left;
         int clear = 1;
-        for (left = VALUE_6R_POINTS; clear && (done < 1024);) { /* ends: `clear` falls when no points are left */
+        for (left = VALUE_6R_POINTS; (clear != 0) && (done < 1024);) { /* ends: `clear` falls when no points are left */
             const REAL c = (left == VALUE_6R_POINTS) ? at[0] : ((at[0] * turn[fine][0]) - (at[1] * turn[fine][1]));
             const REAL s = (left == VALUE_6R_POINTS) ? at[1] : ((at[1] * turn[fine][0]) + (at[0] * turn[fine][1]));
             const REAL cosine[2] = {near * c, far * s};
             const REAL sine[2] = {near * s, -far * c};
             REAL phase[2];
             REAL step;
-            clear = (ik_6r_phase(h, cosine, sine, phase) > ((REAL)VALUE_6R_PIVOT * IK_6R_EPS)) && (left > 0);
+            clear = (int)((ik_6r_phase(h, cosine, sine, phase) > ((REAL)VALUE_6R_PIVOT * IK_6R_EPS)) && (left > 0));
             step = ik_atan2((phase[1] * before[0]) - (phase[0] * before[1]), (phase[0] * before[0]) + (phase[1] * before[1]));
             if (left-- < VALUE_6R_POINTS) {
                 if (FABS(step) > (REAL)VALUE_6R_PHASE) {
-                    clear &= fine < 5;
+                    clear &= (int)(fine < 5);
                     ++fine;
                     continue;
                 }
                 turned += step;
-                done += 32 >> fine;
-                fine -= (fine > 0) && (FABS(step) < (REAL)(0.4 * VALUE_6R_PHASE)) && ((done % (64 >> fine)) == 0);
+                done += 32 >> (unsigned)fine;
+                fine -= (int)((fine > 0) && (FABS(step) < (REAL)(0.4 * VALUE_6R_PHASE)) && ((done % (64 >> (unsigned)fine)) == 0));
             }
             at[0] = c;
             at[1] = s;
             before[0] = phase[0];
             before[1] = phase[1];
         }
-        if (clear) {
+        if (clear != 0) {
             const int inside = 8 + (int)FLOOR((turned * (REAL)0.15915494309189535) + (REAL)0.5);
             bound = ((IK_6R_MAX - (2 * inside)) < bound) ? (IK_6R_MAX - (2 * inside)) : bound;
         }
@@ -1625,7 +1625,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
         int begin = -1;
         int empty = 1;
         int roots = ik_6r_scan(h, zone[at], noise, p, &level, root, order);
-        known &= roots < 24; /* otherwise some may have been left out */
+        known &= (int)(roots < 24); /* otherwise some may have been left out */
         for (k = 0; (k < roots) && (root[k][2] > (REAL)0.8); ++k) {
         }
         *plain = ((at == 0) && (roots > 0) && (k == roots) && (pass[5] == 0)) ? -1 : *plain; /* zero all round: a continuum */
@@ -1639,15 +1639,15 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
             begin = (begin < 0) ? k : begin;
             if (((k + 1) < roots) && (order[k + 1] == 2)) {
                 const REAL reach = root[k][2] + root[k + 1][2] + (REAL)VALUE_6R_JOINED;
-                joined = ((REAL)1 - (root[k][0] * root[k + 1][0]) - (root[k][1] * root[k + 1][1])) < ((REAL)0.5 * reach * reach);
+                joined = (int)(((REAL)1 - (root[k][0] * root[k + 1][0]) - (root[k][1] * root[k + 1][1])) < ((REAL)0.5 * reach * reach));
 #if BOUNDED
-                if (joined && !ik_6r_zone(zone[at], root + begin, k - begin + 2, zone[zones])) { /* too wide to be magnified at once */
+                if ((joined != 0) && (ik_6r_zone(zone[at], root + begin, k - begin + 2, zone[zones]) == 0)) { /* too wide to be magnified at once */
                     joined = 0;
                     known = 0; /* of two roots on the seam either zone may leave one to the other: only ik_6r_bound can tell */
                 }
 #endif
             }
-            if (!joined) {
+            if (joined == 0) {
                 zones += ik_6r_zone(zone[at], root + begin, k - begin + 1, zone[zones]);
                 begin = -1;
             }
@@ -1657,37 +1657,38 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
         root[roots][2] = (REAL)0;
         order[roots] = 2;
         for (k = 0; k <= roots; ++k) {
-            const int middle = k == roots;
+            const bool middle = k == roots;
             const int before = *count;
             int m;
             int inside;
-            int here = middle ? ((at > 0) && empty) : ((at == 0) || (root[k][0] > IK_6R_EDGE));
+            int here = middle ? ((at > 0) && (empty != 0)) : ((at == 0) || (root[k][0] > IK_6R_EDGE));
             REAL cs[2];
             (void)ik_6r_magnify(zone[at], root[k], cs);
             for (m = 1; m < zones; ++m) { /* a root inside a narrower zone is left to that zone, which resolves it better */
-                here &= !(((zone[m][2] < zone[at][2]) || ((m > at) && (zone[m][2] <= zone[at][2]))) && (FABS(ik_6r_tangent(zone[m], cs)) <= ((REAL)VALUE_6R_INSIDE * zone[m][2])));
+                here &= (int)(!(((zone[m][2] < zone[at][2]) || ((m > at) && (zone[m][2] <= zone[at][2]))) && (FABS(ik_6r_tangent(zone[m], cs)) <= ((REAL)VALUE_6R_INSIDE * zone[m][2]))));
             }
-            if (!here) {
+            if (here == 0) {
                 continue;
             }
             empty = 0;
             if (order[k] == 1) {
                 (void)ik_6r_rows(pose, pass, e, h, cs, 1, &left, &taken, rows, count);
-                known &= singles < 24;
+                known &= (int)(singles < 24);
                 simple[singles % 24][0] = cs[0];
                 simple[singles % 24][1] = cs[1];
                 ++singles;
                 continue;
             }
-            *plain = (*plain < 0) ? -1 : 0;
-            for (m = 0, inside = 0; m < circles; ++m) { /* counted with an earlier one? */
+            *plain = -(int)(*plain < 0);
+            inside = 0;
+            for (m = 0; m < circles; ++m) { /* counted with an earlier one? */
                 const REAL x = root[k][0] - circle[m][0];
                 const REAL y = root[k][1] - circle[m][1];
                 const REAL r = circle[m][2] - root[k][2];
-                inside |= (of[m] == at) && (r > (REAL)0) && (((x * x) + (y * y)) < (r * r));
+                inside |= (int)((of[m] == at) && (r > (REAL)0) && (((x * x) + (y * y)) < (r * r)));
             }
             (void)ik_6r_rows(pose, pass, e, h, cs, 2, &left, &taken, rows, count);
-            if (!inside && (!middle || (*count > before))) {
+            if ((inside == 0) && (!middle || (*count > before))) {
                 REAL mean[2];
                 REAL *const radius = circle[circles % 24] + 2;
                 int turns;
@@ -1701,11 +1702,11 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
                     total += turns - ik_6r_rows(pose, pass, e, h, mean, 2, &left, &taken, rows, count);
                     ++circles;
                 }
-                known &= turns >= 0;
+                known &= (int)(turns >= 0);
             }
         }
     }
-    for (k = 0; (k < singles) && known; ++k) {
+    for (k = 0; (k < singles) && (known != 0); ++k) {
         int inside = 0;
         int m;
         for (m = 0; m < circles; ++m) {
@@ -1713,11 +1714,11 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
             const REAL w = (REAL)1 / ((REAL)1 + (t * t));
             const REAL x = (((REAL)1 - (t * t)) * w) - circle[m][0];
             const REAL y = ((REAL)2 * t * w) - circle[m][1];
-            inside |= ((x * x) + (y * y)) < (circle[m][2] * circle[m][2]);
+            inside |= (int)(((x * x) + (y * y)) < (circle[m][2] * circle[m][2]));
         }
-        total += !inside;
+        total += (int)((inside == 0));
     }
-    return (known && (total >= 0) && ((total % 2) == 0)) ? total : -1;
+    return ((known != 0) && (total >= 0) && ((total % 2) == 0)) ? total : -1;
 }
 
 /* Lower bound of the smallest singular value of the Jacobian at a solution (lengths scaled), at least a third of it: the inverse of the
@@ -1821,7 +1822,7 @@ LOCAL int ik_6r_free(const REAL pose[12], int joint, const REAL ref[6], REAL cs[
         for (i = 0; i < 12; ++i) {
             x[i / 2][i % 2] = cs[i / 2][i % 2];
         }
-        if (ik_6r_follow(pose, joint, by, x)) {
+        if (ik_6r_follow(pose, joint, by, x) != 0) {
             break;
         }
         by = -by;
@@ -1837,7 +1838,7 @@ LOCAL int ik_6r_free(const REAL pose[12], int joint, const REAL ref[6], REAL cs[
 #else
     by = ik_wrap(ref[joint] - ik_atan2(cs[joint][1], cs[joint][0]));
 #endif
-    for (side = 0; (side < VALUE_PATH_STEPS) && ik_6r_follow(pose, joint, by / (REAL)VALUE_PATH_STEPS, x); ++side) {
+    for (side = 0; (side < VALUE_PATH_STEPS) && (ik_6r_follow(pose, joint, by / (REAL)VALUE_PATH_STEPS, x) != 0); ++side) {
     }
     for (i = 0; (i < 12) && (side == VALUE_PATH_STEPS); ++i) {
         cs[i / 2][i % 2] = x[i / 2][i % 2];
@@ -1853,9 +1854,9 @@ LOCAL int ik_6r_weigh(const REAL gain[IK_6R_MAX], REAL rows[IK_6R_MAX + 1][6][2]
     int k;
     int total = count;
     for (i = 0; i < count; ++i) {
-        int alone = gain[i] < (REAL)VALUE_6R_DOUBLE;
+        int alone = (int)(gain[i] < (REAL)VALUE_6R_DOUBLE);
         for (k = 0; k < count; ++k) {
-            alone &= (k == i) || !(gain[k] < (REAL)VALUE_6R_DOUBLE) || (ik_6r_apart(rows[i], rows[k]) > (REAL)VALUE_6R_TWINS);
+            alone &= (int)((k == i) || !(gain[k] < (REAL)VALUE_6R_DOUBLE) || (ik_6r_apart(rows[i], rows[k]) > (REAL)VALUE_6R_TWINS));
         }
         total += alone;
     }
@@ -1889,9 +1890,9 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     *certain = 0;
     for (pass = 0; (pass < PASSES) && !*certain; ++pass) {
         const int total = ik_6r_eliminate(pose, ik_6r_pass[pass], ik_6r_noise[pass], h, rows, &count, &plain);
-        const int moved = ik_6r_pass[pass][5] != 0;
+        const bool moved = ik_6r_pass[pass][5] != 0;
         here = moved ? here : total;
-        *certain = count == here;
+        *certain = (int)(count == here);
         if (!*certain) {
             REAL least = (REAL)1;
             int steady;
@@ -1899,12 +1900,12 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
                 gain[i] = ik_6r_gain(pose, rows[i], &joint);
                 least = (gain[i] < least) ? gain[i] : least;
             }
-            steady = moved && (plain >= 0) && (count > 0) && (least > (REAL)VALUE_6R_STEADY);
-            *certain = (ik_6r_weigh(gain, rows, count) == here) || (steady && (count == total));
+            steady = (int)(moved && (plain >= 0) && (count > 0) && (least > (REAL)VALUE_6R_STEADY));
+            *certain = (int)((ik_6r_weigh(gain, rows, count) == here) || ((steady != 0) && (count == total)));
 #if BOUNDED
             /* The determinant itself may tell what its polynomial does not, of regular solutions only: it counts no continuum. */
-            if (!*certain && (steady || (!moved && (least > (REAL)VALUE_6R_DOUBLE)))) {
-                *certain = ik_6r_bound(h, count) == count;
+            if (!*certain && ((steady != 0) || (!moved && (least > (REAL)VALUE_6R_DOUBLE)))) {
+                *certain = (int)(ik_6r_bound(h, count) == count);
             }
 #endif
         }
@@ -1912,7 +1913,7 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     for (i = 0; i < count; ++i) {
         flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
         if ((plain < 1) && (ik_6r_gain(pose, rows[i], &joint) < (REAL)VALUE_6R_DOUBLE)) {
-            flags[i] = ik_6r_free(pose, joint, ref, rows[i]) ? (unsigned)IK_FREE : 0u;
+            flags[i] = (ik_6r_free(pose, joint, ref, rows[i]) != 0) ? (unsigned)IK_FREE : 0u;
         }
         for (j = 0; j < 6; ++j) {
             const REAL x = ik_atan2(rows[i][j][1], rows[i][j][0]);

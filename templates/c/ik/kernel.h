@@ -73,6 +73,7 @@
 #define IK_KERNEL_H
 
 #include <math.h>
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "constants.h" /* includes settings.h */

@@ -34,10 +34,10 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
         int met = 1;
         ik_newton(T, x, error, moved, inverse, det);
         for (i = 0; i < rows; ++i) {
-            doubt |= !((inverse[i] * moved[i]) <= (REAL)VALUE_NEWTON_TURN) || !(inverse[i] <= (REAL)VALUE_MARGIN_INVERSE);
+            doubt |= (int)(!((inverse[i] * moved[i]) <= (REAL)VALUE_NEWTON_TURN) || !(inverse[i] <= (REAL)VALUE_MARGIN_INVERSE));
             worst = (error[i] > worst) ? error[i] : worst;
         }
-        if (doubt) {
+        if (doubt != 0) {
             return 0;
         }
         if (worst <= IK_TOL_TIGHT) {
@@ -46,9 +46,9 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
         if (worst <= (REAL)VALUE_NEWTON_NEAR) { /* the step may have been the last one */
             ik_missed(T, x, error);
             for (i = 0; i < rows; ++i) {
-                met &= error[i] <= (REAL)VALUE_NEWTON_MET;
+                met &= (int)(error[i] <= (REAL)VALUE_NEWTON_MET);
             }
-            if (met) {
+            if (met != 0) {
                 break;
             }
         }
@@ -59,7 +59,7 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
     for (i = 0; i < rows; ++i) {
         for (j = 0; j < JOINTS; ++j) {
 #if SLIDES
-            out->q[i][j] = (((SLIDING >> j) & 1u) != 0u) ? x[j][i] : ik_wrap(x[j][i]);
+            out->q[i][j] = (((SLIDING >> (unsigned)j) & 1u) != 0u) ? x[j][i] : ik_wrap(x[j][i]);
 #else
             out->q[i][j] = ik_wrap(x[j][i]);
 #endif
@@ -69,12 +69,12 @@ LOCAL int ik_nominal_first(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_sol
         out->residual[i] = error[i];
         for (k = 0; k < i; ++k) {
             int same = 1;
-            for (j = 0; (j < JOINTS) && same; ++j) {
+            for (j = 0; (j < JOINTS) && (same != 0); ++j) {
                 const REAL apart = FABS(out->q[i][j] - out->q[k][j]);
-                same = (apart < (REAL)VALUE_DISTINCT) || (apart > (REAL)(6.283185307179586 - VALUE_DISTINCT));
+                same = (int)((apart < (REAL)VALUE_DISTINCT) || (apart > (REAL)(6.283185307179586 - VALUE_DISTINCT)));
             }
             doubt |= same;
         }
     }
-    return doubt ? 0 : rows;
+    return (doubt != 0) ? 0 : rows;
 }

@@ -20,7 +20,7 @@ LOCAL REAL ik_outside(const REAL *q, REAL margin)
         const REAL width = ik_upper[i] + margin - low;
         REAL out = (REAL)0;
 #if SLIDES
-        if (((SLIDING >> i) & 1u) != 0u) {
+        if (((SLIDING >> (unsigned)i) & 1u) != 0u) {
             out = (q[i] < low) ? (low - q[i]) : (q[i] - low - width);
         } else
 #endif
@@ -94,8 +94,8 @@ LOCAL int ik_shift(const REAL *T, REAL *q, int j, const REAL *ref)
             const REAL down = x - (sense * ik_part(other - low - width));
             const REAL near_up = ik_clamped(up, j);
             const REAL near_down = ik_clamped(down, j); /* equal inside the limits of joint j */
-            const int above = (up <= near_up) && (up >= near_up);
-            const int below = (down <= near_down) && (down >= near_down);
+            const bool above = (up <= near_up) && (up >= near_up);
+            const bool below = (down <= near_down) && (down >= near_down);
             if (!above && !below) {
                 return 0;
             }
@@ -131,7 +131,7 @@ LOCAL int ik_reaches(const REAL *T, REAL *x, REAL goal, int steps, unsigned held
     REAL cost = (REAL)0;
     REAL before = (REAL)0;
     int i;
-    for (;; --steps) {
+    for (;;) {
         const REAL earlier = before;
         REAL most = (REAL)1;
         before = cost;
@@ -148,11 +148,12 @@ LOCAL int ik_reaches(const REAL *T, REAL *x, REAL goal, int steps, unsigned held
         }
         for (i = 0; i < JOINTS; ++i) {
 #if SLIDES
-            x[i] += d[i] / most * ((((SLIDING >> i) & 1u) != 0u) ? IK_TOL_REACH : (REAL)1);
+            x[i] += d[i] / most * ((((SLIDING >> (unsigned)i) & 1u) != 0u) ? IK_TOL_REACH : (REAL)1);
 #else
             x[i] += d[i] / most;
 #endif
         }
+        --steps;
     }
 }
 
@@ -170,7 +171,7 @@ LOCAL int ik_stands(const REAL *from, const REAL *to, int j, REAL most)
         sum += moved;
         largest = (moved > largest) ? moved : largest;
     }
-    return (sum - largest) <= most;
+    return (int)((sum - largest) <= most);
 }
 
 #endif
@@ -186,16 +187,16 @@ LOCAL unsigned ik_loose(const REAL *T, REAL accuracy, ik_solutions *found, int i
         found->residual[i] = ik_refine(T, found->q[i], STEPS, (REAL)VALUE_DAMPING, 0u);
     }
     for (j = 0; j < JOINTS; ++j) {
-        for (side = -1; (side <= 1) && (((found->flags[i] >> (8 + j)) & ~(held >> j) & 1u) != 0u); side += 2) {
+        for (side = -1; (side <= 1) && (((found->flags[i] >> (8u + (unsigned)j)) & ~(held >> (unsigned)j) & 1u) != 0u); side += 2) {
             REAL q[JOINTS];
             for (k = 0; k < JOINTS; ++k) {
                 q[k] = found->q[i][k] + ((k == j) ? ((REAL)side * (REAL)VALUE_TURN) : (REAL)0);
             }
-            if (ik_reaches(T, q, accuracy * accuracy, VALUE_STEPS, 1u << j)) {
+            if (ik_reaches(T, q, accuracy * accuracy, VALUE_STEPS, 1u << (unsigned)j) != 0) {
 #if REDUNDANT && !LOCKED
-                held |= ik_stands(found->q[i], q, j, (REAL)VALUE_STANDING * accuracy) ? (1u << j) : 0u;
+                held |= (ik_stands(found->q[i], q, j, (REAL)VALUE_STANDING * accuracy) != 0) ? (1u << (unsigned)j) : 0u;
 #else
-                held |= 1u << j;
+                held |= 1u << (unsigned)j;
 #endif
             }
         }
@@ -210,7 +211,7 @@ LOCAL void ik_between(const REAL *from, const REAL *to, REAL part, REAL *x)
     int i;
     for (i = 0; i < JOINTS; ++i) {
 #if SLIDES
-        x[i] = from[i] + (part * ((((SLIDING >> i) & 1u) != 0u) ? (to[i] - from[i]) : ik_wrap(to[i] - from[i])));
+        x[i] = from[i] + (part * ((((SLIDING >> (unsigned)i) & 1u) != 0u) ? (to[i] - from[i]) : ik_wrap(to[i] - from[i])));
 #else
         x[i] = from[i] + (part * ik_wrap(to[i] - from[i]));
 #endif
@@ -230,7 +231,7 @@ LOCAL int ik_joined(const REAL *T, const REAL *from, const REAL *to, unsigned he
     if (ik_apart(from, to) < IK_TOL_SAME) {
         return 1;
     }
-    for (i = 1; (i < 4) && straight; ++i) {
+    for (i = 1; (i < 4) && (straight != 0); ++i) {
         ik_between(from, to, (REAL)0.25 * (REAL)i, x);
         straight = ik_reaches(T, x, goal, 0, held);
     }
@@ -244,7 +245,7 @@ LOCAL int ik_joined(const REAL *T, const REAL *from, const REAL *to, unsigned he
     }
     for (left = straight ? 0 : VALUE_PATH_STEPS; left > 0; --left) {
         ik_between(last, to, (REAL)1 / (REAL)left, x);
-        if (!ik_reaches(T, x, goal, VALUE_PATH_CORRECTIONS, held) || (ik_apart(x, last) > (REAL)VALUE_PATH_MOVE)) {
+        if ((ik_reaches(T, x, goal, VALUE_PATH_CORRECTIONS, held) == 0) || (ik_apart(x, last) > (REAL)VALUE_PATH_MOVE)) {
             return 0;
         }
         for (i = 0; i < JOINTS; ++i) {

@@ -50,9 +50,9 @@ LOCAL void ik_sort(const REAL *ref, ik_solutions *out)
         away[i] = (REAL)0;
         for (k = 0; k < JOINTS; ++k) {
 #if SLIDES
-            const REAL d = (out->q[i][k] - (ref ? ref[k] : (REAL)0)) / ((((SLIDING >> k) & 1u) != 0u) ? IK_TOL_REACH : (REAL)1);
+            const REAL d = (out->q[i][k] - ((ref != NULL) ? ref[k] : (REAL)0)) / ((((SLIDING >> (unsigned)k) & 1u) != 0u) ? IK_TOL_REACH : (REAL)1);
 #else
-            const REAL d = (out->q[i][k] - (ref ? ref[k] : (REAL)0));
+            const REAL d = (out->q[i][k] - ((ref != NULL) ? ref[k] : (REAL)0));
 #endif
             away[i] += d * d;
         }

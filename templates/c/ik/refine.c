@@ -71,13 +71,16 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
     REAL best;
     REAL cost;
     int i;
-    int step;
+    int step = 0;
+    bool going;
     int worse = 0;
     for (i = 0; i < JOINTS; ++i) {
         x[i] = q[i];
     }
-    best = cost = ik_error(T, x, e, J HELD);
-    for (step = 0; (step < steps) && (best > IK_TOL_DONE) && (damping < (REAL)VALUE_MOST_DAMPING); ++step) {
+    cost = ik_error(T, x, e, J HELD);
+    best = cost;
+    going = (best > IK_TOL_DONE) && (damping < (REAL)VALUE_MOST_DAMPING);
+    while ((step < steps) && going) {
         REAL d[JOINTS] = {0};
         REAL most = (REAL)1;
         ik_step(J, e, (damping * SQRT(cost)) + IK_TOL_EPS, d);
@@ -86,14 +89,14 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
         }
         for (i = 0; i < JOINTS; ++i) { /* limit the step to one radian or one reach */
 #if SLIDES
-            x[i] += d[i] / most * ((((SLIDING >> i) & 1u) != 0u) ? IK_TOL_REACH : (REAL)1);
+            x[i] += d[i] / most * ((((SLIDING >> (unsigned)i) & 1u) != 0u) ? IK_TOL_REACH : (REAL)1);
 #else
             x[i] += d[i] / most;
 #endif
         }
         cost = ik_error(T, x, e, J HELD);
         if (cost < best) {
-            const int stuck = (cost > ((REAL)VALUE_STUCK * best)) && (damping > (REAL)1); /* at the minimum, which is not zero */
+            const bool stuck = (cost > ((REAL)VALUE_STUCK * best)) && (damping > (REAL)1); /* at the minimum, which is not zero */
             for (i = 0; i < JOINTS; ++i) {
                 q[i] = x[i];
             }
@@ -110,7 +113,10 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
             cost = ik_error(T, x, e, J HELD);
             worse = 0;
             damping *= (REAL)VALUE_MORE_DAMPING;
+        } else { /* a step to the worse, of which some in a row are allowed */
         }
+        going = (best > IK_TOL_DONE) && (damping < (REAL)VALUE_MOST_DAMPING);
+        ++step;
     }
     return best;
 }

@@ -35,7 +35,7 @@ LOCAL REAL ik_with(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, un
                 q[k] = trial.q[i][k];
             }
             for (k = 0; k < JOINTS; ++k) {
-                if ((k != j) && (((held >> k) & 1u) != 0u)) {
+                if ((k != j) && (((held >> (unsigned)k) & 1u) != 0u)) {
                     (void)ik_shift(T, q, k, ref);
                 }
             }
@@ -64,15 +64,19 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
         REAL g0 = g1;
         int dips = 0;
         for (k = 1; k <= VALUE_LIMIT_STEPS; ++k) {
-            const REAL front = ik_clamped(start + ((REAL)(side * k) * h), j);
+            const REAL front = ik_clamped(start + ((REAL)side * (REAL)k * h), j);
             const REAL g = ik_with(T, ref LOCK, least, held, branch, j, front, x);
             REAL bad = middle;
             REAL good = front;
             REAL deep = g;
-            if ((g > (REAL)0) && (k > 1) && (g1 <= g0) && (g1 <= g) && (++dips <= VALUE_LIMIT_DIPS)) {
+            const bool dip = (g > (REAL)0) && (k > 1) && (g1 <= g0) && (g1 <= g);
+            dips += (int)dip;
+            if (dip && (dips <= VALUE_LIMIT_DIPS)) {
                 REAL a = back;
                 REAL b = front;
-                for (i = 0; (i < VALUE_DIP_STEPS) && (deep > (REAL)0); ++i) {
+                bool above = deep > (REAL)0;
+                i = 0;
+                while ((i < VALUE_DIP_STEPS) && above) {
                     const REAL u = a + ((b - a) / (REAL)3);
                     const REAL v = b - ((b - a) / (REAL)3);
                     const REAL gu = ik_with(T, ref LOCK, least, held, branch, j, u, x);
@@ -81,6 +85,8 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
                     deep = (gu <= gv) ? gu : gv;
                     a = (gu <= gv) ? a : u;
                     b = (gu <= gv) ? v : b;
+                    above = deep > (REAL)0;
+                    ++i;
                 }
                 bad = back;
             }
@@ -108,7 +114,7 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
             g1 = g;
         }
     }
-    return best >= (REAL)0;
+    return (int)(best >= (REAL)0);
 }
 
 /* Moves the free joints of solution w to the values nearest to the reference for which every joint is inside its limits. */
@@ -123,12 +129,12 @@ LOCAL void ik_fit(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, REA
         q[k] = wide->q[w][k];
     }
     for (j = 0; (j < JOINTS) && (ik_outside(q, IK_TOL_LIMIT) > (REAL)0); ++j) {
-        if (((held >> j) & 1u) != 0u) {
+        if (((held >> (unsigned)j) & 1u) != 0u) {
             (void)ik_shift(T, q, j, ref);
         }
     }
     for (j = 0; (j < JOINTS) && (ik_outside(q, IK_TOL_LIMIT) > (REAL)0); ++j) {
-        if (((held >> j) & 1u) != 0u) {
+        if (((held >> (unsigned)j) & 1u) != 0u) {
             (void)ik_search(T, ref LOCK, least, held, wide->branch[w], j, q);
         }
     }
@@ -157,9 +163,10 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
     int i;
     int w;
     for (i = 0; i < rows; ++i) {
-        pending += ((found->flags[i] & IK_OPEN) != 0u) && (ik_loose(T, accuracy, found, i) != 0u);
+        pending += (int)(((found->flags[i] & IK_OPEN) != 0u) && (ik_loose(T, accuracy, found, i) != 0u));
     }
-    for (; (pending > 0) && (least < ((REAL)2 * IK_TOL_DOUBT)); least *= (REAL)10) {
+    bool wider = least < ((REAL)2 * IK_TOL_DOUBT);
+    while ((pending > 0) && wider) {
         ik_solutions wide;
         int stage = 0;
         const int count = ik_candidates(T, at LOCK, IK_TOL_SLACK, least NO_BAND, &wide, &stage);
@@ -173,14 +180,14 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
                 if ((held != 0u) && (IK_HELD(found->flags[i]) == held) && (((found->branch[i] ^ wide.branch[w]) & other) == 0u)) {
                     if (fits < 0) {
                         wide.residual[w] = ik_refine(T, wide.q[w], VALUE_STEPS, (REAL)VALUE_DAMPING, held);
-                        fits = wide.residual[w] <= tolerance;
+                        fits = (int)(wide.residual[w] <= tolerance);
                     }
                     if (fits > 0) {
                         --pending;
-                        if (ik_joined(T, found->q[i], wide.q[w], held, tolerance)) {
+                        if (ik_joined(T, found->q[i], wide.q[w], held, tolerance) != 0) {
                             found->flags[i] = IK_GONE;
                             first = (first < 0) ? i : first;
-                        } else if ((aside >= 0) && ik_joined(T, found->q[i], found->q[aside], held, tolerance)) {
+                        } else if ((aside >= 0) && (ik_joined(T, found->q[i], found->q[aside], held, tolerance) != 0)) {
                             found->flags[i] = IK_GONE;
                         } else { /* another continuum, which this replacement does not stand for */
                             found->flags[i] &= 0xffffu; /* looked at: no longer among those with these free joints */
@@ -191,7 +198,7 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
             }
             if (first >= 0) {
 #if LIMITED
-                if ((options & IK_LIMITS) && (ik_outside(wide.q[w], IK_TOL_LIMIT) > (REAL)0)) {
+                if (((options & IK_LIMITS) != 0u) && (ik_outside(wide.q[w], IK_TOL_LIMIT) > (REAL)0)) {
                     ik_fit(T, at LOCK, least, tolerance, &wide, w);
                 }
 #endif
@@ -199,6 +206,8 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
                 ik_take(&wide, w, found, first);
             }
         }
+        least *= (REAL)10;
+        wider = least < ((REAL)2 * IK_TOL_DOUBT);
     }
 #if !LIMITED
     (void)options;

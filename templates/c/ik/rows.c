@@ -29,19 +29,21 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
 #endif
     int inside = 1;
     int i;
-    for (i = 0; ref && (i < JOINTS); ++i) {
+    if (ref != NULL) {
+        for (i = 0; i < JOINTS; ++i) {
 #if SLIDES
-        q[i] = (((SLIDING >> i) & 1u) != 0u) ? q[i] : (ref[i] + ik_wrap(q[i] - ref[i]));
+            q[i] = (((SLIDING >> (unsigned)i) & 1u) != 0u) ? q[i] : (ref[i] + ik_wrap(q[i] - ref[i]));
 #else
-        q[i] = ref[i] + ik_wrap(q[i] - ref[i]);
+            q[i] = ref[i] + ik_wrap(q[i] - ref[i]);
 #endif
+        }
     }
 #if LIMITED
     for (i = 0; i < JOINTS; ++i) { /* no branches, which would be mispredicted: most solutions violate some limit */
         const REAL low = ik_lower[i] - IK_TOL_LIMIT;
         const REAL high = ik_upper[i] + IK_TOL_LIMIT;
 #if SLIDES
-        const REAL turn = (((SLIDING >> i) & 1u) != 0u) ? (REAL)0 : (REAL)6.283185307179586;
+        const REAL turn = (((SLIDING >> (unsigned)i) & 1u) != 0u) ? (REAL)0 : (REAL)6.283185307179586;
 #else
         const REAL turn = (REAL)6.283185307179586;
 #endif
@@ -53,7 +55,7 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
         q[i] += turn * turns * fits[i];
     }
     for (i = 0; i < JOINTS; ++i) {
-        inside = inside & (fits[i] > (REAL)0);
+        inside &= (int)(fits[i] > (REAL)0);
     }
 #endif
     return inside;
@@ -66,7 +68,7 @@ LOCAL REAL ik_apart(const REAL *a, const REAL *b)
     int i;
     for (i = 0; i < JOINTS; ++i) {
 #if SLIDES
-        const REAL d = FABS((((SLIDING >> i) & 1u) != 0u) ? ((a[i] - b[i]) / IK_TOL_REACH) : ik_wrap(a[i] - b[i]));
+        const REAL d = FABS((((SLIDING >> (unsigned)i) & 1u) != 0u) ? ((a[i] - b[i]) / IK_TOL_REACH) : ik_wrap(a[i] - b[i]));
 #else
         const REAL d = FABS(ik_wrap(a[i] - b[i]));
 #endif

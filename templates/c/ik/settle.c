@@ -9,9 +9,9 @@ LOCAL int ik_sound(const ik_solutions *found, int rows)
     int i;
     for (i = 0; i < rows; ++i) {
         flags |= found->flags[i];
-        tight &= found->residual[i] <= IK_TOL_TIGHT;
+        tight &= (int)(found->residual[i] <= IK_TOL_TIGHT);
     }
-    return tight & (flags == 0u);
+    return (int)((tight != 0) && (flags == 0u));
 }
 #endif
 
@@ -25,25 +25,25 @@ LOCAL int ik_settle(const REAL *T, unsigned options, ik_solutions *out, int i)
     }
     if ((out->flags[i] & IK_FIXED) != 0u) {
         out->flags[i] &= IK_PUBLIC;
-        return !ik_repeated(out, i);
+        return (int)((ik_repeated(out, i) == 0));
     }
 #endif
     if (!((error <= IK_TOL_TIGHT) && (error >= (REAL)0))) {
 #if VIRTUAL
-        if ((error > IK_TOL_LOOSE) && !(options & IK_RESIDUAL)) { /* too far from the target to be worth refining */
+        if ((error > IK_TOL_LOOSE) && ((options & IK_RESIDUAL) == 0u)) { /* too far from the target to be worth refining */
             return 0;
         }
 #endif
         out->residual[i] = ik_refine(T, out->q[i], STEPS, (REAL)VALUE_DAMPING NONE_HELD);
         if (!(out->residual[i] <= IK_TOL_ACCEPT)) {
-            if (!(options & IK_RESIDUAL) || !(out->residual[i] <= (REAL)VALUE_BEYOND)) {
+            if (((options & IK_RESIDUAL) == 0u) || !(out->residual[i] <= (REAL)VALUE_BEYOND)) {
                 return 0;
             }
             out->flags[i] |= (unsigned)IK_INEXACT;
         }
     }
     out->flags[i] &= IK_PUBLIC;
-    return !ik_repeated(out, i);
+    return (int)((ik_repeated(out, i) == 0));
 }
 
 /* Appends candidate i to the solutions if it meets the target. */
@@ -89,7 +89,7 @@ LOCAL void ik_keep_all(
  * root for being found twice. */
 LOCAL void ik_add(const REAL *T, unsigned options, const ik_solutions *found, int rows, ik_solutions *out)
 {
-    unsigned flags[ROWS] = {0u};
+    unsigned flags[ROWS] = {0};
     const int known = out->count;
     int i;
     for (i = 0; i < known; ++i) {

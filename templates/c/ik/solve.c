@@ -5,7 +5,7 @@
 LOCAL ik_status ik_answer(TARGET_PARAMETER const REAL *q_ref, unsigned options, ik_solutions *out)
 {
     (void)ik_finish(TARGET_FIRST q_ref, options, out);
-    if (options & IK_NEAREST) {
+    if ((options & IK_NEAREST) != 0u) {
         ik_sort(q_ref, out);
     }
     return (out->count > 0) ? IK_OK : IK_OUTSIDE_LIMITS;
@@ -17,7 +17,7 @@ SHARED ik_status robot_inverse_kinematics(
     ik_solutions *RESTRICT out)
 {
     static const REAL zero[JOINTS] = {0};
-    const REAL *const ref = q_ref ? q_ref : zero;
+    const REAL *const ref = (q_ref != NULL) ? q_ref : zero;
 #if COUPLED
     chain_solutions found;
     REAL T[TARGET];
@@ -52,7 +52,7 @@ SHARED ik_status robot_inverse_kinematics(
     if (status != IK_OK) {
         return status;
     }
-    if (ik_far(T)) {
+    if (ik_far(T) != 0) {
         out->stage = FAR_STAGE;
         out->distance = (REAL)-1;
         return IK_UNREACHABLE;
@@ -60,7 +60,7 @@ SHARED ik_status robot_inverse_kinematics(
 #if COUPLED
     ik_follow(ref, y);
 #if GENERAL
-    doubt = chain_solve(target, y REDUNDANCY, options & (unsigned)IK_RESIDUAL, &found) == IK_INCOMPLETE;
+    doubt = (int)(chain_solve(target, y REDUNDANCY, options & (unsigned)IK_RESIDUAL, &found) == IK_INCOMPLETE);
 #else
     (void)chain_solve(target, y REDUNDANCY, options & (unsigned)IK_RESIDUAL, &found);
 #endif
@@ -78,11 +78,11 @@ SHARED ik_status robot_inverse_kinematics(
 #endif
     rows = ik_branches(T, ref REDUNDANCY, IK_TOL_SLACK, IK_TOL_FREE NO_BAND, found, &out->stage);
 #if GENERAL
-    doubt = (out->stage & IK_DOUBT) != 0;
+    doubt = (int)((out->stage & IK_DOUBT) != 0);
     out->stage &= ~IK_DOUBT;
 #endif
 #if SOUND
-    if (ik_sound(found, rows)) {
+    if (ik_sound(found, rows) != 0) {
         out->count = rows;
     } else {
         ik_keep_all(T, target, ref REDUNDANCY, options, found, rows, out);
@@ -99,7 +99,7 @@ SHARED ik_status robot_inverse_kinematics(
         {
             const int kept = out->count;
             ik_keep(T, options, found, i, out);
-            doubt |= (out->count == kept) && !(out->residual[kept] <= IK_TOL_ACCEPT); /* a solution was not refined */
+            doubt |= (int)((out->count == kept) && !(out->residual[kept] <= IK_TOL_ACCEPT)); /* a solution was not refined */
         }
 #else
         ik_keep(T, options, found, i, out);
@@ -130,11 +130,11 @@ SHARED ik_status robot_inverse_kinematics(
     }
 #endif
 #if GENERAL && COMPANION
-    doubt |= out->count > known; /* the elimination lacks a solution of the arm nearby */
+    doubt |= (int)(out->count > known); /* the elimination lacks a solution of the arm nearby */
 #endif
 #endif
-    outside = !ik_finish(TARGET_FIRST q_ref, options, out);
-    if ((out->count == 0) && !outside) {
+    outside = (int)((ik_finish(TARGET_FIRST q_ref, options, out) == 0));
+    if ((out->count == 0) && (outside == 0)) {
 #if COUPLED
         out->stage = (rows > 0) ? UNFIT_STAGE : found.stage;
 #else
@@ -149,35 +149,35 @@ SHARED ik_status robot_inverse_kinematics(
 #endif
         out->count = rows = ik_descend(T, ref REDUNDANCY, out);
         (void)ik_finish(TARGET_FIRST ref, options, out);
-        outside = rows > 0;
+        outside = (int)(rows > 0);
 #if GENERAL
-        doubt |= rows > 0; /* the descents have found what the elimination lacks */
+        doubt |= (int)(rows > 0); /* the descents have found what the elimination lacks */
 #endif
     }
     if (out->count == 0) {
 #if INCOMPLETE
-        out->stage = outside ? OUTSIDE_STAGE : out->stage;
+        out->stage = (outside != 0) ? OUTSIDE_STAGE : out->stage;
         return IK_INCOMPLETE;
 #else
 #if GENERAL
-        if (doubt) {
+        if (doubt != 0) {
             out->stage = OUTSIDE_STAGE;
             return IK_INCOMPLETE;
         }
 #endif
-        out->stage = outside ? 0 : out->stage;
-        return outside ? IK_OUTSIDE_LIMITS : IK_UNREACHABLE;
+        out->stage = (outside != 0) ? 0 : out->stage;
+        return (outside != 0) ? IK_OUTSIDE_LIMITS : IK_UNREACHABLE;
 #endif
     }
     out->stage = 0;
-    if (options & IK_NEAREST) {
+    if ((options & IK_NEAREST) != 0u) {
         ik_sort(q_ref, out);
     }
 #if INCOMPLETE
     return IK_INCOMPLETE;
 #else
 #if GENERAL
-    return doubt ? IK_INCOMPLETE : IK_OK;
+    return (doubt != 0) ? IK_INCOMPLETE : IK_OK;
 #else
     return IK_OK;
 #endif

@@ -47,8 +47,10 @@ LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, R
         T[i] = target[i];
         sum += target[i] * (REAL)0;
     }
-    for (i = 0; q_ref && (i < JOINTS); ++i) {
-        sum += q_ref[i] * (REAL)0;
+    if (q_ref != NULL) {
+        for (i = 0; i < JOINTS; ++i) {
+            sum += q_ref[i] * (REAL)0;
+        }
     }
     if (!(sum <= (REAL)0)) {
         return IK_NOT_FINITE;
@@ -92,5 +94,5 @@ LOCAL int ik_far(const REAL *T)
         return 1;
     }
 #endif
-    return !((FABS(T[AT_X]) < bound) && (FABS(T[AT_Y]) < bound) && (FABS(T[AT_Z]) < bound));
+    return (int)(!((FABS(T[AT_X]) < bound) && (FABS(T[AT_Y]) < bound) && (FABS(T[AT_Z]) < bound)));
 }

@@ -133,7 +133,7 @@ LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_R
             REAL cross = (REAL)0;
             REAL at = (REAL)0.5;
             int changes = 0;
-            int doubtful = FABS(c[0]) <= noise;
+            int doubtful = (int)(FABS(c[0]) <= noise);
             int rising = 1;
             int falling = 1;
             int order = 2;
@@ -143,18 +143,18 @@ LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_R
                     ++changes;
                     cross += (REAL)j - (c[j] / rise);
                 }
-                doubtful += FABS(c[j]) <= noise;
-                rising &= rise >= (REAL)0;
-                falling &= rise <= (REAL)0;
+                doubtful += (int)(FABS(c[j]) <= noise);
+                rising &= (int)(rise >= (REAL)0);
+                falling &= (int)(rise <= (REAL)0);
             }
             --top;
             if ((doubtful == 0) && (changes == 0)) {
                 continue;
             }
-            if ((doubtful <= 16) && (rising || falling || ((doubtful == 0) && (changes == 1)))) {
+            if ((doubtful <= 16) && ((rising != 0) || (falling != 0) || ((doubtful == 0) && (changes == 1)))) {
                 if (changes == 1) {
                     u = ik_trig8_refine(a, b, u0, u0 + du, u0 + ((REAL)0.0625 * du * cross), c[0] < (REAL)0);
-                    order = (doubtful > 2) ? 2 : 1;
+                    order = 1 + (int)(doubtful > 2);
                     blur = (doubtful > 2) ? ((REAL)0.03125 * (REAL)doubtful * du) : (REAL)0;
                 } else if (doubtful > 1) { /* flat where it touches zero, at an end of the interval */
                     u = ((c[0] < (REAL)0) == rising) ? (u0 + du) : u0;
@@ -194,10 +194,10 @@ LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_R
                     x[1] = v;
                 }
                 for (j = 0; (order == 2) && (j < count); ++j) { /* double roots that touch count once */
-                    known |= (mult[j] == 2) && (((root[j][0] * x[0]) + (root[j][1] * x[1])) > ((REAL)1 - ((REAL)128 * IK_TRIG8_EPS)));
+                    known |= (int)((mult[j] == 2) && (((root[j][0] * x[0]) + (root[j][1] * x[1])) > ((REAL)1 - ((REAL)128 * IK_TRIG8_EPS))));
                 }
                 mult[count] = order;
-                count += !known;
+                count += (int)((known == 0));
             }
         }
         for (k = 1; k <= 8; ++k) { /* turn the next arc's centre to zero */

@@ -327,7 +327,7 @@ class CBuilder(Scaffold):
         c6, s6 = self._turned(last, self.pool.of(dot(column0, mx)), self.pool.of(dot(column1, mx)))
         built = tuple(total(c6 * u, s6 * v) for u, v in zip(column0, column1, strict=True))
         self.residual((), minus(built, mx))
-        line = f"const int n{first}f = ((f{first} & (unsigned)IK_FREE) == 0u) ? 2 : 1;"
+        line = f"const int n{first}f = 1 + (int)((f{first} & (unsigned)IK_FREE) == 0u);"
         (n,) = self._add((line,), (f,), defines=(f"n{first}f",))
         turns = (Turn(c4, s4), Turn(c5, s5), Turn(self.pool.of(c6), self.pool.of(s6)))
         return self._flipped(joints, turns, f"{first}f", n)
