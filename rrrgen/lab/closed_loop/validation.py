@@ -16,6 +16,7 @@ from rrrgen.lab.closed_loop.loop import CompiledLoop, LoopEquations, Run
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, assumptions, loop_recordings
 from rrrgen.lab.closed_loop.output_error import divergence
 from rrrgen.lab.data.preprocessing import Processing
+from rrrgen.lab.estimate.linear import solve
 from rrrgen.lab.identify.friction_columns import stated_laws
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Recording
@@ -33,6 +34,7 @@ recorded one."""
 SMOOTH = 20  # samples averaged: noise of the recorded torque averages out, errors of a wrong controller do not
 SHIFTS = 3  # controller periods by which the replayed torque is shifted at most, to look for a better delay
 TAPS = 6  # last samples of position and reference that an error of the replay may follow from
+RANK = 1e-12  # singular values of these samples below this share of the largest are zero
 FOLLOWS = 0.5  # share of an error, in squares, that follows from them above which the controller is another one
 SMALLEST = 0.003  # relative torque error below which this does not matter
 CLEARLY = 0.5  # another delay is reported only if its error is below this fraction of the error at the stated delay
@@ -150,8 +152,7 @@ def _unexplained(recording: LoopRecording, error: Array) -> tuple[Array, Array]:
         A = np.column_stack([np.ones(len(at)), *lags])[use]
         e = error[at, j][use]
         e = e - np.mean(e) if len(e) else e
-        A = A / np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
-        left[j] = np.sum((e - A @ np.linalg.lstsq(A, e, rcond=None)[0]) ** 2)
+        left[j] = np.sum(solve(A, e, RANK).residual(e) ** 2)
         whole[j] = np.sum(e**2)
     return left, whole
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
+from rrrgen.lab.estimate.linear import solve
 from rrrgen.lab.friction.initial_values import SPEEDS, sliding_samples
 from rrrgen.lab.friction.joint_recording import JointData
 
@@ -83,13 +84,13 @@ def friction_drift(data: JointData, gravity: int, delay: float) -> Drift | None:
         stribeck = [sign * np.exp(-ratio), sign * ratio * np.exp(-ratio)]  # with its derivative by the Stribeck speed
         W = np.column_stack([dq, sign, *rigid, *stribeck])
         A = np.column_stack([W, change])
-        fits.append((float(np.sum((tau - A @ _solution(A, tau)) ** 2)), W))
+        fits.append((float(np.sum(solve(A, tau).residual(tau) ** 2)), W))
     W = min(fits, key=lambda fit: fit[0])[1]
     A = np.column_stack([W, change])
     before, after = (_held_out(columns, tau, block) for columns in (W, A))
     decrease = before - after
     spread = float(np.std(decrease, ddof=1)) / np.sqrt(len(decrease))
-    x = _solution(A, tau)
+    x = solve(A, tau).x
     covariance = _block_covariance(A, tau - A @ x, block)[-2:, -2:]
     moved = x[-2:]
     std = np.sqrt(np.diag(covariance))
@@ -106,19 +107,13 @@ def friction_drift(data: JointData, gravity: int, delay: float) -> Drift | None:
     )
 
 
-def _solution(A: Array, y: Array) -> Array:
-    """Least squares of ``A x = y`` with columns scaled to unit length."""
-    size = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
-    return np.asarray(np.linalg.lstsq(A / size, y, rcond=1e-10)[0] / size)
-
-
 def _held_out(A: Array, y: Array, block: NDArray[np.int64]) -> Array:
     """Squared errors of every block, (B,), predicted by a fit to the other folds."""
     errors = np.zeros(int(block[-1]) + 1)
     for fold in range(FOLDS):
         out = block % FOLDS == fold
         if out.any() and not out.all():
-            left = y[out] - A[out] @ _solution(A[~out], y[~out])
+            left = y[out] - A[out] @ solve(A[~out], y[~out]).x
             errors += np.bincount(block[out], left**2, minlength=len(errors))
     return errors
 

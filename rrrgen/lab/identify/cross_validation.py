@@ -17,6 +17,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.base.tables import text_table
 from rrrgen.lab.data.preprocessing import Processing
+from rrrgen.lab.estimate.linear import solve
 from rrrgen.lab.estimate.regression import RANK_TOLERANCE
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_rows
 from rrrgen.lab.identify.factoring import Progress
@@ -83,13 +84,10 @@ def _piece(rows: Rows, start: int, stop: int) -> Rows:
 def _solved(R: Array) -> tuple[Array, float]:
     """Solution (p,) of the triangular system R (p+1, p+1) and its condition number; NaN, inf if rank-deficient."""
     p = R.shape[1] - 1
-    size = np.linalg.norm(R[:p, :p], axis=0)
-    if np.any(size == 0.0):
+    fit = solve(R[:p, :p], R[:p, p], RANK_TOLERANCE)
+    if fit.rank < p:
         return np.full(p, np.nan), np.inf
-    U, s, Vt = np.linalg.svd(R[:p, :p] / size)
-    if s[-1] <= RANK_TOLERANCE * s[0]:
-        return np.full(p, np.nan), np.inf
-    return np.asarray(Vt.T @ ((U.T @ R[:p, p]) / s) / size), float(np.linalg.cond(R[:p, :p]))
+    return fit.x, float(np.linalg.cond(R[:p, :p]))
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -4,8 +4,8 @@ The recorded torque or current I_j of joint j is its torque divided by an unknow
 where l_j is the torque that the payload causes and b is 1 in the recording with it, 0 without. All parameters of the
 arm are estimated together with the gains, and friction in each of the two recordings, since it grows with the load of
 a gear and with temperature; only the payload sets the scale. The noise e_j is that of the currents, so
-``I_j = (W_j beta + b l_j) / g_j + e_j`` is fitted by Gauss-Newton. The linear fit of ``g_j I_j - W_j beta = b l_j`` has
-the noisy currents among its columns and is biased, but it tells where to start, and with which sign.
+``I_j = (W_j beta + b l_j) / g_j + e_j`` is fitted by a damped search. The linear fit of ``g_j I_j - W_j beta = b l_j``
+has the noisy currents among its columns and is biased, but it tells where to start, and with which sign.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from rrrgen.base.option_names import option_name
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.estimate.identifiability import structure_of
 from rrrgen.lab.estimate.linear import solve
+from rrrgen.lab.estimate.search import search
 from rrrgen.lab.estimate.statistics import residual_whiteness
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows
 from rrrgen.lab.identify.bandwidth import Tuning, tune
@@ -33,8 +34,8 @@ from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.rows import body_columns, factored, slow_samples
 
 PASSES = 50
-SETTLED = 1e-10  # relative change of the gains at which the iteration ends
-LARGEST_STEP = 3.0  # factor by which a gain may change in one pass; it keeps its sign
+SETTLED = 1e-14  # relative decrease of the weighted squares at which the search ends
+LARGEST_STEP = 3.0  # factor by which a gain may change in one step; it keeps its sign
 CERTAIN = 0.2  # relative standard deviation above which a gain is not determined
 TOLD = 1e-11  # singular value, relative, of a combination that the recordings do not determine
 UNTOLD = 1e-4  # part of a gain in such combinations above which it is not determined either
@@ -133,7 +134,7 @@ def identify_gains(
 
 
 def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str], tuning: Tuning) -> DriveGains:
-    """Fit the parameters beta (p,) and the inverse gains h (n,) by Gauss-Newton: ``I_j = h_j (W_j beta + l_j)``.
+    """Fit the parameters beta (p,) and the inverse gains h (n,): ``I_j = h_j (W_j beta + l_j)``.
 
     ``factors`` are the triangular factors of the rows, ``blocks`` the rows for the tests of the residuals.
     """
@@ -143,25 +144,39 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
     idle = [name for name, row, own in zip(joints, load, current, strict=True) if not _matters(row, own)]
     if len(idle) == n:
         raise DerivationError("the payload loads no joint: its mass is 0, or no joint that moves carries it")
-    scale = np.maximum(np.linalg.norm(W.reshape(-1, p), axis=0), np.finfo(float).tiny)
+    floor = np.maximum(1e-9 * np.linalg.norm(current, axis=1), np.finfo(float).tiny)
     weights = 1.0 / np.maximum(np.linalg.norm(current, axis=1), np.finfo(float).tiny)
-    h = _start(W / scale, load, current, weights)
-    beta: Array = np.zeros(p)
-    inverse: Array = np.eye(n)
-    untold: NDArray[np.bool_] = np.zeros(n, bool)
-    for _ in range(PASSES):
-        # parameters for these gains, then both together
-        A = np.concatenate([w * hj * Wj for w, hj, Wj in zip(weights, h, W, strict=True)]) / scale
-        y = np.concatenate([w * (cj - hj * lj) for w, cj, hj, lj in zip(weights, current, h, load, strict=True)])
-        beta = solve(A, y).x / scale
-        model = W @ beta + load
-        residual = current - h[:, None] * model
-        floor = np.maximum(1e-9 * np.linalg.norm(current, axis=1), np.finfo(float).tiny)
-        weights = np.sqrt(factors.counts) / np.maximum(np.linalg.norm(residual, axis=1), floor)
-        step, inverse, untold = _step(W / scale, model, residual, weights, h)
-        h = h * np.clip(1.0 + step / h, 1.0 / LARGEST_STEP, LARGEST_STEP)
-        if np.max(np.abs(step / h)) < SETTLED:
-            break
+
+    def torque(x: Array) -> Array:
+        return np.asarray(W @ x[:p] + load)
+
+    def residual_of(x: Array) -> Array:
+        return np.asarray(current - x[p:, None] * torque(x))
+
+    def renew(x: Array) -> None:
+        weights[:] = np.sqrt(factors.counts) / np.maximum(np.linalg.norm(residual_of(x), axis=1), floor)
+
+    def linearise(x: Array) -> tuple[Array, Array]:
+        J = np.zeros((n, W.shape[1], p + n))
+        J[..., :p] = -x[p:, None, None] * W
+        J[np.arange(n), :, p + np.arange(n)] = -torque(x)
+        return (weights[:, None] * residual_of(x)).ravel(), (weights[:, None, None] * J).reshape(-1, p + n)
+
+    def with_parameters(h: Array) -> Array:
+        """Unknowns with the gains ``h``, and the parameters that fit best with them."""
+        A = (weights * h)[:, None, None] * W
+        return np.append(solve(A.reshape(-1, p), (weights[:, None] * (current - h[:, None] * load)).ravel()).x, h)
+
+    def moved(x: Array, step: Array) -> Array:
+        """The unknowns after a step; a gain keeps its sign and changes by LARGEST_STEP at most."""
+        return with_parameters(x[p:] * np.clip(1.0 + step[p:] / x[p:], 1.0 / LARGEST_STEP, LARGEST_STEP))
+
+    start = with_parameters(_start(W, load, current, weights))
+    renew(start)
+    found = search(start, linearise, moved=moved, after=renew, steps=PASSES, small_gain=SETTLED)
+    beta, h, residual = found.state[:p], found.state[p:], residual_of(found.state)
+    both = solve(found.J, found.r, TOLD)
+    inverse, untold = both.inverse[p:], np.linalg.norm(both.weak[:, p:], axis=0) > UNTOLD
     freedom = max(1.0, float(np.sum(factors.counts)) - p - n)
     variance = float(np.sum((weights[:, None] * residual) ** 2)) / freedom
     white = residual_whiteness((replace(r, W=r.W * h[:, None]) for r in blocks), np.append(beta, 1.0))
@@ -186,22 +201,6 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
     return DriveGains(tuple(joints), gain, std, determined, error, alone, tuning, notes)
 
 
-def _step(W: Array, model: Array, residual: Array, weights: Array, h: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Gauss-Newton step (n,) of the inverse gains ``h``, the inverse of the Jacobian, and a mask of untold gains.
-
-    ``W`` (n, k, p), ``model`` and ``residual`` (n, k) are the rows of the joints, ``weights`` (n,) their weights. The
-    rows of the inverse (n, p + n) are those of the gains; gains that the rows do not tell stay where they are.
-    """
-    n, k, p = W.shape
-    J = np.zeros((n, k, p + n))
-    for j in range(n):
-        J[j, :, :p] = weights[j] * h[j] * W[j]
-        J[j, :, p + j] = weights[j] * model[j]
-    stacked = J.reshape(-1, p + n)
-    fit = solve(stacked, (weights[:, None] * residual).ravel(), TOLD)
-    return fit.x[p:], fit.inverse[p:], np.linalg.norm(fit.weak[:, p:], axis=0) > UNTOLD
-
-
 def _start(W: Array, load: Array, current: Array, weights: Array) -> Array:
     """Inverse gains (n,) of the linear fit ``g_j I_j - W_j beta = l_j``; 1 where it tells nothing.
 
@@ -211,8 +210,7 @@ def _start(W: Array, load: Array, current: Array, weights: Array) -> Array:
     A = np.concatenate([-W, np.zeros((n, W.shape[1], n))], axis=-1)
     for j in range(n):
         A[j, :, p + j] = current[j] * weights[j]
-    g = np.linalg.lstsq((A * weights[:, None, None]).reshape(-1, p + n), (load * weights[:, None]).ravel())[0][p:]
-    g = g * weights
+    g = solve((A * weights[:, None, None]).reshape(-1, p + n), (load * weights[:, None]).ravel()).x[p:] * weights
     return np.divide(1.0, g, out=np.ones(n), where=np.abs(g) > FAINT)
 
 

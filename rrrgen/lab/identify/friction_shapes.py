@@ -21,7 +21,8 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.preprocessing import Decimator
 from rrrgen.lab.data.uniform_stream import Part, joined
-from rrrgen.lab.estimate.linear import solve
+from rrrgen.lab.estimate.linear import project, solve
+from rrrgen.lab.estimate.search import search
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, along
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Recording, Regressor, RowMaker, Window, reconstruct
@@ -272,68 +273,59 @@ class _Search:
             self.known[key] = self.problem.columns(surface)
         return self.known[key]
 
-    def projected(self, logs: Array) -> tuple[Array, Array, Array, list[Array]]:
-        """Project the torques onto all columns at the shapes ``logs``.
-
-        Returns the residual, an orthonormal basis of the friction columns, their parameters, and the columns of every
-        surface.
-        """
-        parts = [self.stack(self.columns(k, each)) for k, each in enumerate(self.shaped(logs))]
-        A = self.left(np.hstack(parts))
-        fit = solve(A, self.y, RANK)
-        return fit.residual(self.y), fit.U, fit.x, parts
-
     def cost(self, logs: Array) -> float:
-        return float(np.sum(self.projected(logs)[0] ** 2))
+        """Sum of squares that the columns leave of the torques at the shapes ``logs``."""
+        parts = [self.stack(self.columns(k, each)) for k, each in enumerate(self.shaped(logs))]
+        left = solve(self.left(np.hstack(parts)), self.y, RANK).residual(self.y)
+        return float(left @ left)
 
-    def jacobian(self, logs: Array) -> tuple[Array, Array]:
-        """Residual and its derivative by the logarithms of all shapes."""
-        r, U, c, parts = self.projected(logs)
-        J = np.zeros((len(r), len(logs)))
+    def linearise(self, logs: Array) -> tuple[Array, Array]:
+        """Residual that the columns leave of the torques, and its derivative by the logarithms of all shapes."""
+        parts = [self.stack(self.columns(k, each)) for k, each in enumerate(self.shaped(logs))]
         places = np.cumsum([0, *(part.shape[1] for part in parts)])
-        for i, k in enumerate(self.owner):
-            moved = logs.copy()
-            moved[i] += STEP
-            after = self.stack(self.problem.columns(self.shaped(moved)[k]))
-            change = self.left((after - parts[k]) @ c[places[k] : places[k + 1]] / STEP)
-            J[:, i] = -(change - U @ (U.T @ change))
+
+        def derivative(c: Array) -> Array:
+            changes = np.empty((len(self.y), len(logs)))
+            for i, k in enumerate(self.owner):
+                moved = logs.copy()
+                moved[i] += STEP
+                after = self.stack(self.problem.columns(self.shaped(moved)[k]))
+                changes[:, i] = (after - parts[k]) @ c[places[k] : places[k + 1]] / STEP
+            return self.left(changes)
+
+        r, J, _ = project(self.left(np.hstack(parts)), self.y, derivative, RANK)
         return r, J
 
     def descend(self, start: Array, to_logs: Array, pull: Array, usual: Array) -> tuple[Array, Array]:
-        """Minimise the cost over x by Levenberg-Marquardt; ``usual + to_logs x`` are the logarithms of all shapes.
+        """Minimise the cost over x; ``usual + to_logs x``, within the range, are the logarithms of all shapes.
 
         The search begins at the logarithms ``start``; x = 0 stands for ``usual``.
         ``pull`` are the inverse variances of a prior of x about 0. Returns the logarithms, and the covariance of x in
         units of the noise variance.
         """
-        x: Array = np.asarray(np.linalg.lstsq(to_logs, start - usual, rcond=None)[0])
-        damping = 1e-2
-        r, J = self.jacobian(usual + to_logs @ x)
-        cost = float(r @ r) + float(pull @ x**2)
-        H: Array = np.eye(len(x))
-        for _ in range(ITERATIONS):
-            A = J @ to_logs
-            H, gradient = A.T @ A + np.diag(pull), A.T @ r + pull * x
-            step: Array = np.zeros(len(x))
-            moved = False
-            for _ in range(6):
-                step = -np.linalg.solve(H + damping * np.diag(np.diag(H)) + 1e-12 * np.eye(len(x)), gradient)
-                step = np.clip(step, -1.0, 1.0)
-                tried = np.clip(
-                    usual + to_logs @ (x + step), self.scale - math.log(RANGE), self.scale + math.log(RANGE)
-                )
-                reached = self.cost(tried) + float(pull @ (x + step) ** 2)
-                if reached < cost:
-                    moved, damping = True, damping / 5.0
-                    break
-                damping *= 5.0
-            if not moved:
-                break
-            x, cost = x + step, reached
-            if np.max(np.abs(step)) < SETTLED:
-                break
-            r, J = self.jacobian(usual + to_logs @ x)
-        return usual + to_logs @ x, np.linalg.pinv(H, hermitian=True)
+        weights = np.sqrt(pull)
+
+        def logs(x: Array) -> Array:
+            return np.clip(usual + to_logs @ x, self.scale - math.log(RANGE), self.scale + math.log(RANGE))
+
+        def linearise(x: Array) -> tuple[Array, Array]:
+            r, J = self.linearise(logs(x))
+            return r, J @ to_logs
+
+        found = search(
+            solve(to_logs, start - usual).x,
+            linearise,
+            cost=lambda x: self.cost(logs(x)),
+            prior=lambda x: (weights * x, np.diag(weights)),
+            largest=1.0,
+            steps=ITERATIONS,
+            tries=6,
+            small_step=SETTLED,
+            damping=1e-2,
+            less=5.0,
+            more=5.0,
+        )
+        return logs(found.state), solve(found.J, found.r).covariance
 
     def residual(self, logs: Array) -> tuple[Array, Array]:
         """Residuals (r, n) of all rows, and the linear parameters of all columns, fitted to the rows in use."""
@@ -402,8 +394,7 @@ def _variance(search: _Search, logs: Array) -> float:
 
     It is larger where rows are correlated, because these carry less information than their number suggests.
     """
-    residual = search.projected(logs)[0]
-    return float(residual @ residual) / max(1, len(residual)) / _independent_share(search, logs)
+    return search.cost(logs) / max(1, len(search.y)) / _independent_share(search, logs)
 
 
 def _starts(search: _Search, groups: Sequence[tuple[str, str]], common: Array) -> list[Array]:

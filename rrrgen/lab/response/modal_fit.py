@@ -15,11 +15,13 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
+from rrrgen.lab.estimate.linear import solve
 from rrrgen.lab.response.frequency_response import FrequencyResponse
 from rrrgen.lab.response.local_polynomial import unknown_variances
 from rrrgen.lab.response.response_model import HIGHEST_DAMPING, Complex, ResponseModel, resonance
 
 MOST_MODES = 6
+RANK = 1e-13  # singular values of the scaled columns below this share of the largest are zero
 DELAYS = (0, 1, 2, 3)
 NEEDED = 10.0  # a part is needed if it lowers the cost by this multiple of the logarithm of the number of values
 SCAN = 80  # number of frequencies at which a further mode is tried
@@ -184,9 +186,8 @@ def _solve(lines: _Lines, modes: Array, delay: int, integrators: int) -> _Candid
     right = _stacked((lines.P * lines.weight)[:, None])[:, 0]
     if real.shape[1] == 0:
         return _Candidate(modes, np.empty(0), _costs(right), delay, integrators)
-    scale = np.linalg.norm(real, axis=0)
-    numerators = np.linalg.lstsq(real / scale, right, rcond=1e-13)[0] / scale
-    return _Candidate(modes, numerators, _costs(right - real @ numerators), delay, integrators)
+    fit = solve(real, right, RANK)
+    return _Candidate(modes, fit.x, _costs(fit.residual(right)), delay, integrators)
 
 
 def _costs(rest: Array) -> Array:

@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
+from rrrgen.lab.estimate.linear import project, scaled, solve
+from rrrgen.lab.estimate.search import search
+from rrrgen.lab.estimate.tsqr import triangular
 from rrrgen.lab.response.local_polynomial import unknown_variances
 from rrrgen.lab.response.response_model import CERTAIN, HIGHEST_DAMPING, Resonance, ResponseModel, resonance
 
@@ -92,7 +95,10 @@ NEEDED = 5.0  # a pair of poles is needed if it lowers the cost by this multiple
 DIRECT = 5  # inputs that act directly: with them a true delay of up to three samples more than the model's has no bias
 ROWS_PER_UNKNOWN = 4  # below that many rows nothing is compared
 WHITENINGS = 3  # alternating estimates of the whitening filter and of the numerators
-STEPS = 6  # Gauss-Newton steps towards the maximum-likelihood estimate
+STEPS = 6  # of the search for the maximum-likelihood estimate
+LARGEST_STEP = 0.3  # of the logarithms of frequency and damping
+SETTLED = 1e-5  # change of the logarithms at which the search ends
+RANK = 1e-12  # singular values of the scaled columns below this share of the largest are zero
 DIFFERENCE = 1e-5  # of the logarithms of frequency and damping, for derivatives
 LEAST_ERROR = 1e-7  # least error relative to the output: a model without noise has that of rounding
 LARGEST_GROWTH = 20.0  # logarithm of the growth of free motions over the rows beyond which they are not compared
@@ -192,26 +198,18 @@ def _all_columns(rows: _Rows, poles: Poles) -> list[Array]:
     return [*(_columns(rows, p) for p in poles), np.stack(late, axis=1)]
 
 
-def _solve(X: Array, y: Array) -> tuple[Array, Array]:
-    """Coefficients and residual of the least squares of ``y`` (N,) on the columns of X (N, m)."""
-    scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-    found = np.linalg.lstsq(X / scale, y, rcond=1e-12)[0] / scale
-    return found, y - X @ found
-
-
 def _whitened(rows: _Rows, poles: Poles) -> _Rows:
     """Estimate the filter W from the error of the numerators that fit best."""
     rows = replace(rows, whitening=np.ones(1))
     X = np.hstack(_all_columns(rows, poles))
     least = LEAST_ERROR * float(np.sqrt(np.mean((rows.y - rows.y.mean()) ** 2)))
     for _ in range(WHITENINGS):
-        coefficients, _ = _solve(rows.white(X), rows.white(rows.y))
-        error = rows.y - X @ coefficients
+        error = rows.y - X @ solve(rows.white(X), rows.white(rows.y), RANK).x
         if float(np.sqrt(np.mean(error**2))) < least:
             return replace(rows, whitening=np.ones(1))
         k = np.arange(WHITENING_ORDER, len(error))
         past = np.stack([error[k - i] for i in range(1, WHITENING_ORDER + 1)], axis=1)
-        rows = replace(rows, whitening=np.concatenate([[1.0], -_solve(past, error[k])[0]]))
+        rows = replace(rows, whitening=np.concatenate([[1.0], -solve(past, error[k], RANK).x]))
     return rows
 
 
@@ -231,12 +229,11 @@ def _needed(rows: _Rows, poles: Poles, weak: NDArray[np.bool_]) -> NDArray[np.bo
     for i in range(len(poles)):
         owner[np.flatnonzero(owner == i)[1::2]] = len(poles)  # the responses to the initial state always stay
     X = rows.white(np.hstack(columns))
-    X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-    R: Array = np.asarray(np.linalg.qr(np.column_stack([X, rows.white(rows.y[:, None])]), mode="r"))
+    R = triangular(np.column_stack([scaled(X)[0], rows.white(rows.y[:, None])]))
 
     def cost(mask: NDArray[np.bool_]) -> float:
         use = np.append(mask, True)[owner]
-        return float(np.sum(_solve(R[:, :-1][:, use], R[:, -1])[1] ** 2))
+        return float(np.sum(solve(R[:, :-1][:, use], R[:, -1], RANK).residual(R[:, -1]) ** 2))
 
     limit = NEEDED * np.log(2.0 * len(rows.u)) * _variance(rows, cost(np.ones(len(poles), bool)), X.shape[1])
     kept = np.ones(len(poles), bool)
@@ -253,42 +250,33 @@ def _needed(rows: _Rows, poles: Poles, weak: NDArray[np.bool_]) -> NDArray[np.bo
 def _refined(rows: _Rows, logs: Array, rest: Poles) -> tuple[Array, Array]:
     """Maximum-likelihood estimate of the ``logs`` (m, 2) of frequency and damping ratio, and its variances (m, 2).
 
-    The poles ``rest`` stay as they are. The derivatives are those of the error after the numerators are solved for, so
-    that their uncertainty is included.
+    The poles ``rest`` stay as they are. The numerators are projected out (variable projection), so that the variances
+    include their uncertainty.
     """
     y = rows.white(rows.y[:, None])[:, 0]
     others = [rows.white(each) for each in _all_columns(rows, rest)]
 
-    def fitted(at: Array) -> tuple[Array, Array, Array]:
-        X = np.hstack([*(rows.white(_columns(rows, _pole(*each))) for each in at), *others])
-        coefficients, error = _solve(X, y)
-        return X, coefficients, error
+    def columns(x: Array) -> Array:
+        return np.hstack([*(rows.white(_columns(rows, _pole(*each))) for each in x.reshape(-1, 2)), *others])
 
-    X, coefficients, error = fitted(logs)
-    for _ in range(STEPS):
-        J = _slopes(rows, logs, X, coefficients)
-        step = _solve(J, error)[0].reshape(-1, 2)
-        step = step / max(1.0, float(np.max(np.abs(step))) / 0.3)
-        trial = fitted(logs + step)
-        while np.sum(trial[2] ** 2) > np.sum(error**2) and np.max(np.abs(step)) > 1e-6:
-            step = 0.25 * step
-            trial = fitted(logs + step)
-        done = np.max(np.abs(step)) < 1e-4
-        logs, (X, coefficients, error) = logs + step, trial
-        if done:
-            break
-    J = _slopes(rows, logs, X, coefficients)
-    variance = _variance(rows, float(np.sum(error**2)), X.shape[1] + J.shape[1])
-    return logs, unknown_variances(J, variance).reshape(-1, 2)
+    def linearise(x: Array) -> tuple[Array, Array]:
+        return project(columns(x), y, lambda c: _slopes(rows, x.reshape(-1, 2), c), RANK)[:2]
+
+    def cost(x: Array) -> float:
+        return float(np.sum(solve(columns(x), y, RANK).residual(y) ** 2))
+
+    found = search(logs.ravel(), linearise, cost=cost, largest=LARGEST_STEP, steps=STEPS, small_step=SETTLED)
+    unknowns = columns(found.state).shape[1] + logs.size
+    variances = unknown_variances(found.J, _variance(rows, found.cost, unknowns))
+    return found.state.reshape(-1, 2), variances.reshape(-1, 2)
 
 
-def _slopes(rows: _Rows, logs: Array, X: Array, coefficients: Array) -> Array:
-    """Derivatives (N, 2 m) of the whitened output by ``logs``, orthogonal to the columns X."""
+def _slopes(rows: _Rows, logs: Array, coefficients: Array) -> Array:
+    """Derivatives (N, 2 m) of the whitened output by ``logs``, for the ``coefficients`` of all columns."""
     found = []
     for i, at in enumerate(logs):
         own = coefficients[4 * i : 4 * i + 4]
         for direction in np.eye(2):
             ends = [_columns(rows, _pole(*(at + sign * DIFFERENCE * direction))) @ own for sign in (1.0, -1.0)]
             found.append((ends[0] - ends[1]) / (2.0 * DIFFERENCE))
-    J = rows.white(np.stack(found, axis=1))
-    return np.asarray(J - X @ np.linalg.lstsq(X, J, rcond=1e-12)[0])
+    return rows.white(np.stack(found, axis=1))
