@@ -40,9 +40,9 @@ def built(
     real: Real = "double",
     parts: Sequence[str] | None = None,
     compiler: Sequence[str] = ("gcc", "-std=c99"),
-    level: str = "-O1",
+    flags: Sequence[str] = ("-O1",),
 ) -> Path:
-    """Compile the driver for one arm in ``folder``; its own code and the emitted one without a warning."""
+    """Compile the driver for one arm in ``folder``, and with ``flags`` the emitted code; both without a warning."""
     model = derived_model(read(robot), GROUPS)[0]
     unit = unit_of(model, None, parts)
     plant = [model.programs[name] for name in ("forward_dynamics", "forward_kinematics", "mass_matrix")]
@@ -61,13 +61,24 @@ def built(
         **({"FILTERED": "1"} if unit.filtered else {}),
         **({"OBSERVED": "1"} if unit.has("observer") else {}),
     }
+    strict = [*WARNINGS, "-fsanitize=undefined", "-fno-sanitize-recover=all"]
     sources = [file for file in files if file.endswith(".c")]
-    command = [*compiler, level, *WARNINGS, "-fsanitize=undefined", "-fno-sanitize-recover=all", "-I."]
-    command += [f"-D{key}={value}" for key, value in words.items()]
-    command += [*sources, str(HERE / "fault_table.c"), "-lm", "-o", "fault_table"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise RuntimeError(done.stderr[:4000])
+    own = [f"-D{key}={value}" for key, value in words.items()]
+    for command in (
+        [*compiler, *strict, *flags, "-c", *sources],
+        [*compiler, *strict, "-O1", "-I.", *own, "-c", str(HERE / "fault_table.c")],
+        [
+            compiler[0],
+            "-fsanitize=undefined",
+            *(f"{Path(each).stem}.o" for each in (*sources, "fault_table.c")),
+            "-lm",
+            "-o",
+            "fault_table",
+        ],
+    ):
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise RuntimeError(done.stderr[:4000])
     return folder / "fault_table"
 
 

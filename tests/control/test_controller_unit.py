@@ -62,18 +62,18 @@ def test_a_change_of_mode_is_without_a_step(controller):
 
 
 @pytest.mark.parametrize(
-    ("robot", "real", "parts", "compiler"),
+    ("robot", "real", "parts", "compiler", "flags"),
     [
-        (ARMS[0], "double", ["kalman", "estimator", "observer"], ["gcc", "-std=c99"]),
-        (ARMS[1], "float", None, ["clang", "-std=c99"]),
-        (ARMS[2], "double", None, ["g++", "-std=c++17", "-x", "c++"]),
+        (ARMS[0], "double", ["kalman", "estimator", "observer"], ["gcc", "-std=c99"], ["-O0"]),
+        (ARMS[1], "float", None, ["clang", "-std=c99"], ["-O2", "-ffast-math", "-fno-sanitize=all"]),
+        (ARMS[2], "double", None, ["g++", "-std=c++17", "-x", "c++"], ["-O0"]),
     ],
     ids=["rrr", "Own6", "panda"],
 )
-def test_every_fault_in_every_mode_is_as_the_table_says(robot, real, parts, compiler, tmp_path):
+def test_every_fault_in_every_mode_is_as_the_table_says(robot, real, parts, compiler, flags, tmp_path):
     if shutil.which(compiler[0]) is None:
         pytest.skip(f"needs {compiler[0]}")
-    passed, text = outcome(built(robot, tmp_path, real, parts, compiler, "-O0"), 20000)
+    passed, text = outcome(built(robot, tmp_path, real, parts, compiler, flags), 20000)
     assert passed, text
     counts = {
         word.strip(" ,;"): int(count)
@@ -109,6 +109,11 @@ def test_parameters_are_checked_by_name(controller):
         ({"hold_ticks": -1}, "hold_ticks"),
         ({"q_min": 1.0, "q_max": 1.0}, r"q_min\[0\]"),
         ({"kd": 1000.0}, r"kd\[0\]"),
+        ({"tip_kd": 1000.0}, r"tip_kd\[0\]"),
+        ({"beta_min": 2.0, "beta_max": 1.0}, r"beta_min\[0\]"),
+        ({"q_max": np.nan}, r"q_max\[0\]"),
+        ({"dq_max": -np.inf}, r"dq_max\[0\]"),
+        ({"beta": np.inf}, r"beta\[0\]"),
         ({"kpp": 1.0}, "did you mean 'kp'"),
     ):
         with pytest.raises(ValueError, match=name):
