@@ -22,6 +22,7 @@ ROOMS = (
     "ik",
     "emit",
     "controller",
+    "exporting",
     "runtime",
     "verify",
     "evidence",

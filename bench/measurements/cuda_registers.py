@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import click
 
-from rrrgen.emit.exporting import export_robot
 from rrrgen.emit.targets.interface import ExportOptions
+from rrrgen.exporting import export_robot
 from rrrgen.robot.file import load_spec
 
 

@@ -24,8 +24,8 @@ class _WithTargets(click.Command):
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the name and meaning of every target, and the platforms to build for."""
-        from rrrgen.emit.exporting import exporters
         from rrrgen.emit.targets.shared_libraries import PLATFORMS
+        from rrrgen.exporting import exporters
 
         with formatter.section("Targets"):
             formatter.write_dl([(each.name, _described(each)) for each in exporters().values()])
@@ -84,8 +84,8 @@ def export(
       rrrgen export rrr --to fmu --platform linux-x86_64 --platform windows-x86_64
     """
     from rrrgen.base.files import write, write_file
-    from rrrgen.emit.exporting import export_robot, exporter_of, unusable
     from rrrgen.emit.targets.interface import ExportOptions
+    from rrrgen.exporting import export_robot, exporter_of, unusable
 
     spec = read_with_warnings(robot)
     options = ExportOptions(real, platforms, further)

@@ -339,7 +339,7 @@ GROUPS = ("control", "elastic", "hessian", "observer", "points", "tensors", "tim
 
 def _targets() -> Iterable[str]:
     """Names of the targets of ``rrrgen export``, which ``--with`` takes too; unusable ones are named when asked for."""
-    from rrrgen.emit.exporting import exporters, unusable
+    from rrrgen.exporting import exporters, unusable
 
     return [*exporters(), *unusable()]
 
@@ -516,8 +516,8 @@ def _exported(spec: RobotSpec, real: Real, further: tuple[str, ...]) -> dict[str
     """The files of those words ``further`` that are targets of ``rrrgen export``, each in a folder of its name."""
     files: dict[str, Contents] = {}
     for target in (word for word in further if word not in EMIT):
-        from rrrgen.emit.exporting import export_robot, exporter_of
         from rrrgen.emit.targets.interface import ExportOptions
+        from rrrgen.exporting import export_robot, exporter_of
 
         exporter = exporter_of(target)
         held = tuple(word for word in exporter.further if word in further)

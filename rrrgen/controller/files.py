@@ -6,22 +6,27 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 from rrrgen.base.templates import render
 from rrrgen.base.version import VERSION
+from rrrgen.controller import python_class
 from rrrgen.controller.layout import COUNTERS, HEAD, Place, Struct, Structs, structs
 from rrrgen.controller.programs import called_programs, own_programs
 from rrrgen.controller.proposals import proposals
-from rrrgen.controller.table import MODES, PARTS, PHASES, STATUS, Field, Unit, mode_number
+from rrrgen.controller.table import GROUPS, MODES, PARTS, PHASES, STATUS, Field, Unit, mode_number, unit_of
 from rrrgen.emit import Real
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.c.language import Dialect, Trig, nonfinite_function, sincos_strategy
 from rrrgen.emit.controller.differential_ik import differential_ik_files
 from rrrgen.emit.interface import Check
 from rrrgen.emit.printing import columns
+from rrrgen.emit.targets.c_package import derived_model
+from rrrgen.emit.targets.interface import UnitCode
 from rrrgen.program import REFUSED, Program
 from rrrgen.robot.identity import identify
+from rrrgen.robot.spec import RobotSpec
 
 ARGUMENTS = {
     "q": "tick->q",
@@ -130,6 +135,14 @@ def standalone_files(unit: Unit, real: Real, further: Sequence[Program] = (), tr
     if unit.has("velocity"):
         files |= differential_ik_files(name.removesuffix("_any_gravity"), unit.n, real)
     return files | unit_files(unit, real, trig)
+
+
+def unit_code(spec: RobotSpec, real: Real, further: Sequence[str] = GROUPS) -> UnitCode:
+    """The unit with all modes and the usual parts, for a package that holds the robot's model with the groups of
+    functions among the words ``further``."""
+    unit = unit_of(derived_model(spec, further)[0])
+    python = Path(python_class.__file__).read_text(encoding="utf-8")
+    return UnitCode(unit_files(unit, real), described(unit, real), python)
 
 
 def unit_check(unit: Unit) -> Check:

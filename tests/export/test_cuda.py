@@ -10,8 +10,8 @@ import pytest
 
 import rrrgen
 from bench.measurements.cuda_registers import compiled, nvrtc
-from rrrgen.emit.exporting import export_robot
 from rrrgen.emit.targets.interface import ExportOptions
+from rrrgen.exporting import export_robot
 from rrrgen.robot.file import load_spec
 
 ON_THE_HOST = """

@@ -11,8 +11,8 @@ import pytest
 
 from export.arm import WITH_CONTROL, arm
 from export.rrr_library import STRICT, run
-from rrrgen.emit.exporting import export_robot
 from rrrgen.emit.targets.interface import ExportOptions
+from rrrgen.exporting import export_robot
 
 ARDUINO = """\
 static struct {
@@ -23,6 +23,28 @@ static struct {
 static unsigned long micros() { return 0; }
 static void delay(unsigned long) {}
 """
+
+ZEPHYR_HEADERS = """\
+#include <stddef.h>
+#include <stdint.h>
+struct k_timer { int running; };
+struct device { int ready; };
+struct wdt_timeout_cfg { struct { uint32_t min, max; } window; void *callback; uint8_t flags; };
+#define K_TIMER_DEFINE(name, expired, stopped) static struct k_timer name
+#define K_USEC(microseconds) (microseconds)
+#define DT_ALIAS(name) name
+#define DEVICE_DT_GET_OR_NULL(node) NULL
+#define WDT_FLAG_RESET_SOC 2
+void k_timer_start(struct k_timer *timer, int duration, int period);
+uint32_t k_timer_status_sync(struct k_timer *timer);
+uint32_t k_cycle_get_32(void);
+uint64_t k_cyc_to_ns_floor64(uint64_t cycles);
+int wdt_install_timeout(const struct device *dev, const struct wdt_timeout_cfg *cfg);
+int wdt_setup(const struct device *dev, uint8_t options);
+int wdt_feed(const struct device *dev, int channel_id);
+void printk(const char *fmt, ...);
+"""
+"""A stand-in for the headers of Zephyr that the sample includes: its functions with their types."""
 
 ZEPHYR = """\
 set(CONFIG_ARM y)
@@ -48,7 +70,7 @@ include(zephyr/CMakeLists.txt)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("embedded")
-    options = ExportOptions(real="float", further=(*WITH_CONTROL, "cpp", "gravity", "timing"))
+    options = ExportOptions(real="float", further=(*WITH_CONTROL, "controller", "cpp", "gravity", "timing"))
     for name, text in export_robot(arm(), "embedded", options=options).files.items():
         (place / name).parent.mkdir(parents=True, exist_ok=True)
         (place / name).write_text(text, encoding="utf-8")
@@ -73,11 +95,22 @@ def test_it_holds_what_was_asked_for(folder):
     run("g++", *options, folder / "src" / "arm.hpp")
 
 
-def test_the_sketch_compiles(folder):
+@pytest.mark.parametrize("sketch", ["tick", "controller"])
+def test_the_sketch_compiles(folder, sketch):
     (folder / "Arduino.h").write_text(ARDUINO, encoding="utf-8")
-    sketch = folder / "examples" / "tick" / "tick.ino"
     options = ["-std=c++11", "-Wall", "-Wextra", "-fsyntax-only", "-Isrc", "-include", "Arduino.h", "-x", "c++"]
-    run("g++", *options, sketch, cwd=folder)
+    compiler = shutil.which("arm-none-eabi-g++") or "g++"
+    run(compiler, *options, folder / "examples" / sketch / f"{sketch}.ino", cwd=folder)
+
+
+def test_the_sample_of_zephyr_compiles(folder, tmp_path):
+    for header in ("device", "drivers/watchdog", "kernel", "sys/printk"):
+        path = tmp_path / "zephyr" / f"{header}.h"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"#pragma once\n{ZEPHYR_HEADERS if header == 'device' else '#include <zephyr/device.h>'}\n")
+    sample = folder / "zephyr" / "samples" / "controller" / "src" / "main.c"
+    compiler = shutil.which("arm-none-eabi-gcc") or "gcc"
+    run(compiler, "-std=c11", *STRICT, "-fsyntax-only", "-Isrc", "-isystem", tmp_path, sample, cwd=folder)
 
 
 def test_the_manifests_name_what_is_there(folder):

@@ -17,7 +17,7 @@ from oracles.random_robots import random_robot, to_yaml
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import cli
 from rrrgen.derive import derive_model
-from rrrgen.emit.exporting import export_robot, exporters
+from rrrgen.exporting import export_robot, exporters
 from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.robot.importers.importing import import_robot
 from rrrgen.robot.importers.interface import ChainChoice

@@ -12,8 +12,8 @@ from export.arm import arm
 from export.rrr_library import STRICT, run
 from pages.test_pages import blocks
 from rrrgen.base.errors import DerivationError
-from rrrgen.emit.exporting import export_robot
 from rrrgen.emit.targets.interface import ExportOptions
+from rrrgen.exporting import export_robot
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 

@@ -11,8 +11,8 @@ import pytest
 
 import rrrgen
 from pages.test_pages import blocks
-from rrrgen.emit.exporting import export_robot
 from rrrgen.emit.targets.interface import ExportOptions
+from rrrgen.exporting import export_robot
 from rrrgen.robot.file import load_spec
 
 jax = pytest.importorskip("jax")

@@ -14,8 +14,8 @@ from export.rrr_library import STRICT, run
 from export.test_export import ours
 from pages.test_pages import ROOT
 from pages.test_pages import blocks as blocks_of
-from rrrgen.emit.exporting import export_robot
 from rrrgen.emit.targets.interface import ExportOptions
+from rrrgen.exporting import export_robot
 
 Q, DQ, DDQ = np.array([0.3, -0.8]), np.array([0.5, 0.25]), np.array([-1.0, 2.0])
 

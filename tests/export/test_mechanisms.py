@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.emit.exporting import export_robot
+from rrrgen.exporting import export_robot
 from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.robot.importers.importing import import_robot
 from rrrgen.robot.importers.interface import ChainChoice

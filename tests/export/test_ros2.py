@@ -12,7 +12,7 @@ import pytest
 
 from export.rrr_library import run
 from export.test_export import ours
-from rrrgen.emit.exporting import export_robot
+from rrrgen.exporting import export_robot
 from rrrgen.robot.file import load_spec
 
 STAND_INS = Path(__file__).with_name("ros2_stand_ins")

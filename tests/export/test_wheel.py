@@ -18,9 +18,9 @@ from export.arm import FURTHER, TEXT, WITH_CONTROL, arm
 from export.test_export import ours
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.emit.exporting import export_robot
 from rrrgen.emit.targets import shared_libraries
 from rrrgen.emit.targets.interface import ExportOptions
+from rrrgen.exporting import export_robot
 from rrrgen.robot.file import loads_spec
 
 USE = """

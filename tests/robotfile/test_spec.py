@@ -16,7 +16,7 @@ from backends.c_tools import check_all, compiler
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
 from rrrgen.emit.c.ik.files import emit
-from rrrgen.emit.exporting import export_robot
+from rrrgen.exporting import export_robot
 from rrrgen.ik.classify import plan
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.spec import name_fault

@@ -23,6 +23,7 @@ from rrrgen.emit.controller.differential_ik import Declaration, declaration
 from rrrgen.emit.controller.template_files import files_beside
 from rrrgen.emit.description import programs_of
 from rrrgen.emit.printing import plain, port_text, wrapped
+from rrrgen.emit.targets.interface import UnitCode
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.program import Program
@@ -30,6 +31,12 @@ from rrrgen.robot.file.fields import EMIT
 from rrrgen.robot.identity import Identity, identify
 from rrrgen.robot.model.drives import stated_at_joints
 from rrrgen.robot.spec import RobotSpec
+
+FURTHER = (
+    *("control", "controller", "elastic", "gravity", "hessian"),
+    *("observer", "points", "tensors", "timing", "trajectory"),
+)
+"""Words of :data:`rrrgen.robot.file.fields.EMIT` that name C code, which a package can hold besides the model."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,7 @@ class Code:
     ``identity`` is the hash of the robot with the version of rrrgen, ``dialect`` the way in which C is written,
     ``plan`` the solver of the inverse kinematics. ``declared`` are functions written from templates, in files
     ``<name>_<function>.h`` and ``.c`` of their own; ``further`` are the words of :data:`rrrgen.robot.file.fields.EMIT`
-    that the code holds besides the model.
+    that the code holds besides the model, ``unit`` is the controller if it is one of them.
     """
 
     model: DerivedModel
@@ -50,6 +57,7 @@ class Code:
     plan: SolverPlan
     declared: tuple[Declaration, ...] = ()
     further: tuple[str, ...] = ()
+    unit: UnitCode | None = None
 
     @property
     def sources(self) -> list[str]:
@@ -82,15 +90,19 @@ class Code:
             "solver": self.plan if self.plan.solvable else None,
             "timing": further_inputs(self.programs["path_dynamics"]) if "path_dynamics" in self.programs else None,
             "fourier": f"{self.dialect.prefix}_fourier.h" in self.files,
+            "unit": None if self.unit is None else self.unit.description,
             "drives": bool(self.model.drive_inertia_nominal),
         }
 
 
-def emitted_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] = ()) -> Code:
+def emitted_code(
+    spec: RobotSpec, real: Real = "double", further: Sequence[str] = (), unit: UnitCode | None = None
+) -> Code:
     """Emit the C code of ``spec``, inverse kinematics included; the symbolic derivation is cached.
 
     ``real`` is the C number type, "double" or "float". ``further`` are words of :data:`rrrgen.robot.file.fields.EMIT`:
-    groups of functions, and "gravity" for the model with gravity as an input beside it; other words change nothing.
+    groups of functions, and "gravity" for the model with gravity as an input beside it; other words change nothing. The
+    files of ``unit`` stand beside those of the model.
     """
     model, identity = derived_model(spec, further)
     groups = ("model", *(group for group in GROUPS if group in further))
@@ -100,7 +112,8 @@ def emitted_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] 
     declared = (declaration(spec.n),) if "control" in groups else ()
     if "gravity" in further:
         files |= c.sources(*derived_model(spec.in_any_gravity(), further), real)
-    return Code(model, identity, dialect, files, programs_of(model), make_plan(spec), declared, tuple(further))
+    files |= {} if unit is None else {name: text for name, text in unit.files.items() if not name.endswith(".json")}
+    return Code(model, identity, dialect, files, programs_of(model), make_plan(spec), declared, tuple(further), unit)
 
 
 def any_gravity_code(spec: RobotSpec, real: Real = "double", further: Sequence[str] = ()) -> Code:

@@ -7,7 +7,7 @@ import json
 from rrrgen.base.templates import render
 from rrrgen.emit import Real
 from rrrgen.emit.description import title
-from rrrgen.emit.targets.c_package import Code, emitted_code
+from rrrgen.emit.targets.c_package import FURTHER, Code, emitted_code
 from rrrgen.emit.targets.cpp import CppBackend
 from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions
 from rrrgen.robot.spec import RobotSpec
@@ -23,13 +23,23 @@ _RENDERED = {
 """The template of each rendered file, by the path of the file in the library."""
 
 
+_CONTROLLER = {
+    "examples/controller/controller.ino": "controller.ino",
+    "zephyr/samples/controller/src/main.c": "main.c",
+    "zephyr/samples/controller/CMakeLists.txt": "sample.cmake",
+    "zephyr/samples/controller/prj.conf": "prj.conf",
+}
+"""The same for a library with the controller."""
+
+
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
-    code = emitted_code(spec, options.real, options.further)
+    code = emitted_code(spec, options.real, options.further, options.unit)
     values = {**code.naming, "title": title(spec), "nominal": code.model.beta_nominal is not None}
     files: dict[str, Contents] = {f"src/{name}": text for name, text in code.files.items()}
     if "cpp" in options.further:
         files |= {f"src/{name}": text for name, text in _cpp(code, options.real).items()}
-    for name, template in _RENDERED.items():
+    rendered = _RENDERED | (_CONTROLLER if options.unit is not None else {})
+    for name, template in rendered.items():
         files[name] = render(f"embedded/{template}.j2", **values)
     files["library.json"] = json.dumps(_platformio(spec, str(values["version"])), indent=2) + "\n"
     return Exported(files)
@@ -58,16 +68,5 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     options=("real",),
-    further=(
-        "control",
-        "cpp",
-        "elastic",
-        "gravity",
-        "hessian",
-        "observer",
-        "points",
-        "tensors",
-        "timing",
-        "trajectory",
-    ),
+    further=tuple(sorted((*FURTHER, "cpp"))),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from rrrgen.emit import Real
 from rrrgen.robot.spec import RobotSpec
@@ -20,16 +21,31 @@ class Exported:
 
 
 @dataclass(frozen=True)
+class UnitCode:
+    """The controller of a robot as one unit, for a package that holds it.
+
+    ``files`` are its C files, ``description`` is pure data with modes, status bits, phases and the fields of all
+    structs, as in ``<name>_controller.json``. ``python`` is the text of the Python class that calls the C.
+    """
+
+    files: Mapping[str, str]
+    description: Mapping[str, Any]
+    python: str
+
+
+@dataclass(frozen=True)
 class ExportOptions:
     """Options that the user gives to ``rrrgen export``.
 
     ``real`` is the number type of the C code, ``platforms`` those to build for (empty: this machine), ``further`` what
-    the package holds besides the model: words of :data:`rrrgen.robot.file.fields.EMIT`.
+    the package holds besides the model: words of :data:`rrrgen.robot.file.fields.EMIT`. ``unit`` is the controller
+    where the word "controller" is one of them; :func:`rrrgen.exporting.export_robot` adds it.
     """
 
     real: Real = "double"
     platforms: tuple[str, ...] = ()
     further: tuple[str, ...] = ()
+    unit: UnitCode | None = None
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 from rrrgen.base.templates import render
 from rrrgen.emit.description import title
 from rrrgen.emit.targets.c_package import (
+    FURTHER,
     Code,
     any_gravity_code,
     described_functions,
@@ -33,7 +34,7 @@ def _package_name(robot: str) -> str:
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
     own = tuple(word for word in options.further if word != "gravity")
-    code = replace(emitted_code(spec, further=own), further=options.further)
+    code = replace(emitted_code(spec, further=own, unit=options.unit), further=options.further)
     files = _package(code)
     if "gravity" in options.further:
         second = _package(any_gravity_code(spec, further=own))
@@ -60,6 +61,9 @@ def _package(code: Code) -> dict[str, Contents]:
     special = ("time_path", "timed_path") if values["timing"] is not None else ()
     for function in (*special, *(("fourier",) if values["fourier"] else ())):
         files[f"{package}/{function}.m"] = render(f"matlab/{function}.m.j2", **values)
+    if code.unit is not None:
+        files[f"src/{name}_controller_mex.c"] = render("matlab/controller.c.j2", **values)
+        files[f"{package}/controller.m"] = render("matlab/controller.m.j2", **values)
     files[f"build_{name}.m"] = render("matlab/build.m.j2", **values)
     files[f"{name}_blocks.m"] = render("matlab/blocks.m.j2", **values)
     return files
@@ -102,5 +106,5 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     mechanisms=True,
-    further=("control", "elastic", "gravity", "hessian", "observer", "points", "tensors", "timing", "trajectory"),
+    further=FURTHER,
 )

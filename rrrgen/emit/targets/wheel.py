@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +12,7 @@ from rrrgen.base.files import as_bytes
 from rrrgen.base.templates import render
 from rrrgen.emit.description import title
 from rrrgen.emit.targets.c_package import (
+    FURTHER,
     Code,
     any_gravity_code,
     described_functions,
@@ -29,7 +31,7 @@ _HASH_DIGITS = 12  # of the model's hash, in the version of the package
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
     chosen = platforms(options.platforms)
     own = tuple(word for word in options.further if word != "gravity")
-    code = replace(emitted_code(spec, options.real, own), further=options.further)
+    code = replace(emitted_code(spec, options.real, own, options.unit), further=options.further)
     values = _values(code)
     modules = {"": code}
     if "gravity" in options.further:
@@ -42,6 +44,8 @@ def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
             library = f"{stem}{platform.suffix}"
             package[f"{name or '__init__'}.py"] = render("wheel/module.py.j2", **_values(each), library=library)
             package[library] = shared_library(each.files | loops(each), platform)
+        if options.unit is not None:
+            package |= {"controller.py": options.unit.python, "controller.json": json.dumps(options.unit.description)}
         files[_file_name(values, platform.tag)] = _wheel(values, platform.tag, package)
     readme = render("wheel/README.md.j2", **values, wheels=list(files))
     return Exported({**files, "README.md": readme})
@@ -92,5 +96,5 @@ EXPORTER = Exporter(
     one_file=False,
     mechanisms=True,
     options=("real", "platforms"),
-    further=("control", "elastic", "gravity", "hessian", "observer", "points", "tensors", "timing", "trajectory"),
+    further=FURTHER,
 )

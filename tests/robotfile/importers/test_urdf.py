@@ -10,7 +10,7 @@ import pytest
 
 from robotfile.importers.random_trees import random_tree
 from rrrgen.base.errors import InputError
-from rrrgen.emit.exporting import export_robot
+from rrrgen.exporting import export_robot
 from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.robot.importers.importing import import_robot
 from rrrgen.robot.importers.interface import ChainChoice

@@ -1,5 +1,6 @@
 // A small stand-in, for tests alone: parameters are kept in maps.
 #pragma once
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
@@ -8,9 +9,13 @@ namespace rclcpp {
 struct Parameter {
     std::vector<double> numbers;
     std::string text;
+    std::vector<std::string> texts = {};
+    int64_t integer = 0;
     std::vector<double> as_double_array() const { return numbers; }
     double as_double() const { return numbers.at(0); }
     std::string as_string() const { return text; }
+    std::vector<std::string> as_string_array() const { return texts; }
+    int64_t as_int() const { return integer; }
 };
 namespace node_interfaces {
 struct NodeParametersInterface {

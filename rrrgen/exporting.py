@@ -10,6 +10,7 @@ from rrrgen.base import plugins as plugin_groups
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.base.plugins import plugins
 from rrrgen.base.yamltext.suggestions import did_you_mean
+from rrrgen.controller.table import GROUPS as UNIT_GROUPS
 from rrrgen.emit import targets
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.robot.spec import RobotSpec
@@ -84,6 +85,8 @@ def export_robot(
         )
     _refuse_unused(exporter, options)
     wanted = {*spec.emit, *options.further}
+    if "controller" in wanted and "controller" in exporter.further:
+        wanted |= set(UNIT_GROUPS)
     options = replace(options, further=tuple(word for word in exporter.further if word in wanted))
     notes = tuple(_unheld(exporter, spec))
     if beta is not None or exporter.needs_bodies:
@@ -91,6 +94,10 @@ def export_robot(
 
         spec, changed = with_physical_links(spec, beta)
         notes += changed
+    if "controller" in options.further:
+        from rrrgen.controller.files import unit_code
+
+        options = replace(options, unit=unit_code(spec, options.real, options.further))
     found = exporter.write(spec, options)
     return replace(found, notes=(*notes, *found.notes))
 

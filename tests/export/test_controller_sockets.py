@@ -1,0 +1,270 @@
+"""One scripted run of the controller, with faults and changes of mode, through every socket: the same to round-off."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from export.arm import arm
+from export.rrr_library import run
+from rrrgen.controller.python_class import Controller
+from rrrgen.emit.targets.interface import ExportOptions
+from rrrgen.exporting import export_robot
+from rrrgen.runtime.controller import compiled_controller
+
+STAND_INS = Path(__file__).with_name("ros2_stand_ins")
+
+TICKS = 300
+SET = {"kp": 150.0, "threshold": 25.0}
+ROUNDING = {"rtol": 1e-12, "atol": 1e-12}
+"""The compilers of the sockets optimize differently; contraction of products and sums is off in all of them."""
+
+
+def scripted(controller: Controller) -> np.ndarray:
+    """Inputs of every tick: a motion in every mode by turns, and a fault of every kind."""
+    inputs = np.zeros(TICKS, controller._input.data.dtype)
+    t = np.arange(TICKS)[:, None] * 1e-3
+    wave = np.array([2.0, 3.0])
+    inputs["q"] = [0.3, -0.8] + 0.2 * np.sin(wave * t)
+    inputs["dq"] = 0.2 * wave * np.cos(wave * t)
+    inputs["q_d"], inputs["dq_d"] = inputs["q"] + 0.01, inputs["dq"]
+    inputs["T_d"] = np.eye(4).ravel()
+    inputs["V_d"] = [0.1, 0.05, 0.0, 0.0, 0.0, 0.2]
+    inputs["dt"], inputs["sample"] = 1e-3, np.arange(1, TICKS + 1)
+    modes = list(controller.description["modes"].values())
+    inputs["mode"] = np.array(modes)[np.arange(TICKS) // 20 % len(modes)]
+    inputs["q"][31:33] = np.nan
+    inputs["dq"][75, 1] = np.inf
+    inputs["q"][95] += 1.0
+    inputs["sample"][115] = inputs["sample"][114]
+    inputs["dt"][[140, 141]] = [5e-3, np.nan]
+    inputs["mode"][160] = 99
+    inputs["q"][200:230, 0] = np.nan  # longer than is bridged: the brake
+    inputs["q_d"][260, 0] = inputs["T_d"][260, 0] = inputs["V_d"][260, 0] = np.nan
+    return inputs
+
+
+def expected_of(controller: Controller) -> tuple[np.ndarray, np.ndarray]:
+    """Inputs and outputs of the run; the controller is reset once, after the brake, before tick 245."""
+    inputs = scripted(controller)
+    first = {name: inputs[name][0] for name in ("q", "dq")}
+    controller.start(**first)
+    before = controller.run({name: inputs[name][:245] for name in inputs.dtype.names})
+    controller.reset(**{name: inputs[name][244] for name in inputs.dtype.names})
+    after = controller.run({name: inputs[name][245:] for name in inputs.dtype.names})
+    return inputs, np.concatenate([before, after])
+
+
+def compare(found: np.ndarray, expected: np.ndarray) -> None:
+    for name in expected.dtype.names:
+        if expected.dtype[name].base.kind == "f":
+            np.testing.assert_allclose(found[name], expected[name], **ROUNDING, err_msg=name)
+        else:
+            np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def reference() -> tuple[np.ndarray, np.ndarray]:
+    inputs, outputs = expected_of(compiled_controller(arm(), "double", None, None, None, dict(SET)))
+    assert {0, 1, 2, 3} <= set(outputs["phase"])
+    return inputs, outputs
+
+
+def exported(target: str, place: Path, further: tuple[str, ...] = (), **options) -> Path:
+    files = export_robot(arm(), target, options=ExportOptions(further=("controller", *further), **options)).files
+    for name, contents in files.items():
+        (place / name).parent.mkdir(parents=True, exist_ok=True)
+        (place / name).write_bytes(contents if isinstance(contents, bytes) else contents.encode())
+    return place
+
+
+WHEEL = """
+import sys
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+from arm_model import Controller
+
+inputs = np.load(sys.argv[2])
+c = Controller("gravity", kp=150.0, threshold=25.0)
+c.start(q=inputs["q"][0], dq=inputs["dq"][0])
+before = c.run({name: inputs[name][:245] for name in inputs.dtype.names})
+c.reset(**{name: inputs[name][244] for name in inputs.dtype.names})
+after = c.run({name: inputs[name][245:] for name in inputs.dtype.names})
+np.save(sys.argv[2], np.concatenate([before, after]))
+try:
+    c.set(kp=float("nan"))
+except ValueError as error:
+    assert "kp[0]" in str(error)
+"""
+
+
+def test_wheel(reference, tmp_path):
+    inputs, outputs = reference
+    (wheel,) = exported("wheel", tmp_path).glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path / "site")
+    np.save(tmp_path / "run.npy", inputs)
+    run(sys.executable, "-I", "-c", WHEEL, tmp_path / "site", tmp_path / "run.npy")
+    compare(np.load(tmp_path / "run.npy"), outputs)
+
+
+MEX = """
+params = arm.controller('default');
+params.kp(:) = 150; params.threshold(:) = 25;
+file = fopen('inputs.txt'); rows = fscanf(file, '%f', [COLUMNS, Inf])'; fclose(file);
+names = {NAMES}; widths = [WIDTHS]; last = cumsum(widths);
+found = fopen('outputs.txt', 'w');
+for k = 1:size(rows, 1)
+  for f = 1:numel(names)
+    in.(names{f}) = rows(k, last(f) - widths(f) + 1 : last(f))';
+  end
+  if k == 1
+    state = arm.controller('init', params, struct('q', in.q, 'dq', in.dq));
+  elseif k == 246
+    state = arm.controller('reset', state, before);
+  end
+  [out, state] = arm.controller('step', state, in);
+  before = in;
+  fprintf(found, '%.17g ', struct2cell(out){:}); fprintf(found, '\\n');
+end
+fclose(found);
+function refused(call, id, text)
+  try
+    call();
+  catch err
+    assert(err.identifier, id);
+    assert(! isempty(strfind(err.message, text)));
+    return
+  end
+  error('nothing was refused');
+end
+params.kp(2) = -1;
+refused(@() arm.controller('set', state, params), 'arm:parameter', 'kp[1]');
+refused(@() arm.controller('step', state, struct('qd', 1)), 'arm:name', 'qd');
+"""
+
+
+def flat(rows: np.ndarray) -> np.ndarray:
+    """Every field of the rows as columns (ticks, columns), float64."""
+    return np.hstack([rows[name].reshape(len(rows), -1).astype(float) for name in rows.dtype.names])
+
+
+def unflat(columns: np.ndarray, dtype: np.dtype) -> np.ndarray:
+    found, at = np.zeros(len(columns), dtype), 0
+    for name in dtype.names:
+        size = int(np.prod(dtype[name].shape, dtype=int))
+        found[name] = columns[:, at : at + size].reshape(found[name].shape)
+        at += size
+    return found
+
+
+@pytest.mark.skipif(shutil.which("mkoctfile") is None, reason="needs Octave and its headers (octave-dev)")
+def test_mex_in_octave(reference, tmp_path):
+    inputs, outputs = reference
+    folder = exported("matlab", tmp_path)
+    np.savetxt(folder / "inputs.txt", flat(inputs), "%.17g")
+    names = inputs.dtype.names
+    widths = [int(np.prod(inputs.dtype[name].shape, dtype=int)) for name in names]
+    words = {"COLUMNS": sum(widths), "NAMES": ", ".join(f"'{n}'" for n in names), "WIDTHS": " ".join(map(str, widths))}
+    text = MEX
+    for word, value in words.items():
+        text = text.replace(word, str(value))
+    (folder / "use.m").write_text("1;\n" + text, encoding="utf-8")
+    run("octave-cli", "-q", "--eval", "setenv('CFLAGS', '-O1 -ffp-contract=off'); build_arm; use", cwd=folder)
+    compare(unflat(np.loadtxt(folder / "outputs.txt"), outputs.dtype), outputs)
+
+
+ROS2 = """
+#include "src/controller.cpp"
+#include <cstdio>
+#include <fstream>
+
+#define REQUIRE(x) do { if (!(x)) { std::printf("line %d: %s\\n", __LINE__, #x); return 1; } } while (0)
+
+int main()
+{
+    using controller_interface::CallbackReturn;
+    const auto c = make<controller_interface::ControllerInterface>();
+    const auto node = c->get_node();
+    double state[4], effort[2], brake;
+    REQUIRE(c->on_init() == CallbackReturn::SUCCESS);
+    node->known["brake_interface"].text = "brake/engaged";
+    node->known["kp"].numbers[1] = -1.0;
+    REQUIRE(c->on_configure({}) == CallbackReturn::ERROR && std::string(node->said).find("kp[1] is") == 0);
+    node->known["kp"].numbers = {150.0, 150.0};
+    node->known["threshold"].numbers = {25.0, 25.0};
+    REQUIRE(c->on_configure({}) == CallbackReturn::SUCCESS);
+    REQUIRE(c->state_interface_configuration().names[3] == "elbow/velocity");
+    REQUIRE(c->command_interface_configuration().names.back() == "brake/engaged");
+    for (double &each : state) c->state_interfaces_.push_back({&each});
+    for (double &each : effort) c->command_interfaces_.push_back({&each});
+    c->command_interfaces_.push_back({&brake});
+
+    const std::map<int, const char *> modes = {MODES};
+    std::ifstream rows("inputs.txt");
+    std::FILE *found = std::fopen("outputs.txt", "w");
+    for (int k = 0; k < TICKS; k++) {
+        std::vector<double> row(COLUMNS);
+        for (double &each : row) {
+            std::string word;
+            rows >> word;
+            each = std::stod(word);
+        }
+        for (int j = 0; j < 2; j++) {
+            state[2 * j] = row[j];
+            state[2 * j + 1] = row[2 + j];
+        }
+        if (k == 0) REQUIRE(c->on_activate({}) == CallbackReturn::SUCCESS);
+        const int mode = static_cast<int>(row.back());
+        node->publish("~/mode", std_msgs::msg::String{modes.at(mode)});
+        node->publish("~/reference", std_msgs::msg::Float64MultiArray{{row.begin() + 4, row.end() - 3}});
+        const auto result = c->update({}, {row[row.size() - 3]});
+        REQUIRE((brake != 0.0) == (result == controller_interface::return_type::ERROR));
+        std::fprintf(found, "%.17g %.17g %.17g\\n", effort[0], effort[1], brake);
+    }
+    std::fclose(found);
+    c->on_deactivate({});
+    REQUIRE(effort[0] == 0.0 && brake == 1.0);
+    return 0;
+}
+"""
+
+
+def test_ros2_control(reference, tmp_path):
+    """Through the base class, with stand-ins of the interfaces; a reset is an activation there."""
+    inputs, _ = reference
+    inputs = inputs[:240].copy()
+    inputs["sample"] = np.arange(1, 241)
+    inputs["mode"][160] = inputs["mode"][159]  # a mode is known by its name, others are not taken
+    c = compiled_controller(arm(), "double", None, None, None, dict(SET))
+    c.start(q=inputs["q"][0], dq=inputs["dq"][0])
+    expected = c.run({name: inputs[name] for name in inputs.dtype.names})
+    folder = exported("ros2", tmp_path)
+    np.savetxt(folder / "inputs.txt", flat(inputs), "%.17g")
+    words = ", ".join(f'{{{number}, "{name}"}}' for name, number in c.description["modes"].items())
+    text = ROS2.replace("MODES", words).replace("TICKS", "240").replace("COLUMNS", str(flat(inputs).shape[1]))
+    (folder / "use.cpp").write_text(text, encoding="utf-8")
+    sources = ["arm.c", "arm_controller.c", "arm_differential_ik.c"]
+    run("gcc", "-std=c99", "-O1", "-ffp-contract=off", "-c", *sources, cwd=folder / "model")
+    objects = [f"model/{name[:-1]}o" for name in sources]
+    warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    run(
+        "g++", "-std=c++17", *warnings, f"-I{STAND_INS}", "-Imodel", "use.cpp", *objects, "-lm", "-o", "use", cwd=folder
+    )
+    run(folder / "use", cwd=folder)
+    found = np.loadtxt(folder / "outputs.txt")
+    np.testing.assert_allclose(found[:, :2], expected["tau"], **ROUNDING)
+    np.testing.assert_array_equal(found[:, 2], expected["brake"])
+    assert expected["brake"].any()
+    yaml = pytest.importorskip("ruamel.yaml").YAML(typ="safe")
+    config = yaml.load((folder / "config" / "controller.yaml").read_text())["arm_controller"]["ros__parameters"]
+    defaults = compiled_controller(arm(), "double", None, None, None, {}).params
+    for name in defaults.data.dtype.names[2:]:
+        np.testing.assert_array_equal(config[name], getattr(defaults, name))
+    assert (folder / "urdf" / "arm.urdf").is_file()
+    compile((folder / "launch" / "controller.launch.py").read_text(), "launch", "exec")
