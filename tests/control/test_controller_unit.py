@@ -156,8 +156,8 @@ def test_without_friction_the_law_is_that_of_zero_friction_and_shorter(rrr):
     short = own_programs(unit_of(model, parts=[]))["computed_torque"]
     assert not {"friction", "width"} & {port.name for port in short.inputs}
     assert not any(op.value == "exp" for op, _, _ in short.nodes)
-    free = rrr.controller("computed_torque", parts=["observer"])
-    zero = rrr.controller("computed_torque", parts=["observer", "friction"], friction=0.0)
+    free = rrr.controller(modes=["computed_torque"], parts=["observer"])
+    zero = rrr.controller(modes=["computed_torque"], parts=["observer", "friction"], friction=0.0)
     q, dq = np.array([0.2, -0.4, 0.3]), np.array([0.3, -0.1, 0.2])
     for c in (free, zero):
         c.start(q=q, dq=dq)
@@ -170,7 +170,7 @@ def test_without_friction_the_law_is_that_of_zero_friction_and_shorter(rrr):
 
 
 def test_the_estimator_learns_a_payload_but_not_a_push(rrr):
-    c = rrr.controller("computed_torque", parts=["observer", "estimator", "kalman", "friction"], friction=0.0)
+    c = rrr.controller(modes=["computed_torque"], parts=["observer", "estimator", "kalman", "friction"], friction=0.0)
     true = c.params.beta * np.where(np.arange(15) % 3 == 0, 1.3, 0.8)
     q, dq = np.array([0.2, -0.4, 0.3]), np.zeros(3)
     target = q.copy()
@@ -223,7 +223,10 @@ def test_gains_of_the_filter_are_those_of_the_tuning_and_the_period(rrr, tmp_pat
     defaults = {row["name"]: row["default"] for row in written["structs"]["params"]["fields"]}
     np.testing.assert_allclose(defaults["kalman_gain"], kalman_matrices(0.002, 1e-10, 1e4).k, rtol=1e-15)
     assert defaults["Ts"] == [0.002]
-    slow, usual = (rrr.controller(parts=["kalman"], Ts=period).params.kalman_gain[0] for period in (0.004, 0.001))
+    slow, usual = (
+        rrr.controller(modes=["gravity"], parts=["kalman"], Ts=period).params.kalman_gain[0]
+        for period in (0.004, 0.001)
+    )
     assert slow > usual
     with pytest.raises(InputError, match="accelerations"):
         rrr.controller(parts=["estimator"])
@@ -232,7 +235,7 @@ def test_gains_of_the_filter_are_those_of_the_tuning_and_the_period(rrr, tmp_pat
 def test_near_a_singular_configuration_the_law_is_damped_or_the_arm_stops(rrr):
     q, rest = np.array([0.2, -0.4, 0.0]), np.zeros(3)  # stretched out
     for action, phase, faults in ((0, 0, {"MODEL"}), (1, 2, {"MODEL"})):
-        c = rrr.controller("operational_space", model_action=action)
+        c = rrr.controller(modes=["operational_space"], model_action=action)
         c.start(q=q, dq=rest)
         out = c.step(q=q, dq=rest, T_d=rrr.forward_kinematics(q).ravel(), V_d=np.zeros(6))
         assert c.faults(out.status).keys() - {"CONTACT_UNKNOWN"} == faults
@@ -240,7 +243,7 @@ def test_near_a_singular_configuration_the_law_is_damped_or_the_arm_stops(rrr):
         np.testing.assert_allclose(out.tau, rrr.gravity(q), atol=1e-6)
 
 
-@pytest.mark.parametrize("robot", ["rrr", "panda", "stanford"])
+@pytest.mark.parametrize("robot", ARMS, ids=["rrr", "Own6", "panda"])
 def test_proposed_dampings_are_stable_when_sampled(robot):
     from rrrgen.controller.proposals import proposals
     from rrrgen.controller.table import GROUPS, unit_of
