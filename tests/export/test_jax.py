@@ -47,7 +47,7 @@ def worst(value, expected):
     return np.max(np.abs(np.asarray(value) - expected)) / np.max(np.abs(expected))
 
 
-@pytest.mark.parametrize("robot", ["rrr", "stanford"])
+@pytest.mark.parametrize("robot", ["rrr", "scara"])
 def test_batches_equal_the_compiled_c(tmp_path, robot):
     module, model = imported(tmp_path, robot), rrrgen.compile(robot)
     q, dq, ddq = states(model.n, 20)
