@@ -10,6 +10,8 @@ from scipy.signal import cont2discrete
 from backends.c_tools import C99, CXX, SANITIZERS, compile_all, compiler
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
+from rrrgen.lab.response.aliases import aliases
+from rrrgen.lab.response.response_model import Resonance
 from rrrgen.lab.vibration import KINDS, Vibration, design_notches, design_shaper, impulses, phase_lag
 
 PERIOD = 1e-3
@@ -66,6 +68,20 @@ def test_shapers_leave_what_they_promise(kind, mode):
     assert min(shaper.weights) > 0.0
     periods = shaper.length * PERIOD * mode.frequency
     assert periods == pytest.approx({"zv": 0.5, "zvd": 1.0, "ei": 1.0}[kind], abs=2.0 * PERIOD * mode.frequency + 0.01)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_shaper_stills_every_frequency_that_a_measured_mode_may_stand_for(kind):
+    """A mode and its aliases have the same sampled poles, so behind a hold at that rate one design serves them all."""
+    shaper = design_shaper([JOINT], PERIOD, kind)
+    candidates = aliases(Resonance(96.3, 0.02, 0.1, 0.001), 1.0 / PERIOD)
+    assert len(candidates) > 5
+    for true in candidates:
+        found = left_vibration(shaper, true.frequency, true.damping)
+        assert found == pytest.approx(shaper.residual(96.3, 0.02), rel=1e-6, abs=1e-9)
+    # at another rate the true frequency matters: a shaper for the alias leaves much of the vibration
+    other = design_shaper([JOINT], 1.1 * PERIOD, kind)
+    assert other.residual(candidates[1].frequency, candidates[1].damping) > 0.2
 
 
 def test_ei_is_the_published_one():
@@ -151,7 +167,7 @@ def test_c_equals_python(written, tmp_path, name, flags, real):
 
 
 def test_models_of_postures_lead_to_filters(tmp_path, capsys):
-    from rrrgen.lab.response.response_model import Resonance, ResponseModel
+    from rrrgen.lab.response.response_model import ResponseModel
 
     a = [1.7, -0.9]
     zeros = -np.poly(np.exp(2j * np.pi * 70.0 * PERIOD * np.array([1, -1])) * 0.99).real
