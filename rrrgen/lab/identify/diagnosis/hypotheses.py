@@ -30,7 +30,7 @@ from rrrgen.lab.estimate.regression import correlated_covariance, least_squares
 from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording
-from rrrgen.lab.identify.diagnosis.trial_fits import FLOOR, AllTerms, Sample, solve_normal_equations
+from rrrgen.lab.identify.diagnosis.trial_fits import FLOOR, AllTerms, Sample, fit_products, solve_normal_equations
 
 POSSIBLE, NAMED = 0.05, 0.10
 """Share of the held-out squares that a repair must explain. Of 74 sound sets, none reached 0.046 with t above 2."""
@@ -294,14 +294,8 @@ class Comparison:
 
     def solve(self, G: Array) -> tuple[Array, Array]:
         """Parameters (m,) and residual deviations (n,) from products ``G`` (n, m+1, m+1); weights are iterated."""
-        sigma = self.size
-        for _ in range(3):
-            total = np.tensordot(1.0 / sigma**2, G, 1)
-            x, _ = solve_normal_equations(total[:-1, :-1], total[:-1, -1])
-            c = np.append(-x, 1.0)
-            squares = np.maximum(np.einsum("a,jab,b->j", c, G, c), 0.0)
-            sigma = np.maximum(np.sqrt(squares / self.counts), FLOOR * self.size)
-        return x, sigma
+        x, _, squares = fit_products(G, self.counts, self.size)
+        return x, np.maximum(np.sqrt(squares / self.counts), FLOOR * self.size)
 
     def joint_errors(self, values: Mapping[Term, float]) -> Array:
         """Relative torque errors (n,) of the fit at ``values`` of the nuisance parameters."""

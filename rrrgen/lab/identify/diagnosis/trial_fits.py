@@ -229,35 +229,44 @@ class Trial:
     def __init__(self, regressor: Regressor, sample: Sample) -> None:
         self.sample = sample = sample.thinned(MOST_ROWS // sample.n)
         W = np.asarray(regressor(sample.q, sample.dq, sample.ddq))
-        use = [sample.use[:, j] for j in range(sample.n)]
-        self.counts = np.array([max(1, int(np.sum(u))) for u in use])
-        self.G = np.stack([W[u, j].T @ W[u, j] for j, u in enumerate(use)])
-        self.c = np.stack([W[u, j].T @ sample.tau[u] for j, u in enumerate(use)])
-        self.T = np.stack([sample.tau[u].T @ sample.tau[u] for u in use])
+        self.columns = W.shape[-1]
+        self.counts = np.maximum(1, np.sum(sample.use, axis=0))
+        rows = [np.hstack([W[:, j], sample.tau])[sample.use[:, j]] for j in range(sample.n)]
+        self.products = np.stack([A.T @ A for A in rows])  # of the columns and of the torques of all joints
 
     def fit(self, mix: Array | None = None, columns: Sequence[int] | None = None) -> Fit:
         """Fit the parameters of ``columns`` (all by default) to the torques ``tau @ mix``.
 
         ``mix`` (n, n), the identity by default, exchanges or scales the torques of the joints.
         """
-        n = self.sample.n
-        A = np.eye(n) if mix is None else mix
-        kept = list(range(self.G.shape[1])) if columns is None else list(columns)
-        G = self.G[:, kept][:, :, kept]
-        c = np.stack([self.c[j][kept] @ A[:, j] for j in range(n)])
-        total = np.maximum([A[:, j] @ self.T[j] @ A[:, j] for j in range(n)], np.finfo(float).tiny)
-        size = np.sqrt(total / self.counts)
-        sigma = size
-        for _ in range(PASSES):
-            w2 = 1.0 / sigma**2
-            x, inverse = solve_normal_equations(np.tensordot(w2, G, 1), w2 @ c)
-            left = np.array([total[j] - 2.0 * x @ c[j] + x @ G[j] @ x for j in range(n)])
-            sigma = np.sqrt(np.maximum(left, 0.0) / self.counts)
-            sigma = np.maximum(sigma, FLOOR * size)
-        theta, covariance = np.zeros(self.G.shape[1]), np.zeros(self.G.shape[1:])
+        n, p = self.sample.n, self.columns
+        kept = list(range(p)) if columns is None else list(columns)
+        change = np.zeros((n, p + n, len(kept) + 1))
+        change[:, kept, range(len(kept))] = 1.0
+        change[:, p:, -1] = np.eye(n) if mix is None else mix.T
+        G = change.transpose(0, 2, 1) @ self.products @ change
+        total = np.maximum(G[:, -1, -1], np.finfo(float).tiny)
+        x, inverse, squares = fit_products(G, self.counts, np.sqrt(total / self.counts))
+        theta, covariance = np.zeros(p), np.zeros((p, p))
         theta[kept] = x
         covariance[np.ix_(kept, kept)] = inverse
-        return Fit(np.sqrt(np.maximum(left, 0.0) / total), theta, covariance)
+        return Fit(np.sqrt(squares / total), theta, covariance)
+
+
+def fit_products(G: Array, counts: Array, size: Array) -> tuple[Array, Array, Array]:
+    """Weighted least squares from the products ``G`` (n, m+1, m+1) of the rows [A_j, tau_j] of every joint.
+
+    Each joint weighs by its residuals, in a few passes that begin with the torques' ``size`` (n,); ``counts`` (n,) are
+    the numbers of rows. Returns the parameters (m,), their covariance (m, m), and the squared residuals (n,).
+    """
+    sigma = size
+    for _ in range(PASSES):
+        total = np.tensordot(1.0 / sigma**2, G, 1)
+        x, inverse = solve_normal_equations(total[:-1, :-1], total[:-1, -1])
+        c = np.append(-x, 1.0)
+        squares = np.maximum(np.einsum("a,jab,b->j", c, G, c), 0.0)
+        sigma = np.maximum(np.sqrt(squares / counts), FLOOR * size)
+    return x, inverse, squares
 
 
 def solve_normal_equations(G: Array, c: Array) -> tuple[Array, Array]:
