@@ -47,7 +47,8 @@ def facts(model: DerivedModel, identity: Identity) -> dict[str, str]:
     """Facts about the robot by heading: origin of the code, DH convention, units, gravity, frames and drives."""
     spec = model.spec
     gravity = ", ".join(_number(component) for component in spec.gravity)
-    felt = f"acceleration ({gravity}) m/s^2 in the base frame"
+    axes = "world axes, for functions that hold the base still in its own" if spec.floating_base else "the base frame"
+    felt = f"acceleration ({gravity}) m/s^2 in {axes}"
     if spec.gravity_input:
         felt = (
             f"an input of the functions that feel it: its acceleration in the base frame, nominally ({gravity}) m/s^2"

@@ -37,6 +37,10 @@ class Role(Enum):
     GRAVITY = "gravity"  # the acceleration of gravity in the base frame, where it is an input
     FRICTION = "friction parameters"
     GEOMETRY = "geometry"  # named lengths and angles that are inputs instead of numbers
+    ORIENTATION = "orientation"  # of a floating base, a quaternion x, y, z, w
+    TWIST = "twist"  # of a floating base, linear part first, in base axes
+    TWIST_RATE = "twist rate"  # the time derivative of its components
+    WRENCH = "wrench"  # on a floating base, force first, about its origin, in base axes
     OTHER = "other"
 
     @property

@@ -59,6 +59,8 @@ def identify(spec: RobotSpec) -> Identity:
                 del row[key]
     if not spec.gravity_input:
         del robot["gravity_input"]
+    if not spec.floating_base:
+        del robot["floating_base"]
     if spec.ik == "general":
         del robot["ik"]
     text = json.dumps(robot, sort_keys=True, separators=(",", ":"))

@@ -386,6 +386,7 @@ class RobotSpec:
     - ``mechanism``: the rows of the table, if some of them follow other joints or branch off; ``joints`` are then only
       the driven joints, whose positions are q, and there is a link for every row. None for a serial chain of driven
       joints;
+    - ``floating_base``: whether the base moves freely; its body is the first, fixed row, and gravity is in world axes;
     - ``basis``: base parameters chosen by the user, or None; ``drives``: coupled drives, None if every joint has its
       own;
     - ``angle_unit`` and ``length_unit``: those that the file was written in, to print it back;
@@ -421,6 +422,7 @@ class RobotSpec:
     gravity_input: bool = False
     ik: str = "general"
     mechanism: MechanismSpec | None = None
+    floating_base: bool = False
 
     @property
     def n(self) -> int:

@@ -31,6 +31,20 @@ class Kinematics(NamedTuple):
     J: NDArray[Any]
 
 
+class FloatingForces(NamedTuple):
+    """Force (N) and moment (N m) on a floating base, ``wrench`` (..., 6), and joint torques ``tau`` (..., n)."""
+
+    wrench: NDArray[Any]
+    tau: NDArray[Any]
+
+
+class FloatingAccelerations(NamedTuple):
+    """Rates of the components of the base twist, ``twist_rate`` (..., 6), and joint accelerations ``ddq`` (..., n)."""
+
+    twist_rate: NDArray[Any]
+    ddq: NDArray[Any]
+
+
 class DynamicsTerms(NamedTuple):
     """The terms of ``tau = M ddq + c + g``: mass matrix (..., n, n), Coriolis and gravity torques (..., n); SI."""
 

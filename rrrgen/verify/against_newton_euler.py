@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,10 +13,10 @@ import sympy as sp
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
 from rrrgen.verify.identities import check_refusal, is_definite
 from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
-from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, NewtonEuler
+from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, BaseState, NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, motor_loads, motor_speeds
 from rrrgen.verify.report import Collector, Tolerances, rate, size
-from rrrgen.verify.subject import Parameters, States, draw_states
+from rrrgen.verify.subject import SPEED, Parameters, States, draw_states
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -25,6 +26,7 @@ RANK_THRESHOLD = 1e-10  # relative to the largest singular value; exact zeros ar
 NEARLY_SPECIAL = 1.1e-4  # quarter turns or rad; what acts by the square of a smaller angle is near RANK_THRESHOLD
 RESIDUE = 1e-25  # what terms of size 1 that cancel leave in 30 digits
 NO_PARAMETERS = "-"
+LIFT = 10.0  # m/s^2 and rad/s^2, size of the accelerations of a floating base
 
 
 def check_kinematics(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
@@ -61,6 +63,8 @@ def check_regressors(model: Model, ne: NewtonEuler, s: States, tolerances: Toler
         np.concatenate([Y, extra], axis=2),
     )
     s = draw_states(ne.chain, RANK_STATES, np.random.default_rng(0))
+    if model.spec.floating_base:
+        return  # check_floating_base has the rank of the regressor with the rows of the wrench
     expected = np.full(2, float(scaled_rank(ne.standard_regressor(s.q, s.dq, s.ddq))))
     if len(K) > expected[0] and is_nearly_special(model.spec):  # what the last parameters do is below round-off
         of_model = "rank of the regressor, nearly special arm"
@@ -72,6 +76,51 @@ def check_regressors(model: Model, ne: NewtonEuler, s: States, tolerances: Toler
         expected,
         scale=1.0,
     )
+
+
+def draw_base(count: int, rng: np.random.Generator) -> BaseState:
+    """Draw ``count`` random states of a floating base, in any orientation."""
+    orientation = rng.normal(size=(count, 4))
+    orientation /= np.linalg.norm(orientation, axis=1, keepdims=True)
+    return BaseState(orientation, rng.uniform(-SPEED, SPEED, (count, 6)), rng.uniform(-LIFT, LIFT, (count, 6)))
+
+
+def check_floating_base(
+    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+) -> None:
+    """Compare the dynamics on a floating base with the reference, and the base parameters with the rank of its rows."""
+    if not model.spec.floating_base:
+        return
+    check, beta = rows.against(ne.name, parameters.label, tolerances.exact, s.count), parameters.beta
+    base = draw_base(s.count, np.random.default_rng(0))
+    pose, twist, twist_rate = base.orientation, base.twist, base.twist_rate
+    wrench, tau = ne.floating_inverse_dynamics(s.q, s.dq, s.ddq, base)
+    both = np.concatenate([wrench, tau], axis=1)
+    rest = replace(base, twist_rate=np.zeros_like(base.twist_rate))
+    h = np.concatenate(ne.floating_inverse_dynamics(s.q, s.dq, np.zeros_like(s.q), rest), axis=1)
+
+    def forces() -> Array:
+        found = model.floating_inverse_dynamics(s.q, s.dq, s.ddq, pose, twist, twist_rate, beta=beta)
+        return np.concatenate([found.wrench, found.tau], axis=1)
+
+    def regenerated() -> Array:
+        found = model.floating_forward_dynamics(s.q, s.dq, tau, pose, twist, wrench, beta=beta)
+        back = replace(base, twist_rate=np.asarray(found.twist_rate))
+        return np.concatenate(ne.floating_inverse_dynamics(s.q, s.dq, np.asarray(found.ddq), back), axis=1)
+
+    check("floating_inverse_dynamics", forces, both)
+    check("floating_mass_matrix", lambda: model.floating_mass_matrix(s.q, beta=beta), ne.floating_mass_matrix(s.q))
+    check("floating_bias", lambda: model.floating_bias(s.q, s.dq, pose, twist, beta=beta), h, scale=size(both))
+    if parameters.physical:
+        check("floating_forward_dynamics (as forces)", regenerated, both)
+    Y, K = ne.floating_regressor(s.q, s.dq, s.ddq, base), np.asarray(model.base_projection)
+    check("floating_regressor K", lambda: model.floating_regressor(s.q, s.dq, s.ddq, pose, twist, twist_rate) @ K, Y)
+    s, base = (
+        draw_states(ne.chain, RANK_STATES, np.random.default_rng(0)),
+        draw_base(RANK_STATES, np.random.default_rng(1)),
+    )
+    rank = scaled_rank(ne.floating_regressor(s.q, s.dq, s.ddq, base))
+    check("number of base parameters (rank)", lambda: np.array([float(len(K))]), np.array([float(rank)]), scale=1.0)
 
 
 def is_nearly_special(spec: RobotSpec) -> bool:

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from rrrgen.verify.against_newton_euler import check_dynamics, check_friction, check_kinematics, check_regressors
+from rrrgen.verify.against_newton_euler import (
+    check_dynamics,
+    check_floating_base,
+    check_friction,
+    check_kinematics,
+    check_regressors,
+)
 from rrrgen.verify.identities import check_derivatives, check_identities, check_parameters
 from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
 from rrrgen.verify.references.libraries import LIBRARIES, ReferenceUnavailableError
@@ -71,6 +77,7 @@ def verify(
     for parameters in sets:
         reference = NewtonEuler(chain, parameters.phi)
         check_dynamics(model, reference, parameters, states, tolerances, rows)
+        check_floating_base(model, reference, parameters, states, tolerances, rows)
         check_derivatives(model, reference, parameters, states, tolerances, rows)
         check_identities(model, chain, parameters, states, tolerances, rows)
     check_inverse_kinematics(single_model, chain, samples, rng, rows, tell)

@@ -28,6 +28,11 @@ T_far[:3, 3] *= 9
     "controller": "",
     "from-a-csv": "",
     "other-formats": "",
+    "trees": """
+import shutil
+from pages.test_pages import ROOT
+shutil.copytree(ROOT / "examples/trees", "examples/trees")
+""",
     "quick-start": "q = dq = ddq = [0.1, 0.2, 0.3]",
     "path-timing": "",
     "python": "",
@@ -49,6 +54,10 @@ AFTER = {
     "other-formats": "assert rrrgen.load_spec('puma.yaml').n == 6",
     "python": "assert abs(float(result[result.names[0]]) / model.beta[0] - 1) < 0.02 and identified.n == 2",
     "identification": "assert len(files) == 2",
+    "trees": """
+falling = m.floating_inverse_dynamics(q, dq, fall.ddq, orientation, twist, fall.twist_rate)
+assert abs(falling.wrench).max() < 1e-9 and abs(falling.tau - held.tau).max() < 1e-9
+""",
     "online-estimation": "assert estimator.parameters.shape == (13,)",
 }
 """Page -> a check of what its blocks computed."""

@@ -15,6 +15,7 @@ class Needs(Enum):
     NOTHING = "nothing"
     FRICTION = "friction"
     FRICTION_STATE = "a friction law with a state"
+    FLOATING_BASE = "a floating base"
     TIP_POSITION = "joints that move the position of the tip"
     TIP_POSE = "joints that move the position of the tip, and joints that turn it"
 

@@ -86,6 +86,7 @@ _SHARED = (
     Quantity("ki", "n", "N m/(rad s) | N/(m s)", "gains of the integral", note="; zero for none", constant=True),
     Quantity("kp", "n", "N m/rad | N/m", "gains of the position error", constant=True),
     Quantity("mass", "", "kg", "mass of the body"),
+    Quantity("orientation", "4", "1", "orientation of the base in the world", note=": the unit quaternion x, y, z, w"),
     Quantity("point", "3", "m", "the point in that frame"),
     Quantity("q_0", "n", "rad | m", "positions at the start"),
     Quantity("q_1", "n", "rad | m", "positions at the end"),
@@ -133,6 +134,16 @@ _SHARED = (
     Quantity("theta", "n", "rad | m", "measured positions of the rotors, seen at the joints"),
     Quantity("tool", "4 4", "1, m", "pose of the tool in the last link frame", constant=True, rigid=True),
     Quantity("Ts", "", "s", "the period"),
+    Quantity(
+        "twist", "6", "m/s, rad/s", "velocity of the base origin, then angular velocity of the base", note=", base axes"
+    ),
+    Quantity(
+        "twist_rate",
+        "6",
+        "m/s^2, rad/s^2",
+        "time derivatives of the components of the twist",
+        note="; the base origin is accelerated by ``dv/dt + omega x v``",
+    ),
     Quantity("V_d", "6", "m/s, rad/s", "desired velocity of the tip", note=", base frame"),
     Quantity("weights", "n", "any", "the weights"),
     Quantity(
@@ -144,6 +155,7 @@ _SHARED = (
         constant=True,
         spread=True,
     ),
+    Quantity("wrench", "6", "N, N m", "force, then moment about the base origin, on the base", note=", base axes"),
     Quantity(
         "z", "n", "rad s | m s", "state of the integral", note="; zero at the start, then ``z_next`` of the last tick"
     ),

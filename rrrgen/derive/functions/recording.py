@@ -50,6 +50,14 @@ JOINT_ROLES = {
 }
 """Roles of joint vectors by name."""
 
+BASE_ROLES = {
+    "orientation": Role.ORIENTATION,
+    "twist": Role.TWIST,
+    "twist_rate": Role.TWIST_RATE,
+    "wrench": Role.WRENCH,
+}
+"""Roles of the inputs of a floating base by name."""
+
 
 @dataclass(frozen=True)
 class Parametrization:
@@ -161,6 +169,10 @@ class Recording:
         role = JOINT_ROLES[name]
         return self._declared.get(role) or self._input(self.port(name))
 
+    def on_base(self, name: str) -> list[Value]:
+        """The input ``name`` of a floating base, one of :data:`BASE_ROLES`; declared when first asked for."""
+        return self._declared.get(BASE_ROLES[name]) or self._input(self.port(name))
+
     def chain(self) -> Chain:
         """Declare q as an input and return the chain at q, in the gravity of the robot file."""
         return program_chain(self.model, self.builder, self.constant, self.joints("q"))
@@ -202,7 +214,7 @@ class Recording:
         sizes = {"n": self.n, "3n": 3 * self.n, "b": len(self.parametrization.names) + self.drives}
         shape = shape or tuple(sizes[size] if size in sizes else int(size) for size in quantity.shape.split())
         domain = DOMAINS.get(name, Domain.FINITE)
-        role = JOINT_ROLES.get(name, Role.OTHER)
+        role = JOINT_ROLES.get(name) or BASE_ROLES.get(name, Role.OTHER)
         return Port(name, shape, self.unit(quantity.unit), "", quantity.words, role, domain)
 
     def unit(self, unit: str) -> str:

@@ -30,12 +30,15 @@ from rrrgen.program import Port, Program
 from rrrgen.robot.model.inertial_parameters import STANDARD
 
 
-def _regressor_rows(r: Recording, columns: list[list[Any]]) -> list[list[Any]]:
-    """Convert the columns of Y for the compiler's base parameters to the rows of Y (n, b + drives) for beta."""
-    inverse, drives = r.parametrization.inverse, inertia_columns(r.model.spec, r.joints("ddq"))
+def regressor_rows(r: Recording, columns: list[list[Any]], drives: list[list[Any]]) -> list[list[Any]]:
+    """Convert the columns of Y for the compiler's base parameters to the rows of Y, (n, b + drives), for beta.
+
+    ``drives`` are the columns of the drive inertias. On a floating base there are 6 + n rows.
+    """
+    inverse = r.parametrization.inverse
     if inverse is None:
         return [list(row) for row in zip(*columns, *drives, strict=True)]
-    rows = [_through(r, inverse, [column[j] for column in columns]) for j in range(r.n)]
+    rows = [_through(r, inverse, list(row)) for row in zip(*columns, strict=True)]
     return [[*row, *(column[j] for column in drives)] for j, row in enumerate(rows)]
 
 
@@ -65,7 +68,8 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
     def record(r: Recording) -> Program:
         chain = r.chain_in_gravity("dq", "ddq")
         dq, ddq = r.joints("dq"), r.joints("ddq")
-        rows = _regressor_rows(r, columns(chain, dq, ddq, frames(chain), r.parametrization.basis.parameters))
+        canonical = columns(chain, dq, ddq, frames(chain), r.parametrization.basis.parameters)
+        rows = regressor_rows(r, canonical, inertia_columns(r.model.spec, ddq))
         then = ", then of the drive inertias" if r.drives else ""
         port = Port("Y", (r.n, len(rows[0])), "SI", "", f"columns in the order of the base parameters{then}")
         return r.builder.program(

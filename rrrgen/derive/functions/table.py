@@ -1,7 +1,7 @@
 """The table of all model functions, by group and in the order of emission.
 
-The group "model" is always emitted, and with it, behind all other groups, the group "friction". The functions of the
-other groups are needed by some users only, and are derived and emitted on request.
+The group "model" is always emitted, and with it, behind all other groups, the groups "floating" and "friction". The
+functions of the other groups are needed by some users only, and are derived and emitted on request.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ ELASTIC = "rrrgen.derive.functions.elastic_joints"
 SECOND = "rrrgen.derive.functions.second_derivatives"
 PATHS = "rrrgen.derive.functions.motions"
 MOTIONS = "rrrgen.derive.functions.motions"
+FLOATING = "rrrgen.derive.functions.floating_base"
 FRICTION = "rrrgen.derive.functions.friction"
 
 TABLE = (
@@ -963,6 +964,75 @@ TABLE = (
         absent="all second derivatives exist for at most eight joints; inverse_dynamics_hessian has their weighted sum",
     ),
     ModelFunction(
+        "floating_inverse_dynamics",
+        "floating",
+        "Wrench on the floating base and joint torques, without friction.",
+        takes="q dq ddq orientation twist twist_rate beta * Ia gravity",
+        returns="The named tuple (wrench, tau): force (N) and moment (N m) on the base about its origin, in base axes, "
+        "(..., 6), and the joint torques, (..., n), N m or N.",
+        record=f"{FLOATING}:INVERSE_DYNAMICS",
+        details="``[wrench; tau] = M(q) [twist_rate; ddq] + h(q, dq, orientation, twist)``. A robot that flies has "
+        "wrench zero; one that stands has ``wrench = sum of J' f`` of the forces at its feet.",
+        raises=(("ValueError", "the robot file states no floating base."),),
+        result="FloatingForces",
+        needs=Needs.FLOATING_BASE,
+        absent="the robot has no floating base: state it under floating_base in the robot file",
+    ),
+    ModelFunction(
+        "floating_mass_matrix",
+        "floating",
+        "Mass matrix over the twist of the floating base and the joint velocities, drive inertia included.",
+        takes="q beta * Ia",
+        returns="M, (..., 6 + n, 6 + n), in SI units. Its first six rows times [twist; dq] are the linear and the "
+        "angular momentum about the base origin, in base axes.",
+        record=f"{FLOATING}:mass_matrix",
+        raises=(("ValueError", "the robot file states no floating base."),),
+        needs=Needs.FLOATING_BASE,
+        absent="the robot has no floating base: state it under floating_base in the robot file",
+    ),
+    ModelFunction(
+        "floating_bias",
+        "floating",
+        "Wrench on the floating base and joint torques where neither twist nor dq changes, without friction.",
+        takes="q dq orientation twist beta * gravity",
+        returns="h, (..., 6 + n), in SI units: force and moment on the base, then joint torques.",
+        record=f"{FLOATING}:BIAS",
+        raises=(("ValueError", "the robot file states no floating base."),),
+        needs=Needs.FLOATING_BASE,
+        absent="the robot has no floating base: state it under floating_base in the robot file",
+    ),
+    ModelFunction(
+        "floating_regressor",
+        "floating",
+        "Regressor of the floating base, ``[wrench; tau] = Y beta``, linear in the base parameters.",
+        takes="q dq ddq orientation twist twist_rate * gravity",
+        returns="Y, (..., 6 + n, b), in SI units: rows of force and moment on the base, then of the joints.",
+        record=f"{FLOATING}:REGRESSOR",
+        links_only="Y",
+        raises=(("ValueError", "the robot file states no floating base."),),
+        needs=Needs.FLOATING_BASE,
+        absent="the robot has no floating base: state it under floating_base in the robot file",
+    ),
+    ModelFunction(
+        "floating_forward_dynamics",
+        "floating",
+        "Accelerations of the floating base and of the joints; friction is not part of it: subtract it from ``tau``.",
+        takes="q dq tau orientation twist wrench beta * Ia gravity",
+        returns="The named tuple (twist_rate, ddq): rates of the components of the twist, (..., 6), m/s^2 and "
+        "rad/s^2, and joint accelerations, (..., n), rad/s^2 or m/s^2; zero where M is not positive definite. The "
+        "status, (...), is 0 where M is positive definite and 1 elsewhere.",
+        combine=f"{FLOATING}:forward_dynamics",
+        of=("floating_mass_matrix", "floating_bias"),
+        raises=(
+            ("ValueError", "the robot file states no floating base."),
+            ("numpy.linalg.LinAlgError", "M is indefinite or singular at some state, and ``with_status`` is False."),
+        ),
+        result="FloatingAccelerations",
+        status=True,
+        needs=Needs.FLOATING_BASE,
+        absent="the robot has no floating base: state it under floating_base in the robot file",
+    ),
+    ModelFunction(
         "friction",
         "friction",
         "Friction torques of the laws of the robot file, such as ``tau_f = fv dq + fc sgn(dq) + offset``.",
@@ -1053,6 +1123,9 @@ GROUPS = {
     " multipliers of the solver as weights, so that n matrices become one.",
     "tensors": "All second derivatives of inverse dynamics, unweighted, for robots of at most eight joints: their"
     " number grows with n^3.",
+    "floating": "Dynamics on a floating base: its twist [v; omega] and the rates of the components of the twist are in"
+    " base axes; the wrench on it, force and moment, is about its origin. The functions of the other groups hold the"
+    " base still.",
     "friction": "Friction at the joints and at coupled motors, under the laws of the robot file.",
 }
 """The groups of functions, and what they are for."""
@@ -1061,7 +1134,7 @@ ARGUMENT_ORDER = 2
 """Version of the order of arguments in emitted code. It is raised with every change of an order, since C accepts many
 old calls: pointers look alike. In version 1 parameters of the robot file stood before gains, width and period."""
 
-ALWAYS = ("model", "friction")
+ALWAYS = ("model", "floating", "friction")
 """The groups that every model has."""
 
 
@@ -1077,6 +1150,8 @@ def exists(function: ModelFunction, spec: RobotSpec) -> bool:
     if function.needs is Needs.FRICTION and not friction_of(spec):
         return False
     if function.needs is Needs.FRICTION_STATE and not any(surface.has_state for surface in friction_of(spec)):
+        return False
+    if function.needs is Needs.FLOATING_BASE and not spec.floating_base:
         return False
     if not function.suits(spec.n):
         return False
@@ -1097,7 +1172,8 @@ def functions_for(spec: RobotSpec, groups: Sequence[str]) -> tuple[ModelFunction
         if function.group in groups and 0 < function.most_joints < spec.n:
             raise DerivationError(f"{function.group} of {spec.name}, {spec.n} joints: {function.absent}")
     if "model" in groups:
-        groups = (*(group for group in groups if group != "friction"), "friction")
+        last = [group for group in ALWAYS if group != "model"]
+        groups = (*(group for group in groups if group not in last), *last)
     return tuple(f for group in dict.fromkeys(groups) for f in TABLE if f.group == group and exists(f, spec))
 
 

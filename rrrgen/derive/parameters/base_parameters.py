@@ -37,11 +37,12 @@ from rrrgen.derive.recursions.link_frames import (
     ResidueConstants,
     build_chain,
     exact_constants,
+    moving,
     quarter_turns,
     residue_chain,
     rotate_quarters,
 )
-from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia, from_standard
+from rrrgen.derive.recursions.pseudo_inertia import ENTRIES, PseudoInertia, from_standard
 from rrrgen.derive.recursions.regressor import Parameter, regressor
 from rrrgen.program.finite_field import PRIME, Residue, row_echelon
 from rrrgen.program.polynomials import Polynomial, PolynomialRing, to_expression
@@ -253,7 +254,10 @@ def _rational_state(
         return [Fraction(random.choice((0, 1)) * random.randint(-9, 9)) for _ in range(count)]
 
     q, gravity = numbers(), numbers(3) if model.spec.gravity_input else None
-    return build_chain(part, ring.convert, trig, q, gravity), numbers(), numbers()
+    chain = build_chain(part, ring.convert, trig, q, gravity)
+    if model.spec.floating_base:
+        chain = moving(chain, lambda: numbers(1)[0])
+    return chain, numbers(), numbers()
 
 
 def _check(
@@ -295,6 +299,15 @@ CANDIDATES = {
     False: ("m", "hx", "hy", "hz"),
 }
 """Entries that stay with a link behind a revolute (True) or prismatic (False) joint, in order of preference."""
+
+
+def candidate_entries(model: RobotModel, link: int) -> tuple[str, ...]:
+    """The entries that stay with ``link``: of the body of a floating base all ten, since no joint carries it."""
+    joint = model.joints[link]
+    if joint.parent < 0 and model.spec.floating_base:
+        return ENTRIES
+    return CANDIDATES[joint.revolute]
+
 
 UNITS = {"J": "kg m^2", "I": "kg m^2", "h": "kg m", "m": "kg"}
 
@@ -379,7 +392,7 @@ def base_set(model: RobotModel, seed: int = 1990) -> BaseSet:
     """The minimal base parameter set of ``model``; ``seed`` selects the random states of the rank computation."""
     ring = constants_ring(model)
     rows = _regroup(model, ring)
-    candidates = [(i, entry) for i, joint in enumerate(model.joints) for entry in CANDIDATES[joint.revolute]]
+    candidates = [(i, entry) for i in range(model.links) for entry in candidate_entries(model, i)]
     dependencies = find_dependencies(model, ring, candidates, seed)
     removed = {d.parameter: d for d in dependencies}
     kept = [c for c in candidates if c not in removed]
@@ -463,7 +476,9 @@ def regroup(
     for i in reversed(range(model.links)):
         joint = model.joints[i]
         J = from_standard(list(phi[i])).moved(placement(model.link_frames[i])).plus(carried.get(i, PseudoInertia()))
-        values |= {(i, entry): getattr(J, entry) for entry in CANDIDATES[joint.revolute]}
+        values |= {(i, entry): getattr(J, entry) for entry in candidate_entries(model, i)}
+        if joint.parent < 0 and model.spec.floating_base:
+            continue
         X = placement(joint.before)
         if joint.revolute:
             moved = PseudoInertia(Jzz=J.Jzz, hz=J.hz, m=J.m).moved(X)

@@ -11,7 +11,7 @@ displacements are ``y = S q`` with a constant matrix S. Rates and forces are tho
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from random import Random
@@ -59,10 +59,23 @@ class ChainJoint:
 
 
 @dataclass(frozen=True)
+class BaseMotion:
+    """Motion of a floating base, (3,) each, in base axes: angular velocity ``omega`` and acceleration ``alpha``.
+
+    ``a`` is the acceleration of its origin, of the moving point itself, minus gravity: what an accelerometer measures.
+    """
+
+    omega: Vector
+    alpha: Vector
+    a: Vector
+
+
+@dataclass(frozen=True)
 class Chain:
     """All joints, the tip, the user's link frames, and gravity in the base frame.
 
     ``tip_link`` carries the tip; ``coupling`` is S of ``y = S q``, None where the displacements y of the joints are q.
+    ``base`` is the motion of a floating base, whose body is the first link; None for a base at rest.
     """
 
     joints: tuple[ChainJoint, ...]
@@ -71,6 +84,7 @@ class Chain:
     gravity: Vector
     tip_link: int
     coupling: Matrix | None = None
+    base: BaseMotion | None = None
 
     @property
     def n(self) -> int:
@@ -149,6 +163,11 @@ def build_chain(
         tip_link=model.tip_link,
         coupling=coupling,
     )
+
+
+def moving(chain: Chain, draw: Callable[[], Any]) -> Chain:
+    """The ``chain`` on a base that moves at random: ``draw`` gives the components of its motion one by one."""
+    return replace(chain, base=BaseMotion(*([draw() for _ in range(3)] for _ in range(3))))
 
 
 def quarter_turns(angle: sp.Expr) -> tuple[int, sp.Expr]:
@@ -330,7 +349,8 @@ def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain
         return rotate_quarters(quarters, c * cosine - s * sine, s * cosine + c * sine)
 
     gravity = [constants.draw() for _ in range(3)] if model.spec.gravity_input else None
-    return build_chain(model, constants, trig, q, gravity), q
+    chain = build_chain(model, constants, trig, q, gravity)
+    return (moving(chain, constants.draw) if model.spec.floating_base else chain), q
 
 
 # -- exact constants -------------------------------------------------------------------------------------------------

@@ -93,14 +93,47 @@ def step_down(chain: Chain, i: int, F: Vector, N: Vector) -> tuple[Vector, Vecto
 
 def mass_matrix(chain: Chain, inertias: Sequence[PseudoInertia]) -> Matrix:
     """M(q), shape (n, n), without drive inertia, kg m^2 (kg, kg m for prismatic joints)."""
+    return chain.form(_unit_accelerations(chain, composites(chain, inertias))[0])
+
+
+def _unit_accelerations(chain: Chain, bodies: Sequence[PseudoInertia]) -> tuple[Matrix, list[Vector]]:
+    """The mass matrix over all joints (n, n), and the wrench (6,) of each at the first joint of its branch.
+
+    ``bodies`` are the composites; the wrench, force first, is that of unit acceleration of the joint.
+    """
     M: Matrix = [[0] * chain.n for _ in range(chain.n)]
-    for j, J in enumerate(composites(chain, inertias)):
+    at_base = []
+    for j, J in enumerate(bodies):
         F, N = unit_wrench(chain.joints[j].revolute, J)
         for i in reversed(chain.paths[j]):
             M[i][j] = M[j][i] = N[2] if chain.joints[i].revolute else F[2]
             if chain.joints[i].parent >= 0:
                 F, N = step_down(chain, i, F, N)
-    return chain.form(M)
+        at_base.append([*F, *N])
+    return M, at_base
+
+
+def floating_mass_matrix(chain: Chain, inertias: Sequence[PseudoInertia]) -> Matrix:
+    """M (6 + n, 6 + n) over the twist of the base, linear part first, in base axes, and the joint velocities.
+
+    The body of the base is the first link, whose frame is that of the base.
+    """
+    bodies = composites(chain, inertias)
+    over_rows, wrenches = _unit_accelerations(chain, bodies)
+    J = bodies[0]
+    hx = [[0, -J.hz, J.hy], [J.hz, 0, -J.hx], [-J.hy, J.hx, 0]]
+    tensor = [
+        [J.Jyy + J.Jzz, -J.Jxy, -J.Jxz],
+        [-J.Jxy, J.Jxx + J.Jzz, -J.Jyz],
+        [-J.Jxz, -J.Jyz, J.Jxx + J.Jyy],
+    ]
+    mass = [[J.m if r == c else 0 for c in range(3)] for r in range(3)]
+    body = [[*mass[r], *(-v for v in hx[r])] for r in range(3)] + [[*hx[r], *tensor[r]] for r in range(3)]
+    across = [chain.forces(row) for row in zip(*wrenches, strict=True)]
+    joints = chain.form(over_rows)
+    upper = [[*own, *beside] for own, beside in zip(body, across, strict=True)]
+    lower = [[*(row[k] for row in across), *joints[k]] for k in range(len(joints))]
+    return upper + lower
 
 
 def gravity(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[Any]:
@@ -140,13 +173,15 @@ class BlockVelocity:
     v: Vector
 
 
-def velocities(chain: Chain, dq: Sequence[Any]) -> list[BlockVelocity]:
-    """The velocities of all links for joint velocities ``dq`` (n,)."""
+def velocities(
+    chain: Chain, dq: Sequence[Any], twist: tuple[Vector, Vector] = ([0, 0, 0], [0, 0, 0])
+) -> list[BlockVelocity]:
+    """The velocities of all links for joint velocities ``dq`` (n,) and the linear and angular velocity of the base."""
     rates = chain.joint_rates(dq)
     result: list[BlockVelocity] = []
-    still = BlockVelocity([0, 0, 0], [0, 0, 0], [0, 0, 0])
+    base = BlockVelocity(twist[1], twist[1], twist[0])
     for i, joint in enumerate(chain.joints):
-        last = result[joint.parent] if joint.parent >= 0 else still
+        last = result[joint.parent] if joint.parent >= 0 else base
         block_omega, omega, v = last.block_omega, last.omega, last.v
         if joint.parallel:
             v = add(v, cross(omega, offset(chain, i)))

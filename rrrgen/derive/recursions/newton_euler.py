@@ -27,7 +27,7 @@ def inverse_dynamics(
     inertias: Sequence[PseudoInertia],
     in_link_frame: Sequence[bool],
 ) -> list[Any]:
-    """The joint torques (n,), N m or N, without drive inertia and friction.
+    """The joint torques (n,), N m or N, without drive inertia and friction; on a floating base behind its wrench (6,).
 
     ``dq``, ``ddq`` (n,) are joint velocities and accelerations; ``inertias`` are given in the canonical link frames;
     ``in_link_frame`` (n,) chooses the frame in which each link is computed.
@@ -64,9 +64,14 @@ def link_wrench(motion: LinkMotion, inertia: PseudoInertia, polar: Any) -> Wrenc
 
 
 def pass_down(chain: Chain, in_link_frame: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Any]:
-    """The joint torques (n,) from the wrenches of all links, each about its origin, in the frame of that link."""
+    """The joint torques (n,) from the wrenches of all links, each about its origin, in the frame of that link.
+
+    On a floating base they stand behind the force and the moment (6,) on it, about its origin, in base axes.
+    """
     totals = composite_wrenches(chain, in_link_frame, wrenches)
-    return chain.forces([N[2] if joint.revolute else F[2] for joint, (F, N) in zip(chain.joints, totals, strict=True)])
+    torques = [N[2] if joint.revolute else F[2] for joint, (F, N) in zip(chain.joints, totals, strict=True)]
+    on_base = [] if chain.base is None else [*totals[0][0], *totals[0][1]]
+    return on_base + chain.forces(torques)
 
 
 def composite_wrenches(chain: Chain, in_link_frame: Sequence[bool], wrenches: Sequence[Wrench]) -> list[Wrench]:

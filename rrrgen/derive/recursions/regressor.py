@@ -30,7 +30,10 @@ def all_parameters(n: int) -> list[Parameter]:
 
 
 def regressor(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], parameters: Sequence[Parameter]) -> list[list[Any]]:
-    """The rows of the regressor Y (n, len(parameters)) for parameters in the canonical link frames."""
+    """The rows of the regressor Y (n, len(parameters)) for parameters in the canonical link frames.
+
+    On a floating base six rows of its wrench stand before those of the joints, as in every function below.
+    """
     columns = columns_passed_down(chain, dq, ddq, [True] * chain.n, parameters)
     return [list(row) for row in zip(*columns, strict=True)]
 
@@ -54,6 +57,10 @@ def columns_by_axes(
     """The columns of Y, (n,) each: entry j is the power of the parameter's wrench at unit rate of joint j alone."""
     motions = forward(chain, dq, ddq, in_link_frame)
     rows = []
+    for j in range(6 if chain.base is not None else 0):
+        unit = [int(k == j) for k in range(6)]
+        virtual = velocities(chain, [0] * len(dq), (unit[:3], unit[3:]))
+        rows.append([virtual_power(chain, motions, in_link_frame, virtual, p) for p in parameters])
     for j in range(len(dq)):
         unit = [int(k == j) for k in range(len(dq))]
         virtual, moving = velocities(chain, unit), chain.joint_rates(unit)

@@ -88,10 +88,9 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: 
     rates, accelerations = chain.joint_rates(dq), chain.joint_rates(ddq)
     motions: list[LinkMotion] = []
     absolute: list[tuple[_BlockEntry, Any, Any]] = []
-    nothing = [[0] * 3 for _ in range(3)]
-    still = LinkMotion(True, nothing, [0] * 3, [-g for g in chain.gravity], *([0] * 3 for _ in range(4)))
+    base = _base_motion(chain)
     for i, joint in enumerate(chain.joints):
-        before = motions[joint.parent] if joint.parent >= 0 else still
+        before = motions[joint.parent] if joint.parent >= 0 else base
         if not joint.parallel:
             entry, W, A = _enter(joint, before), 0, 0
             a_block = transposed_times(joint.R, add(before.a, times(before.U, joint.p)))
@@ -107,6 +106,16 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: 
             _in_link_frame(joint, entry, W, A, a_block) if in_link_frame[i] else _in_block_frame(entry, W, A, a_block)
         )
     return motions
+
+
+def _base_motion(chain: Chain) -> LinkMotion:
+    """The motion of the base: of a floating one that of the chain, otherwise rest in the field of gravity."""
+    nothing = [0] * 3
+    if chain.base is None:
+        U = [[0] * 3 for _ in range(3)]
+        return LinkMotion(True, U, nothing, [-g for g in chain.gravity], nothing, nothing, nothing, nothing)
+    omega, alpha, a = chain.base.omega, chain.base.alpha, chain.base.a
+    return LinkMotion(True, _spin(omega, alpha), nothing, a, omega, alpha, nothing, nothing)
 
 
 def _enter(joint: ChainJoint, before: LinkMotion) -> _BlockEntry:

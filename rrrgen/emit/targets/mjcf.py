@@ -24,7 +24,7 @@ def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
     chain = numeric_chain(spec)
     lines = [f"<mujoco model={quoteattr(spec.name)}>", '  <compiler angle="radian" autolimits="true"/>']
     lines += [f'  <option gravity="{numbers(chain.gravity)}"/>', "  <worldbody>"]
-    lines += ["    " + line for line in _bodies(chain, -1)]
+    lines += ["    " + line for line in _bodies(chain, -1, spec.floating_base)]
     lines.append("  </worldbody>")
     lines += _tendons(spec, chain)
     lines += _equalities(chain)
@@ -32,11 +32,16 @@ def _write(spec: RobotSpec, _: ExportOptions) -> Exported:
     return Exported({f"{spec.name}.xml": "\n".join([*lines, "</mujoco>", ""])}, tuple(_notes(spec)))
 
 
-def _bodies(chain: NumericChain, parent: int) -> Iterator[str]:
-    """XML lines of the bodies attached to body ``parent`` (-1: base), with their own children nested inside."""
+def _bodies(chain: NumericChain, parent: int, free: bool = False) -> Iterator[str]:
+    """XML lines of the bodies attached to body ``parent`` (-1: base), with their own children nested inside.
+
+    Bodies that are ``free`` have a free joint.
+    """
     for k, body in enumerate(chain.bodies):
         if body.parent == parent:
             yield from _body(f"link{k + 1}", body)
+            if free:
+                yield "  <freejoint/>"
             inside = list(_bodies(chain, k))
             if k == chain.tip_body:
                 inside.append(f'<site name="tip" {_place(chain.tip)}/>')

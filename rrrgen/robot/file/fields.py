@@ -51,6 +51,9 @@ ROBOT = (
     Key("gravity", "vector", "acceleration of gravity in the base frame, m/s^2", True, quantity="acceleration"),
     Key("parameters", "names", "named constants with nominal values"),
     Key("base", "mapping", "fixed transform before the first joint", section="transform"),
+    Key(
+        "floating_base", "mapping", "body of a base that moves freely; `parent: base` stands on it", section="floating"
+    ),
     Key("joints", "rows", "one Denavit-Hartenberg row per joint", True, section="joint", length=MAX_JOINTS),
     Key("tip", "name", "joint whose link carries the tool; needed where the joints branch"),
     Key("tool", "mapping", "fixed transform after the last link frame", section="transform"),
@@ -208,6 +211,12 @@ TRANSFORM = (
     Key("rpy", "vector", "roll, pitch, yaw about the fixed axes x, y, z", quantity="angle", file_units=True),
     Key("rotation", "matrix", "rotation matrix, row by row"),
 )
+FLOATING = (
+    Key("name", "name", "name of the body", True),
+    Key("mass", "value", "mass, kg", True, quantity="mass"),
+    Key("com", "vector", "centre of mass in the frame of the base", True, quantity="length", file_units=True),
+    Key("inertia", "mapping", "inertia in the axes of the base, kg m^2", True, section="inertia"),
+)
 TIP = (
     Key("row", "name", "joint whose link carries this tip", True),
     Key("tool", "mapping", "fixed transform from its link frame to the tip", section="transform"),
@@ -229,6 +238,7 @@ SECTIONS: dict[str, tuple[Key, ...]] = {
     "link": LINK,
     "inertia": INERTIA,
     "transform": TRANSFORM,
+    "floating": FLOATING,
     "tip": TIP,
     "basis": BASIS,
     "fit": FIT,

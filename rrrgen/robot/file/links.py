@@ -10,11 +10,11 @@ from typing import Literal, cast
 import sympy as sp
 
 from rrrgen.base.yamltext.document import Node, Scalar, SequenceNode
-from rrrgen.base.yamltext.fields import read_choice, read_list, read_section
+from rrrgen.base.yamltext.fields import read_choice, read_list, read_section, read_text
 from rrrgen.base.yamltext.suggestions import with_unit
 from rrrgen.robot.file.fields import INERTIA, MAX_JOINTS, ROBOT_FILE
 from rrrgen.robot.file.quantities import Scope, read_rational, read_vector
-from rrrgen.robot.spec import LinkSpec
+from rrrgen.robot.spec import LinkSpec, name_fault
 
 ENTRIES = ("xx", "yy", "zz", "xy", "xz", "yz")
 _SHORTEST_COM = 0.005  # m; centres of mass of a mm file that are all nearer were written in metres
@@ -56,8 +56,25 @@ def read_links(node: Node, fixed: Row[bool], strict: bool, scope: Scope) -> list
 def _read_link(node: Node, number: int, strict: bool, scope: Scope) -> LinkSpec | None:
     what = f"link {number}"
     values = read_section(node, "link", what, scope.faults, ROBOT_FILE)
-    if values is None:
+    return None if values is None else _read_body(values, what, strict, scope)
+
+
+def read_floating_base(node: Node, joints: Row[str], strict: bool, scope: Scope) -> tuple[str, LinkSpec] | None:
+    """Read ``floating_base``: the name of the body, which none of the ``joints`` may have, and its inertia."""
+    values = read_section(node, "floating", "floating_base", scope.faults, ROBOT_FILE)
+    if values is None or "name" not in values:
         return None
+    name = read_text(values["name"], "name of floating_base", scope.faults)
+    fault = name_fault(name, "joint")
+    if name in joints:
+        fault = f"the name '{name}' of the floating base is that of a joint", "the body needs a name of its own"
+    if fault:
+        scope.faults.error(values["name"], *fault)
+    body = _read_body(values, "the floating base", strict, scope)
+    return None if body is None else (name, body)
+
+
+def _read_body(values: dict[str, Node], what: str, strict: bool, scope: Scope) -> LinkSpec | None:
     mass = read_rational(values["mass"], f"mass of {what}", "mass", scope) if "mass" in values else None
     if mass is not None and mass < 0:
         scope.faults.error(values["mass"], f"mass of {what} is negative")

@@ -54,6 +54,30 @@ def read_mechanism(
     return mechanism_of_rows(plain, tuple(parents), tip_row, matrix, [names.index(name) for name in driven])
 
 
+def on_floating_base(
+    name: str, joints: Row[JointSpec], mechanism: MechanismSpec | None
+) -> tuple[tuple[JointSpec, ...], MechanismSpec]:
+    """Put the rows on the body ``name`` of a floating base, a fixed first row whose frame is that of the base.
+
+    ``joints`` and ``mechanism`` are as :func:`read_mechanism` returns them.
+    """
+    zero = sp.S.Zero
+    body = JointSpec(name, "revolute", alpha=zero, a=zero, d=zero, theta=zero)
+    if mechanism is None:
+        driven = range(len(joints))
+        matrix = [tuple(joint.sign * sp.Integer(i == k) for k in driven) for i, joint in enumerate(joints)]
+        parents = tuple(k - 1 for k in driven)
+        joints, mechanism = mechanism_of_rows(
+            tuple(replace(joint, sign=1) for joint in joints), parents, len(joints) - 1, matrix, driven
+        )
+    return tuple(joints), MechanismSpec(
+        (body, *mechanism.rows),
+        (-1, *(parent + 1 for parent in mechanism.parents)),
+        mechanism.tip + 1,
+        ((zero,) * len(joints), *mechanism.matrix),
+    )
+
+
 def fixed_rows(node: Node, joints: Row[JointSpec | None]) -> list[bool]:
     """Whether each of ``joints``, the rows of the list ``node`` as read before, is fixed: it follows none."""
     keys = [_keys_of(item) for item in node.items] if joints and isinstance(node, SequenceNode) else []

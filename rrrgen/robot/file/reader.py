@@ -20,8 +20,8 @@ from rrrgen.base.yamltext.units import FileUnits
 from rrrgen.robot.file.drives import read_drives
 from rrrgen.robot.file.fields import FIT, HASH_DIGITS, MAX_FITS, ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robot.file.joints import read_joints, refuse_placements
-from rrrgen.robot.file.links import read_links
-from rrrgen.robot.file.mechanism import fixed_rows, read_mechanism
+from rrrgen.robot.file.links import read_floating_base, read_links
+from rrrgen.robot.file.mechanism import fixed_rows, on_floating_base, read_mechanism
 from rrrgen.robot.file.parameter_basis import read_basis
 from rrrgen.robot.file.quantities import Scope, read_parameters, read_value, read_vector
 from rrrgen.robot.robots import bundled_names, bundled_path, installed_path
@@ -298,6 +298,14 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     if tips and mechanism is None and not faults.errors:
         hint = "tip: NAME; the joint whose link carries the tool while none of the tips is chosen"
         faults.error(values["tips"], "tips need the key 'tip'", hint)
+    floating = None
+    if "floating_base" in values:
+        floating = read_floating_base(values["floating_base"], names, strict, scope)
+        _refuse_beside_floating_base(values, scope)
+    if floating is not None and not faults.errors and whole_links is not None:
+        driven = tuple(joint for joint in counted if joint is not None)
+        counted, mechanism = on_floating_base(floating[0], driven, mechanism)
+        whole_links = [floating[1], *whole_links]
     drives = read_drives(values["drives"], counted, scope) if "drives" in values else None
     basis = read_basis(values["basis"], len(joints), whole_links, scope) if "basis" in values and joints else None
     emit = read_choices(values["emit"], _ROBOT["emit"], faults) if "emit" in values else ()
@@ -330,7 +338,22 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         emit=emit,
         ik=ik or "general",
         mechanism=mechanism,
+        floating_base=floating is not None,
     )
+
+
+def _refuse_beside_floating_base(values: dict[str, Node], scope: Scope) -> None:
+    """Report the keys of a file that have no meaning beside ``floating_base``, and missing links."""
+    hints = {
+        "base": "the frame of the base is that of its body: place the first rows by their parameters",
+        "basis": "leave it out: the compiler chooses the base parameters of a floating base",
+    }
+    for key, hint in hints.items():
+        if key in values:
+            scope.faults.error(values[key], f"a robot with a floating base has no {key}", hint)
+    if "links" not in values:
+        hint = "describe every link under links"
+        scope.faults.error(values["floating_base"], "floating_base states inertia, and the file has no links", hint)
 
 
 def _read_name(node: Node | None, scope: Scope) -> str:

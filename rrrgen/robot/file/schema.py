@@ -35,6 +35,7 @@ _TITLES = {
     "link": "One row of `links`",
     "inertia": "`inertia` of a link",
     "transform": "`base` and `tool`",
+    "floating": "`floating_base`",
     "tip": "One of `tips`",
     "basis": "`basis`",
     "fit": "One row of `provenance`",

@@ -45,8 +45,14 @@ def dumps(spec: RobotSpec) -> str:
         lines.append("parameters:")
         lines += [f"  {name}: {printer.parameter(name, value)}" for name, value in spec.parameters.items()]
     lines += printer.transform("base", spec.base)
+    if spec.floating_base and spec.links is not None:
+        lines += [
+            "floating_base:",
+            f"  name: {spec.rows[0].name}",
+            *(f"  {line}" for line in printer.body(spec.links[0])),
+        ]
     lines.append("joints:")
-    for i in range(len(spec.rows)):
+    for i in range(spec.floating_base, len(spec.rows)):
         lines += printer.joint(*_row(spec, i))
     if spec.mechanism is not None:
         lines.append(f"tip: {spec.rows[spec.mechanism.tip].name}")
@@ -55,7 +61,7 @@ def dumps(spec: RobotSpec) -> str:
     lines += printer.tips(spec.tips)
     if spec.links is not None:
         lines.append("links:")
-        for link in spec.links:
+        for link in spec.links[spec.floating_base :]:
             lines += printer.link(link)
     if spec.drives is not None:
         lines += printer.drives(spec.drives)
@@ -189,13 +195,16 @@ class _Printer:
         return "{" + ", ".join(entries) + "}"
 
     def link(self, link: LinkSpec) -> list[str]:
+        return [("    " if i else "  - ") + line for i, line in enumerate(self.body(link))]
+
+    def body(self, link: LinkSpec) -> list[str]:
         sign = -1 if link.products == "positive" else 1
         entries = dict(zip(("xx", "yy", "zz", "xy", "xz", "yz"), link.inertia, strict=True))
         texts = [f"about: {link.about}", f"products: {link.products}"]
         texts += [f"{name}: {number_text(entries[name])}" for name in ("xx", "yy", "zz")]
         texts += [f"{name}: {number_text(sign * entries[name])}" for name in ("xy", "xz", "yz") if entries[name]]
         com = ", ".join(self.value(value, "length") for value in link.com)
-        return [f"  - mass: {number_text(link.mass)}", f"    com: [{com}]", f"    inertia: {{{', '.join(texts)}}}"]
+        return [f"mass: {number_text(link.mass)}", f"com: [{com}]", f"inertia: {{{', '.join(texts)}}}"]
 
     def drives(self, drives: DrivesSpec) -> list[str]:
         lines = ["drives:", "  joint_from_drive:"]
@@ -254,7 +263,8 @@ def _row(spec: RobotSpec, i: int) -> tuple[JointSpec, str, dict[str, sp.Expr] | 
         return row, "", None
     counted = {joint.name: joint for joint in spec.joints}
     before = mechanism.parents[i]
-    parent = "" if before == i - 1 else BASE if before < 0 else mechanism.rows[before].name
+    first = int(spec.floating_base)  # the row before it is the body of a floating base
+    parent = "" if before == i - 1 else BASE if before < first else mechanism.rows[before].name
     follows = {name: factor for name, factor in zip(counted, mechanism.matrix[i], strict=True) if factor != 0}
     return counted.get(row.name, row), parent, None if follows == {row.name: 1} else follows
 

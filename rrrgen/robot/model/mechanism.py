@@ -92,6 +92,9 @@ def mechanism_equations(spec: RobotSpec) -> list[str]:
     found = []
     for row, parent, factors in zip(spec.rows, spec.parents, spec.mechanism.matrix, strict=True):
         carrier = spec.rows[parent].name if parent >= 0 else "base"
+        if spec.floating_base and parent < 0:
+            found.append(f"{row.name} is the floating base")
+            continue
         moved = weighted_sum(names, [str(value) for value in factors])
         found.append(f"{row.name} on {carrier}" + ("" if moved == row.name else f", {row.name} = {moved}"))
     return found

@@ -13,6 +13,8 @@ from rrrgen.runtime.results import (
     ElasticAccelerations,
     Energy,
     ExternalLoad,
+    FloatingAccelerations,
+    FloatingForces,
     ForwardDynamicsDerivatives,
     FrictionStep,
     InverseDynamicsDerivatives,
@@ -2207,6 +2209,191 @@ class TableFunctions(Calls):
             i, j, k]`` is the derivative of tau_i by dq_j and q_k.
         """
 
+    def floating_inverse_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+    ) -> FloatingForces:
+        """Wrench on the floating base and joint torques, without friction.
+
+        ``[wrench; tau] = M(q) [twist_rate; ddq] + h(q, dq, orientation, twist)``. A robot that flies has wrench zero;
+        one that stands has ``wrench = sum of J' f`` of the forces at its feet.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            orientation: orientation of the base in the world, (..., 4): the unit quaternion x, y, z, w.
+            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
+            twist_rate: time derivatives of the components of the twist, (..., 6), m/s^2 and rad/s^2; the base origin is
+                accelerated by ``dv/dt + omega x v``.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+
+        Returns:
+            The named tuple (wrench, tau): force (N) and moment (N m) on the base about its origin, in base axes, (...,
+            6), and the joint torques, (..., n), N m or N.
+
+        Raises:
+            ValueError: the robot file states no floating base.
+        """
+
+    def floating_mass_matrix(
+        self,
+        q: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+    ) -> Array:
+        """Mass matrix over the twist of the floating base and the joint velocities, drive inertia included.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+
+        Returns:
+            M, (..., 6 + n, 6 + n), in SI units. Its first six rows times [twist; dq] are the linear and the angular
+            momentum about the base origin, in base axes.
+
+        Raises:
+            ValueError: the robot file states no floating base.
+        """
+
+    def floating_bias(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
+        """Wrench on the floating base and joint torques where neither twist nor dq changes, without friction.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            orientation: orientation of the base in the world, (..., 4): the unit quaternion x, y, z, w.
+            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+
+        Returns:
+            h, (..., 6 + n), in SI units: force and moment on the base, then joint torques.
+
+        Raises:
+            ValueError: the robot file states no floating base.
+        """
+
+    def floating_regressor(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
+        """Regressor of the floating base, ``[wrench; tau] = Y beta``, linear in the base parameters.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            orientation: orientation of the base in the world, (..., 4): the unit quaternion x, y, z, w.
+            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
+            twist_rate: time derivatives of the components of the twist, (..., 6), m/s^2 and rad/s^2; the base origin is
+                accelerated by ``dv/dt + omega x v``.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+
+        Returns:
+            Y, (..., 6 + n, b), in SI units: rows of force and moment on the base, then of the joints.
+
+        Raises:
+            ValueError: the robot file states no floating base.
+        """
+
+    @overload
+    def floating_forward_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        tau: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        wrench: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[False] = ...,
+    ) -> FloatingAccelerations:
+        """Accelerations of the floating base and of the joints; friction is not part of it: subtract it from ``tau``.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            tau: joint torques, (..., n), N m or N.
+            orientation: orientation of the base in the world, (..., 4): the unit quaternion x, y, z, w.
+            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
+            wrench: force, then moment about the base origin, on the base, (..., 6), N and N m, base axes.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            with_status: return ``(result, status)`` instead of raising ValueError or LinAlgError.
+
+        Returns:
+            The named tuple (twist_rate, ddq): rates of the components of the twist, (..., 6), m/s^2 and rad/s^2, and
+            joint accelerations, (..., n), rad/s^2 or m/s^2; zero where M is not positive definite. The status, (...),
+            is 0 where M is positive definite and 1 elsewhere.
+
+        Raises:
+            ValueError: the robot file states no floating base.
+            numpy.linalg.LinAlgError: M is indefinite or singular at some state, and ``with_status`` is False.
+        """
+    @overload
+    def floating_forward_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        tau: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        wrench: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[True],
+    ) -> tuple[FloatingAccelerations, Array]: ...
+    @overload
+    def floating_forward_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        tau: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        wrench: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: bool,
+    ) -> FloatingAccelerations | tuple[FloatingAccelerations, Array]: ...
     @overload
     def friction_step(
         self,

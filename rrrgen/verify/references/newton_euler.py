@@ -6,7 +6,7 @@ wrenches inwards, each as an (angular, linear) pair at the origin of the user's 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,12 @@ def _tensor_rows(w: Array) -> Array:
     return out
 
 
+def rotations(orientation: Array) -> Array:
+    """The rotation matrices (N, 3, 3) of unit quaternions x, y, z, w (N, 4)."""
+    V, w = _cross_matrix(orientation[:, :3]), orientation[:, 3, None, None]
+    return np.asarray(np.eye(3) + 2 * (w * V + V @ V))
+
+
 @dataclass(frozen=True)
 class _Outward:
     """The outward pass, one entry per link, in the axes of the link frame at its origin.
@@ -50,6 +56,18 @@ class _Outward:
     v: list[Array]
     wd: list[Array]
     vd: list[Array]
+
+
+@dataclass(frozen=True)
+class BaseState:
+    """States (N, .) of a floating base: ``orientation`` (x, y, z, w), ``twist`` and ``twist_rate``, linear part first.
+
+    Both are in base axes; the rate is that of the components, which is the spatial acceleration.
+    """
+
+    orientation: Array
+    twist: Array
+    twist_rate: Array
 
 
 class NewtonEuler:
@@ -133,17 +151,22 @@ class NewtonEuler:
         R = self.link_frames(q)[:, tip, :3, :3]
         return np.concatenate([np.einsum("nij,nj->ni", R, linear), np.einsum("nij,nj->ni", R, wd)], axis=1)
 
-    def _outward(self, q: Array, dq: Array, ddq: Array, gravity: Array) -> _Outward:
-        """Velocities and accelerations of all links, base to tip; gravity enters as an acceleration of the base."""
+    def _outward(self, q: Array, dq: Array, ddq: Array, gravity: Array, floating: BaseState | None = None) -> _Outward:
+        """Velocities and accelerations of all links, base to tip; gravity enters as an acceleration of the base.
+
+        The base rests, or moves as ``floating`` says.
+        """
         zero = np.zeros((len(q), 3))
-        lift = zero - self.chain.base[:3, :3].T @ gravity
+        start = (zero, zero, zero, zero - self.chain.base[:3, :3].T @ gravity)
+        if floating is not None:
+            weight = np.einsum("nji,j->ni", rotations(floating.orientation), gravity)
+            v, w = floating.twist[:, :3], floating.twist[:, 3:]
+            start = (w, v, floating.twist_rate[:, 3:], floating.twist_rate[:, :3] - weight)
         dy, ddy = dq @ self.chain.coupling.T, ddq @ self.chain.coupling.T
         out = _Outward([], [], [], [], [], [])
         for i, step in enumerate(self._steps(q)):
             last = self.chain.parents[i]
-            w, v, wd, vd = (
-                (zero, zero, zero, lift) if last < 0 else (out.w[last], out.v[last], out.wd[last], out.vd[last])
-            )
+            w, v, wd, vd = start if last < 0 else (out.w[last], out.v[last], out.wd[last], out.vd[last])
             R, p = step[:, :3, :3], step[:, :3, 3]
             back = np.swapaxes(R, 1, 2)
             angular, linear = self._axes[i]
@@ -160,9 +183,16 @@ class NewtonEuler:
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, *, with_gravity: bool = True) -> Array:
         """The joint torques tau (N, n) of the links and the drive inertia, without friction."""
         gravity = self.chain.gravity if with_gravity else np.zeros(3)
-        out = self._outward(q, dq, ddq, gravity)
-        joints = np.zeros((len(q), self.chain.links))
-        forces, moments = ([np.zeros((len(q), 3)) for _ in range(self.chain.links)] for _ in range(2))
+        return self._inward(self._outward(q, dq, ddq, gravity), ddq)[1]
+
+    def floating_inverse_dynamics(self, q: Array, dq: Array, ddq: Array, base: BaseState) -> tuple[Array, Array]:
+        """The wrench (N, 6) on the floating ``base``, force first, and the joint torques (N, n), without friction."""
+        return self._inward(self._outward(q, dq, ddq, self.chain.gravity, base), ddq)
+
+    def _inward(self, out: _Outward, ddq: Array) -> tuple[Array, Array]:
+        """The wrench (N, 6) on the first link, force first, and the joint torques (N, n), tip to base."""
+        joints = np.zeros((len(ddq), self.chain.links))
+        forces, moments = ([np.zeros((len(ddq), 3)) for _ in range(self.chain.links)] for _ in range(2))
         for i in reversed(range(self.chain.links)):
             force, moment = forces[i], moments[i]
             m, h, inertia = self.phi[i, 0], self.phi[i, 1:4], self._tensors[i]
@@ -177,7 +207,34 @@ class NewtonEuler:
                 force = np.einsum("nij,nj->ni", out.R[i], force)
                 forces[before] = forces[before] + force
                 moments[before] += np.einsum("nij,nj->ni", out.R[i], moment) + np.cross(out.p[i], force)
-        return np.asarray(ddq @ self.chain.drive_inertia + joints @ self.chain.coupling)
+        torques = np.asarray(ddq @ self.chain.drive_inertia + joints @ self.chain.coupling)
+        return np.concatenate([force, moment], axis=1), torques
+
+    def floating_regressor(self, q: Array, dq: Array, ddq: Array, base: BaseState) -> Array:
+        """The regressor Y (N, 6 + n, 10 links) of wrench and torques on a floating base, without drive inertia."""
+        columns = []
+        for phi in (np.zeros(self.phi.size), *np.eye(self.phi.size)):
+            reference = NewtonEuler(self.chain, phi.reshape(self.phi.shape))
+            columns.append(np.concatenate(reference.floating_inverse_dynamics(q, dq, ddq, base), axis=1))
+        return np.stack(columns[1:], axis=2) - columns[0][:, :, None]
+
+    def floating_mass_matrix(self, q: Array) -> Array:
+        """The mass matrix (N, 6 + n, 6 + n) over the twist of a floating base and dq.
+
+        Column k is what a unit acceleration changes of wrench and torques.
+        """
+        (count, n), upright = q.shape, [0.0, 0.0, 0.0, 1.0]
+        still = BaseState(np.tile(upright, (count, 1)), np.zeros((count, 6)), np.zeros((count, 6)))
+        rest = np.zeros_like(q)
+        at_rest = np.concatenate(self.floating_inverse_dynamics(q, rest, rest, still), axis=1)
+        columns = []
+        for k in range(6 + n):
+            unit = np.tile(np.eye(6 + n)[k], (count, 1))
+            moved = replace(still, twist_rate=unit[:, :6])
+            columns.append(
+                np.concatenate(self.floating_inverse_dynamics(q, rest, unit[:, 6:], moved), axis=1) - at_rest
+            )
+        return np.stack(columns, axis=2)
 
     def standard_regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
         """The regressor Y (N, n, 10 links): torque of the links, without drive inertia, per standard parameter."""

@@ -1,0 +1,179 @@
+"""Recorders of the dynamics on a floating base, whose body is the first link of the robot.
+
+The motion of the base has six coordinates without a position: its twist [v; omega], the linear velocity of its origin
+and the angular velocity, both in base axes. The rates of these *components* are the inputs ``twist_rate``; the
+acceleration of the moving origin is ``dv/dt + omega x v``. Position and velocity of the base do not enter the
+equations of motion otherwise, its orientation R only through gravity in base axes, ``R' g``:
+
+    [wrench; tau] = M(q) [twist_rate; ddq] + h(q, dq, orientation, twist),
+
+with the force and moment on the base about its origin, in base axes. The recursions are those of a base at rest,
+started from a moving one. Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from rrrgen.derive.functions.dynamics import Frames, block_frames_first, link_frames_only, torque_port
+from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.regressors import regressor_rows
+from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
+from rrrgen.derive.recursions import newton_euler
+from rrrgen.derive.recursions.drive_inertia import inertia_columns
+from rrrgen.derive.recursions.linear_algebra import (
+    Vector,
+    add,
+    cross,
+    factorize,
+    flat,
+    rows,
+    scale,
+    status_at,
+    subtract,
+)
+from rrrgen.derive.recursions.link_frames import BaseMotion, Chain
+from rrrgen.derive.recursions.regressor import columns_by_axes, columns_passed_down
+from rrrgen.program import Port, Program, Role
+from rrrgen.program.builder import replay
+
+EQUATION = "[wrench; tau] = M(q) [twist_rate; ddq] + h(q, dq, orientation, twist)"
+
+
+def in_base_axes(orientation: Sequence[Any], vector: Vector) -> Vector:
+    """``R' vector``: a vector (3,) in world axes, expressed in those of the base.
+
+    ``orientation`` (4,) is the unit quaternion x, y, z, w of the base in the world.
+    """
+    *axis, w = orientation
+    across = cross(axis, vector)
+    return add(vector, cross([2 * x for x in axis], subtract(across, scale(w, vector))))
+
+
+def _moving_chain(r: Recording, *rates: str, accelerated: bool) -> Chain:
+    """The chain at q on the moving base; the twist rates are zero unless the base is ``accelerated``."""
+    chain = r.chain_in_gravity(*rates)
+    orientation, twist = r.on_base("orientation"), r.on_base("twist")
+    twist_rate = r.on_base("twist_rate") if accelerated else [0] * 6
+    v, omega = twist[:3], twist[3:]
+    classical = add(twist_rate[:3], cross(omega, v))
+    base = BaseMotion(omega, twist_rate[3:], subtract(classical, in_base_axes(orientation, chain.gravity)))
+    return replace(chain, base=base)
+
+
+def _wrench_port() -> Port:
+    meaning = "force and moment on the base about its origin, in base axes"
+    return Port("wrench", (6,), "N, N m", "base", meaning, Role.WRENCH)
+
+
+def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
+    """Make a recorder of the wrench (6,) on the base and the joint torques tau (n,), without friction.
+
+    ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
+    """
+
+    def record(r: Recording) -> Program:
+        chain = _moving_chain(r, "dq", "ddq", accelerated=True)
+        dq, ddq = r.joints("dq"), r.joints("ddq")
+        forces = newton_euler.inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
+        tau = r.drive_inertia().added_to_torques(forces[6:], ddq)
+        ports = [(_wrench_port(), forces[:6]), (torque_port(r, "tau", "joint torques, friction not included"), tau)]
+        return r.builder.program(
+            "floating_inverse_dynamics", ports, "Wrench on the floating base and joint torques.", EQUATION
+        )
+
+    return record
+
+
+def bias(frames: Frames) -> Callable[[Recording], Program]:
+    """Make a recorder of h (6 + n,): wrench and torques where neither the twist nor dq changes.
+
+    ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
+    """
+
+    def record(r: Recording) -> Program:
+        chain = _moving_chain(r, "dq", accelerated=False)
+        h = newton_euler.inverse_dynamics(chain, r.joints("dq"), [0] * r.n, r.inertias(), frames(chain))
+        meaning = "force and moment on the base, then joint torques, for twist_rate = 0 and ddq = 0"
+        port = Port("h", (6 + r.n,), "SI", "", meaning)
+        return r.builder.program(
+            "floating_bias", [(port, h)], "Wrench and torques of velocities and gravity on a floating base.", EQUATION
+        )
+
+    return record
+
+
+def mass_matrix(r: Recording) -> Program:
+    """Record M (6 + n, 6 + n) over the twist of the base and dq; its first six rows give the momentum."""
+    M = composite.floating_mass_matrix(r.chain(), r.inertias())
+    joints = r.drive_inertia().added_to_mass([row[6:] for row in M[6:]])
+    M = M[:6] + [[*row[:6], *own] for row, own in zip(M[6:], joints, strict=True)]
+    port = Port("M", (6 + r.n, 6 + r.n), "SI", "", "symmetric mass matrix over [twist; dq], drive inertia included")
+    formula = "[p; L] = M(q)[0:6] [twist; dq], linear and angular momentum about the base origin, in base axes"
+    return r.builder.program("floating_mass_matrix", [(port, flat(M))], "Mass matrix on a floating base.", formula)
+
+
+def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
+    """Make a recorder of Y (6 + n, b + drives), rows of the wrench first.
+
+    ``columns`` is the method that computes the columns of Y for canonical parameters; ``frames`` chooses the frame in
+    which each link is computed.
+    """
+
+    def record(r: Recording) -> Program:
+        chain = _moving_chain(r, "dq", "ddq", accelerated=True)
+        dq, ddq = r.joints("dq"), r.joints("ddq")
+        canonical = columns(chain, dq, ddq, frames(chain), r.parametrization.basis.parameters)
+        drives = [[0] * 6 + list(column) for column in inertia_columns(r.model.spec, ddq)]
+        Y = regressor_rows(r, canonical, drives)
+        then = ", then of the drive inertias" if r.drives else ""
+        port = Port("Y", (6 + r.n, len(Y[0])), "SI", "", f"columns in the order of the base parameters{then}")
+        return r.builder.program(
+            "floating_regressor", [(port, flat(Y))], "Regressor on a floating base.", "[wrench; tau] = Y beta"
+        )
+
+    return record
+
+
+def forward_dynamics(r: Recording, mass: Program, forces: Program) -> Program:
+    """Record twist_rate (6,) and ddq (n,) by M = L D L', from the programs of the mass matrix and of h.
+
+    The status is 1 if M is not positive definite; the accelerations then are 0.
+    """
+    tau = [r.joints(name) for name in ("q", "dq", "tau")][2]
+    wrench = [r.on_base(name) for name in ("orientation", "twist", "wrench")][2]
+    if forces.takes(Role.GRAVITY):
+        r.gravity()
+    if mass.takes(Role.BASE_PARAMETERS):
+        r.beta()
+    M = rows(6 + r.n, replay(mass, r.builder, r.inputs_of(mass))[0])
+    h = replay(forces, r.builder, r.inputs_of(forces))[0]
+    factors = factorize(r.builder, M, tips_first=True)
+    status, solution = factors.status, factors.solve(subtract([*wrench, *tau], h))
+    unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
+    zero = "; zero when the status is not ok"
+    meaning = f"rates of the components of the twist, linear part first, in base axes{zero}"
+    ports = [
+        (Port("twist_rate", (6,), "m/s^2, rad/s^2", "base", meaning, Role.TWIST_RATE), solution[:6]),
+        (Port("ddq", (r.n,), unit, "", f"joint accelerations{zero}", Role.ACCELERATION), solution[6:]),
+        (Port("status", (), "1"), [status]),
+    ]
+    return r.builder.program(
+        "floating_forward_dynamics",
+        ports,
+        "Accelerations of a floating base and of the joints.",
+        "M(q) [twist_rate; ddq] = [wrench; tau] - h, solved by L D L'",
+        ["The status tells when M is not positive definite (a singular or unphysical set of parameters)."],
+        status_at(len(ports) - 1),
+    )
+
+
+INVERSE_DYNAMICS = (inverse_dynamics(block_frames_first), inverse_dynamics(link_frames_only))
+BIAS = (bias(block_frames_first), bias(link_frames_only))
+REGRESSOR = tuple(
+    regressor(columns, frames)
+    for columns in (columns_by_axes, columns_passed_down)
+    for frames in (link_frames_only, block_frames_first)
+)

@@ -1,0 +1,227 @@
+"""Floating bases: Pinocchio with a free flyer, MuJoCo with a free joint, and an own Newton-Euler from a moving base."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rrrgen.emit.exporting import export_robot
+
+import rrrgen
+from derive.test_mechanisms import PLACED_TREE
+from rrrgen.base.errors import InputError
+from rrrgen.derive import prepare
+from rrrgen.derive.functions.table import functions_for
+from rrrgen.robot.file import dumps, load_spec, loads_spec
+from rrrgen.runtime.floating_base import FloatingState, from_mujoco, from_pinocchio, rotation, to_mujoco, to_pinocchio
+from rrrgen.verify import verify
+from rrrgen.verify.references.libraries import MujocoReference
+from rrrgen.verify.references.numeric_robot import centre_and_tensor, chain_of, nominal_parameters
+
+TREES = Path(__file__).resolve().parents[2] / "examples" / "trees"
+
+TRUNK = (
+    "floating_base: {name: trunk, mass: 6.9, com: [0.008, 0.002, -0.001], "
+    "inertia: {about: com, xx: 0.022, yy: 0.078, zz: 0.088, xy: 0.0003, xz: -0.0006, yz: 0.0002}}\n"
+)
+LINK = (
+    "  - {{mass: {0}, com: [0.0{1}, -0.02, 0.03], "
+    "inertia: {{about: com, xx: 0.0{0}1, yy: 0.0{0}2, zz: 0.0{0}2, xy: 0.001, yz: -0.002}}}}\n"
+)
+
+
+def floating(name: str):
+    """The quadruped, torso or hand with a trunk below it, or a tree with prismatic rows, followers and odd angles."""
+    if name == "quadruped":
+        return load_spec(TREES / "quadruped.yaml")
+    if name == "tree":
+        text = re.sub(r"base: \{trans.*\n", "", PLACED_TREE)
+        text += "links:\n" + "".join(LINK.format(k, 10 - k) for k in range(1, 8))
+    else:
+        text = (TREES / f"{name}.yaml").read_text(encoding="utf-8")
+    return loads_spec(text.replace("joints:\n", f"{TRUNK}joints:\n"))
+
+
+def draw(n: int, seed: int) -> FloatingState:
+    rng = np.random.default_rng(seed)
+    orientation = rng.normal(size=4)
+    return FloatingState(
+        rng.normal(size=3),
+        orientation / np.linalg.norm(orientation),
+        *rng.normal(size=(2, 6)),
+        *rng.normal(size=(3, n)),
+    )
+
+
+@pytest.mark.parametrize(("name", "count"), [("quadruped", 94), ("hand", 66), ("torso", 101)])
+def test_ten_base_parameters_of_the_body_and_seven_of_every_revolute_joint(name, count):
+    assert len(prepare(floating(name)).compiler_basis.names) == count
+
+
+@pytest.fixture(scope="module", params=["quadruped", "hand", "tree"])
+def model(request):
+    return rrrgen.compile(floating(request.param), backend="numpy")
+
+
+def test_every_function_agrees_with_newton_euler_from_a_moving_base(model):
+    report = verify(model, samples=3, libraries=False)
+    assert [row for row in report.rows if not row.ok] == []
+    assert sum("floating" in row.function for row in report.rows) == 10
+
+
+def joined(forces) -> np.ndarray:
+    return np.concatenate([forces.wrench, forces.tau], axis=-1)
+
+
+def ask(model, s: FloatingState) -> np.ndarray:
+    return joined(model.floating_inverse_dynamics(s.q, s.dq, s.ddq, s.orientation, s.twist, s.twist_rate))
+
+
+def difference(found, expected) -> float:
+    return float(np.max(np.abs(found - expected)) / np.max(np.abs(expected)))
+
+
+def test_torques_and_mass_matrix_of_pinocchio_with_a_free_flyer(model):
+    pin = pytest.importorskip("pinocchio")
+    chain, phi = chain_of(model.spec), nominal_parameters(model.spec)
+    around, free = chain.around_joints(), pin.Model()
+    free.gravity.linear = chain.gravity
+    behind, joints = (
+        [after for _, after in around],
+        {0: free.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")},
+    )
+    for i in chain.depth_first():
+        before, after = around[i]
+        if i:
+            kind = pin.JointModelRZ() if chain.revolute[i] else pin.JointModelPZ()
+            place = pin.SE3(chain.behind(behind, i) @ before)
+            joints[i] = free.addJoint(joints[chain.parents[i]], kind, place, f"joint{i}")
+        centre, tensor = centre_and_tensor(phi[i])
+        free.appendBodyToJoint(joints[i], pin.Inertia(float(phi[i, 0]), centre, tensor), pin.SE3(after))
+    data = free.createData()
+    # velocities of all rows from those of the model: y = S q behind the twist
+    S = np.zeros((free.nv, 6 + chain.n))
+    S[:6, :6] = np.eye(6)
+    for i in range(1, chain.links):
+        S[free.joints[joints[i]].idx_v, 6:] = chain.coupling[i]
+    for seed in range(3):
+        s = draw(chain.n, seed)
+        q, v, a = to_pinocchio(s)
+        rows = np.concatenate([q[:7], S[6:, 6:] @ q[7:]])
+        assert difference(ask(model, s), S.T @ pin.rnea(free, data, rows, S @ v, S @ a)) < 1e-13
+        upper = np.triu(pin.crba(free, data, rows))
+        assert difference(model.floating_mass_matrix(s.q), S.T @ (upper + np.triu(upper, 1).T) @ S) < 1e-13
+        for one, other in zip(from_pinocchio(q, v, a), s, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+class FreeMujoco(MujocoReference):
+    """The robot on a free joint."""
+
+    def _mjcf(self, chain, phi):
+        return re.sub(r"(<worldbody><body [^>]*>)", r"\1<freejoint/>", super()._mjcf(chain, phi))
+
+    def forces(self, qpos, qvel, qacc):
+        self._data.qpos[:7], self._data.qvel[:6], self._data.qacc[:6] = qpos[:7], qvel[:6], qacc[:6]
+        places = np.array(self._places)
+        for store, shift, values in (
+            (self._data.qpos, 1, qpos[7:]),
+            (self._data.qvel, 0, qvel[6:]),
+            (self._data.qacc, 0, qacc[6:]),
+        ):
+            store[places + shift] = self._coupling @ values
+        self._mujoco.mj_inverse(self._model, self._data)
+        forces = np.array(self._data.qfrc_inverse)
+        return np.concatenate([forces[:6], forces[places] @ self._coupling])
+
+
+def test_torques_of_mujoco_with_a_free_joint(model):
+    pytest.importorskip("mujoco")
+    free = FreeMujoco(chain_of(model.spec), nominal_parameters(model.spec))
+    for seed in range(3):
+        s = draw(model.n, seed)
+        packed = to_mujoco(s)
+        expected = free.forces(*packed)
+        expected[:3] = rotation(s.orientation).T @ expected[:3]  # its force on the base is in world axes
+        assert difference(ask(model, s), expected) < 1e-13
+        for one, other in zip(from_mujoco(*packed), s, strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-14)
+
+
+def test_the_wrench_alone_identifies_all_base_parameters_and_flight_all_but_their_scale(model):
+    """The rank of rows of the regressor over states (Ayusawa, Venture, Nakamura 2014)."""
+    if model.spec.name == "tree":
+        pytest.skip("its followers tie joints together")
+    states = [draw(model.n, seed) for seed in range(40)]
+    Y = np.stack([model.floating_regressor(s.q, s.dq, s.ddq, s.orientation, s.twist, s.twist_rate) for s in states])
+
+    def rank(rows: np.ndarray) -> int:
+        stacked = rows.reshape(-1, Y.shape[-1])
+        sizes = np.linalg.svd(stacked / np.maximum(np.linalg.norm(stacked, axis=0), 1e-9), compute_uv=False)
+        return int(np.sum(sizes > 1e-10 * sizes[0]))
+
+    b = Y.shape[-1]
+    assert (rank(Y[:, :6]), rank(Y[:, 6:])) == (b, b - 10)
+    # in flight the wrench is zero: forward dynamics give the acceleration of the base
+    beta, flying = np.asarray(model.beta), []
+    for s in states:
+        tau = np.zeros(model.n)
+        a = model.floating_forward_dynamics(s.q, s.dq, tau, s.orientation, s.twist, np.zeros(6))
+        flying.append(model.floating_regressor(s.q, s.dq, a.ddq, s.orientation, s.twist, a.twist_rate)[:6])
+    rows = np.stack(flying)
+    assert np.max(np.abs(rows @ beta)) < 1e-11 * np.max(np.abs(rows))
+    assert rank(rows) <= b - 1
+
+
+def test_the_file_is_written_as_it_is_read():
+    for name in ("quadruped", "tree", "hand"):
+        spec = floating(name)
+        assert loads_spec(dumps(spec)) == spec
+
+
+def test_a_chain_on_a_floating_base_has_a_tip_and_its_functions():
+    text = (TREES / "hand.yaml").read_text(encoding="utf-8")
+    names = [each.name for each in functions_for(loads_spec(text), ("model",))]
+    assert not any("floating" in name for name in names)
+    one = dumps(load_spec("planar2r")).replace("joints:\n", f"{TRUNK}joints:\n")
+    spec = loads_spec(one)
+    assert (spec.rows[0].name, spec.n, len(spec.rows), spec.tip_row) == ("trunk", 2, 3, 2)
+    assert len(prepare(spec).compiler_basis.names) == 24
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("name: trunk", "name: q1"), "is that of a joint"),
+        (("mass: 6.9", "mass: -1"), "mass of the floating base is negative"),
+        (("joints:\n", "base: {translation: [0, 0, 1]}\njoints:\n"), "a robot with a floating base has no base"),
+        (("links:", "lynks:"), "the file has no links"),
+    ],
+)
+def test_faults_of_a_floating_base_are_told(change, says):
+    text = dumps(load_spec("planar2r")).replace("joints:\n", f"{TRUNK}joints:\n")
+    with pytest.raises(InputError, match=says):
+        loads_spec(text.replace(*change))
+
+
+def test_robots_without_a_floating_base_say_how_to_get_one():
+    model = rrrgen.compile("planar2r", backend="numpy")
+    with pytest.raises(ValueError, match="the robot has no floating base"):
+        model.floating_mass_matrix([0.1, 0.2])
+
+
+def test_the_exported_mjcf_moves_freely_and_weighs_as_much():
+    """At rest the inverse dynamics of the whole robot are its weight."""
+    mujoco = pytest.importorskip("mujoco")
+    spec = floating("quadruped")
+    (xml,) = export_robot(spec, "mjcf").files.values()
+    free = mujoco.MjModel.from_xml_string(xml)
+    assert (free.nq, free.nv) == (7 + spec.n, 6 + spec.n)
+    data = mujoco.MjData(free)
+    mujoco.mj_inverse(free, data)
+    model = rrrgen.compile(spec, backend="numpy")
+    still = np.zeros(spec.n)
+    forces = model.floating_inverse_dynamics(still, still, still, [0, 0, 0, 1], np.zeros(6), np.zeros(6))
+    assert difference(np.array(data.qfrc_inverse), joined(forces)) < 1e-13
