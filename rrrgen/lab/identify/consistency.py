@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, MissingExtraError
 from rrrgen.derive.parameters.physical_links import Prior, pseudo_inertia
+from rrrgen.lab.estimate.linear import scaled
 from rrrgen.lab.estimate.regression import Estimate
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.lab.identify.parameters import Column
@@ -169,9 +170,9 @@ class _Program:
             J = L @ basis @ L.T
             self.to_phi[10 * j : 10 * j + 10, 10 * j : 10 * j + 10] = parameters_of(J).T
         drives = columns[b:]
-        size = np.linalg.norm(R[:, b:-1], axis=0)
-        self.drive_size = np.where(size > 0, 1.0 / np.where(size > 0, size, 1.0), 1.0)
-        A = np.column_stack([R[:, :b] @ K @ self.to_phi, R[:, b:-1] * self.drive_size])
+        drive_columns, size = scaled(R[:, b:-1])
+        self.drive_size = 1.0 / size
+        A = np.column_stack([R[:, :b] @ K @ self.to_phi, drive_columns])
         # only the triangular factor of the (possibly rank-deficient) problem enters the solver
         self.A, self.z = _reduced(A, R[:, -1])
         self.bounded = [10 * n + i for i, column in enumerate(drives) if _is_bounded(column)]
