@@ -509,6 +509,10 @@ def emitted(
         code |= unit_files(unit, real, trig)
         checks = (*checks, unit_check(unit))
     files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks)
+    if {"controller", "rust"} <= wanted:
+        from rrrgen.controller.rust import rust_files
+
+        files |= rust_files(unit, real)
     return model, files | _exported(spec, real, further)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import re
 import shutil
 import sys
 import zipfile
@@ -11,8 +13,12 @@ import numpy as np
 import pytest
 
 from export.arm import arm
-from export.rrr_library import run
+from export.rrr_library import STRICT, run
+from rrrgen.controller.files import standalone_files
 from rrrgen.controller.python_class import Controller
+from rrrgen.controller.rust import rust_files
+from rrrgen.controller.table import GROUPS, unit_of
+from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.emit.targets.interface import ExportOptions
 from rrrgen.exporting import export_robot
 from rrrgen.runtime.controller import compiled_controller
@@ -57,7 +63,9 @@ def expected_of(controller: Controller) -> tuple[np.ndarray, np.ndarray]:
     before = controller.run({name: inputs[name][:245] for name in inputs.dtype.names})
     controller.reset(**{name: inputs[name][244] for name in inputs.dtype.names})
     after = controller.run({name: inputs[name][245:] for name in inputs.dtype.names})
-    return inputs, np.concatenate([before, after])
+    outputs = np.zeros(TICKS, before.dtype)  # np.concatenate would drop the padding of the struct
+    outputs[:245], outputs[245:] = before, after
+    return inputs, outputs
 
 
 def compare(found: np.ndarray, expected: np.ndarray) -> None:
@@ -179,6 +187,33 @@ def test_mex_in_octave(reference, tmp_path):
     compare(unflat(np.loadtxt(folder / "outputs.txt"), outputs.dtype), outputs)
 
 
+def test_block_of_simulink(reference, tmp_path):
+    """The function of the block, called as Simulink does: memory, parameters and signals are arrays of double."""
+    inputs, _ = reference
+    inputs = inputs[:200].copy()
+    inputs["mode"][160] = inputs["mode"][159]
+    c = compiled_controller(arm(), "double", None, None, None, dict(SET))
+    c.start(q=inputs["q"][0], dq=inputs["dq"][0])
+    expected = c.run({name: inputs[name] for name in inputs.dtype.names})
+    source = exported("matlab", tmp_path) / "src"
+    files = ["arm.c", "arm_nominal.c", "arm_controller.c", "arm_differential_ik.c", "arm_simulink.c"]
+    options = ["-std=c99", *STRICT, "-O1", "-ffp-contract=off", "-fPIC", "-shared"]
+    files += [path.name for path in source.glob("*.c") if re.search("derivatives", path.name)]
+    run("gcc", *options, *files, "-lm", "-o", "simulink.so", cwd=source)
+    call = ctypes.CDLL(str(source / "simulink.so")).arm_sl_controller
+    given = [np.array(c.params.data[name], dtype=float).reshape(-1) for name in c.params.data.dtype.names[2:]]
+    work = np.zeros((c.description["state_size"] + c.description["structs"]["params"]["size"]) // 8)
+    found = np.zeros(len(inputs), expected.dtype)
+    for k in range(len(inputs)):
+        read = [np.array(inputs[name][k], dtype=float).reshape(-1) for name in inputs.dtype.names]
+        shapes = [expected.dtype[name].shape for name in expected.dtype.names]
+        out = [np.zeros(int(np.prod(shape, dtype=int))) for shape in shapes]
+        call(*(ctypes.c_void_p(each.ctypes.data) for each in (work, *given, *read, *out)))
+        for name, value, shape in zip(expected.dtype.names, out, shapes, strict=True):
+            found[name][k] = value.reshape(shape)
+    compare(found, expected)
+
+
 ROS2 = """
 #include "src/controller.cpp"
 #include <cstdio>
@@ -268,3 +303,54 @@ def test_ros2_control(reference, tmp_path):
         np.testing.assert_array_equal(config[name], getattr(defaults, name))
     assert (folder / "urdf" / "arm.urdf").is_file()
     compile((folder / "launch" / "controller.launch.py").read_text(), "launch", "exec")
+
+
+CARGO = shutil.which("cargo") or shutil.which("cargo", path=Path.home() / ".cargo" / "bin")
+
+RUST = """
+use arm_controller::{mode, status, Controller, Input, Output, Params};
+use std::{fs, mem::size_of};
+
+fn main() {
+    let mut params = Params::default();
+    params.kp = [150.0; 2];
+    params.threshold = [25.0; 2];
+    params.dq_max[1] = -1.0;
+    assert_eq!(Controller::new(&params, &Input::default()).err().unwrap().to_string(), "dq_max[1]");
+    params.dq_max = Params::default().dq_max;
+    let rows = fs::read("inputs").unwrap();
+    let read = |row: &[u8]| unsafe { std::ptr::read_unaligned(row.as_ptr() as *const Input) };
+    let inputs: Vec<Input> = rows.chunks(size_of::<Input>()).map(read).collect();
+    let mut c = Controller::new(&params, &Input { q: inputs[0].q, dq: inputs[0].dq, ..Input::default() }).unwrap();
+    let mut found = Vec::new();
+    for (k, input) in inputs.iter().enumerate() {
+        if k == 245 {
+            c.reset(&inputs[244]).unwrap();
+        }
+        let out = c.step(input);
+        assert!(k != 160 || out.status & status::MODE != 0 && out.mode != mode::FREE + 99);
+        let bytes = &out as *const Output as *const u8;
+        found.extend_from_slice(unsafe { std::slice::from_raw_parts(bytes, size_of::<Output>()) });
+    }
+    fs::write("outputs", found).unwrap();
+}
+"""
+
+
+@pytest.mark.skipif(CARGO is None, reason="cargo is not installed")
+def test_rust(reference, tmp_path):
+    inputs, outputs = reference
+    model = derived_model(arm(), GROUPS)[0]
+    unit = unit_of(model)
+    crate = tmp_path / "use"
+    for name, text in (standalone_files(unit, "double") | rust_files(unit, "double")).items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (crate / "src").mkdir(parents=True)
+    (crate / "src" / "main.rs").write_text(RUST, encoding="utf-8")
+    depends = '[package]\nname = "use"\nversion = "0.1.0"\nedition = "2018"\n[dependencies]\n'
+    (crate / "Cargo.toml").write_text(depends + 'arm_controller = { path = "../rust_controller" }\n', encoding="utf-8")
+    (crate / "inputs").write_bytes(inputs.tobytes())
+    command = f"PATH={Path(CARGO).parent}:$PATH RUSTFLAGS='-D warnings' cargo run -q --offline"
+    run("sh", "-c", command, cwd=crate)
+    compare(np.frombuffer((crate / "outputs").read_bytes(), outputs.dtype), outputs)
