@@ -91,6 +91,7 @@ def certify(
     from rrrgen.base.files import write
     from rrrgen.evidence.boxes import Ranges
     from rrrgen.evidence.certificate import CERTIFICATE, PAGE, certificate_files
+    from rrrgen.evidence.coding_rules import checked_with_cppcheck
     from rrrgen.runtime import load
     from rrrgen.verify import verify
 
@@ -107,6 +108,7 @@ def certify(
             "speed": speed,
             "acceleration": acceleration,
         }
+        coding_rules, unchecked = checked_with_cppcheck(files)
         files |= certificate_files(
             model,
             files,
@@ -116,7 +118,8 @@ def certify(
             Ranges(speed, acceleration),
             report,
             seed=seed,
-            skipped=_beyond_the_model(files),
+            further=coding_rules,
+            skipped=[*_beyond_the_model(files), *unchecked],
             tell=tell,
         )
     write(files, output)

@@ -294,15 +294,16 @@ class CTarget:
         return self.dialect.branch(condition.within(UNARY), yes, no)
 
     def outcome(self, status: Status, value: Text) -> list[str]:
-        """The return statement with the enumerator of success or failure."""
-        *failures, text = [
-            self.dialect.failure(failure) for failure in status.failures
-        ]  # NaN reads as the last failure
+        """The return statements with the enumerators of success or failure; NaN reads as the last failure."""
+        names = [self.dialect.success, *map(self.dialect.failure, status.failures)]
         codes = [0, *(failure.code for failure in status.failures)]
-        for k, name in reversed(list(enumerate([self.dialect.success, *failures]))):
-            below = self.dialect.literal(Fraction(2 * codes[k] + 1, 2))
-            text = f"({value.within(UNARY)} < {below}) ? {name} : {text if k == len(failures) else f'({text})'}"
-        return [f"return {text};"]
+        below = [f"({value.within(UNARY)} < {self.dialect.literal(Fraction(2 * code + 1, 2))})" for code in codes[:-1]]
+        early = [
+            line
+            for test, name in zip(below[:-1], names, strict=False)
+            for line in (f"if {test} {{", f"    return {name};", "}")
+        ]
+        return [*early, f"return {below[-1]} ? {names[-2]} : {names[-1]};"]
 
 
 def nonfinite_function(dialect: Dialect) -> str:

@@ -1,0 +1,197 @@
+"""MISRA C:2012 rule by rule for emitted code, in the categories of MISRA Compliance:2020, checked with cppcheck.
+
+:data:`DEVIATIONS` states every rule of which cppcheck's checker may report findings, with the reason; a finding of any
+other rule is a fault of rrrgen (``tests/evidence/test_coding_rules.py``). The self-test and its calls of stdio are not
+checked. "Checked with cppcheck" is the whole claim: the checker does not look at the rules in :data:`UNCHECKED`,
+decides others in part, and is not qualified.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from rrrgen.base.files import Contents
+
+_RULES_PER_SECTION = (3, 7, 2, 2, 9, 2, 4, 14, 5, 8, 9, 5, 6, 4, 7, 7, 8, 8, 2, 14, 20, 10)
+"""Number of rules of sections 1 to 22, with Amendment 1."""
+
+RULES = tuple(f"{section}.{rule + 1}" for section, n in enumerate(_RULES_PER_SECTION, 1) for rule in range(n))
+_MANDATORY = frozenset(
+    (
+        "9.1",
+        "12.5",
+        "13.6",
+        "17.3",
+        "17.4",
+        "17.6",
+        "19.1",
+        "21.13",
+        "21.17",
+        "21.18",
+        "21.19",
+        "21.20",
+        "22.2",
+        "22.4",
+        "22.5",
+        "22.6",
+    )
+)
+_ADVISORY = frozenset(
+    (
+        "1.2",
+        "2.3",
+        "2.4",
+        "2.5",
+        "2.6",
+        "2.7",
+        "4.2",
+        "5.9",
+        "8.7",
+        "8.9",
+        "8.11",
+        "8.13",
+        "10.5",
+        "11.4",
+        "11.5",
+        "12.1",
+        "12.3",
+        "12.4",
+        "13.3",
+        "13.4",
+        "15.1",
+        "15.4",
+        "15.5",
+        "17.5",
+        "17.8",
+        "18.4",
+        "18.5",
+        "19.2",
+        "20.1",
+        "20.5",
+        "21.12",
+    )
+)
+
+DEVIATIONS: Mapping[str, str] = {
+    "2.3": "types of the interface are for the user; each emitted file need not use them",
+    "2.4": "tags of the interface are for the user",
+    "2.5": "macros of the interface are for the user",
+    "5.6": "the real type is defined, behind one guard, in every header that can be used without the others",
+    "5.7": "a type has the name of its tag, so that C and C++ code can name it alike",
+    "5.9": "every source has its own copy of the kernel of sine and cosine, so that the compiler inlines it",
+    "8.7": "functions of the interface are called by the user alone",
+    "8.9": "constant tables stand above their function, where a reader sees their shape",
+    "10.5": "truth values of the interface are int, as in C99 without stdbool.h",
+    "11.5": "the fields of the parameters are reached by the offsets of one table, which the checks read too",
+    "13.3": "indices advance where they are used, in short loops",
+    "13.4": "equal starts of several variables are assigned together",
+    "15.4": "loops end where they fail and where they are done",
+    "15.5": "guards at the top of a function return at once",
+    "17.8": "arguments that are passed by value are clamped in place",
+    "18.4": "rows of arrays are passed as pointer and offset",
+}
+"""Rules with findings, and the reason why they are accepted. 5.6 and 5.7 are the only ones that are not advisory."""
+
+UNCHECKED = frozenset(("1.1", "1.2", "12.5"))
+"""Rules that the checker does not look at: language standard, extensions, sizeof of array parameters."""
+
+LONGEST_STRAIGHT_LINE = 600
+"""Lines up to which a file of straight-line functions is checked: on longer ones cppcheck takes minutes to hours."""
+
+
+class Finding(NamedTuple):
+    """A finding of the checker: file, line, and the number of the rule, such as "10.3"."""
+
+    file: str
+    line: int
+    rule: str
+
+
+def category(rule: str) -> str:
+    """The published category of a rule: "mandatory", "required" or "advisory"."""
+    return "mandatory" if rule in _MANDATORY else "advisory" if rule in _ADVISORY else "required"
+
+
+def is_available() -> bool:
+    """Whether cppcheck is installed."""
+    return shutil.which("cppcheck") is not None
+
+
+def checked_files(files: Mapping[str, Contents]) -> list[str]:
+    """The C sources among emitted ``files`` that are checked: no self-tests, no very long straight-line functions."""
+    return [
+        path
+        for path, text in sorted(files.items())
+        if path.endswith(".c")
+        and "/" not in path
+        and "selftest" not in path
+        and isinstance(text, str)
+        and (path.endswith("_ik.c") or text.count("\n") <= LONGEST_STRAIGHT_LINE)
+    ]
+
+
+def findings(directory: Path, sources: Iterable[str]) -> list[Finding]:
+    """What cppcheck's MISRA checker finds in the ``sources`` below ``directory``, in order and without repetitions."""
+    with tempfile.TemporaryDirectory() as build:  # the checker's files for rules about several sources
+        command = [
+            *(
+                "cppcheck",
+                "--addon=misra",
+                "--std=c99",
+                "--platform=unix64",
+                "--quiet",
+                f"--cppcheck-build-dir={build}",
+            ),
+            *("--enable=style", "--suppress=missingIncludeSystem", "--template={file}|{line}|{id}", *sources),
+        ]
+        done = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False)
+    rows = re.findall(r"^(.*)\|(\d+)\|misra-c2012-(\d+\.\d+)$", done.stderr, re.MULTILINE)
+    return sorted({Finding(file, int(line), rule) for file, line, rule in rows})
+
+
+def coding_rules_entry(found: Iterable[Finding], sources: Iterable[str]) -> dict[str, Any]:
+    """The entry ``coding_rules`` of the certificate: one row for each rule, with its category and what holds."""
+    counts = Counter(each.rule for each in found)
+    rows = []
+    for rule in RULES:
+        if rule in UNCHECKED:
+            rows.append([rule, category(rule), "not checked", ""])
+        elif not counts[rule]:
+            rows.append([rule, category(rule), "compliant", ""])
+        elif rule in DEVIATIONS:
+            rows.append([rule, category(rule), f"deviation, {counts[rule]} places", DEVIATIONS[rule]])
+        else:
+            rows.append([rule, category(rule), f"{counts[rule]} findings", "none is accepted: please report this"])
+    unaccepted = sum(number for rule, number in counts.items() if rule not in DEVIATIONS)
+    return {
+        "summary": f"MISRA C:2012 with Amendment 1, checked with cppcheck in {', '.join(sources)}: "
+        f"{unaccepted} findings without a recorded deviation.",
+        "unaccepted": unaccepted,
+        "headings": ["rule", "category", "state", "reason"],
+        "rows": rows,
+    }
+
+
+def checked_with_cppcheck(files: Mapping[str, Contents]) -> tuple[dict[str, Any], list[tuple[str, str]]]:
+    """The certificate's entries about coding rules of emitted ``files``; what was not checked, with the reason."""
+    if not is_available():
+        return {}, [("coding rules", "cppcheck is not installed")]
+    sources = checked_files(files)
+    left = [path for path in sorted(files) if path.endswith(".c") and "/" not in path and path not in sources]
+    reason = f"straight-line functions of more than {LONGEST_STRAIGHT_LINE} lines: a test checks the same printer"
+    skipped = [(f"coding rules of {path}", reason) for path in left if "selftest" not in path]
+    with tempfile.TemporaryDirectory() as name:
+        directory = Path(name)
+        for path, text in files.items():
+            if "/" not in path and path.endswith((".c", ".h")) and isinstance(text, str):
+                (directory / path).write_text(text, encoding="utf-8", newline="\n")
+        entry = coding_rules_entry(findings(directory, sources), sources)
+    return {"coding_rules": entry}, skipped
