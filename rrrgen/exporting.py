@@ -85,9 +85,11 @@ def export_robot(
         )
     _refuse_unused(exporter, options)
     wanted = {*spec.emit, *options.further}
-    if "controller" in wanted and "controller" in exporter.further:
+    held = exporter.further
+    if "controller" in wanted and "controller" in held:
         wanted |= set(UNIT_GROUPS)
-    options = replace(options, further=tuple(word for word in exporter.further if word in wanted))
+        held = tuple(dict.fromkeys((*held, *UNIT_GROUPS)))
+    options = replace(options, further=tuple(word for word in held if word in wanted))
     notes = tuple(_unheld(exporter, spec))
     if beta is not None or exporter.needs_bodies:
         from rrrgen.derive.parameters.physical_links import with_physical_links

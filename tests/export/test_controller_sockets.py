@@ -354,3 +354,71 @@ def test_rust(reference, tmp_path):
     command = f"PATH={Path(CARGO).parent}:$PATH RUSTFLAGS='-D warnings' cargo run -q --offline"
     run("sh", "-c", command, cwd=crate)
     compare(np.frombuffer((crate / "outputs").read_bytes(), outputs.dtype), outputs)
+
+
+def test_fmu(reference, tmp_path):
+    """A tick is a step of the co-simulation, which counts the samples; the reset is an input."""
+    fmpy = pytest.importorskip("fmpy", reason="needs FMPy to load an FMU")
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.validation import validate_fmu
+
+    inputs, _ = reference
+    inputs = inputs.copy()
+    inputs["sample"], inputs["dt"] = np.arange(1, TICKS + 1), 1e-3
+    c = compiled_controller(arm(), "double", None, None, None, dict(SET))
+    c.start(q=inputs["q"][0], dq=inputs["dq"][0])
+    before = c.run({name: inputs[name][:245] for name in inputs.dtype.names})
+    c.reset(**{name: inputs[name][245] for name in inputs.dtype.names})
+    after = c.run({name: inputs[name][245:] for name in inputs.dtype.names})
+    expected = np.concatenate([before, after])
+    fmu = exported("fmu", tmp_path) / "arm_controller.fmu"
+    assert validate_fmu(str(fmu)) == []
+    folder = fmpy.extract(str(fmu), str(tmp_path / "unzipped"))
+    run("gcc", "-std=c99", *STRICT, "-fsyntax-only", "arm_controller_fmu.c", cwd=Path(folder) / "sources")
+    description = fmpy.read_model_description(folder)
+    known = {v.name: v for v in description.modelVariables}
+    assert (known["params.kp[1]"].unit, known["params.kp[1]"].min) == ("1/s2", "0.0")
+    assert known["params.threshold[1]"].start == "INF"
+
+    slave = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=folder,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="c",
+    )
+    slave.instantiate(loggingOn=True)
+
+    def put(name: str, value: float) -> None:
+        variable = known[name]
+        write = slave.setInteger if variable.type == "Integer" else slave.setReal
+        write([variable.valueReference], [int(value) if variable.type == "Integer" else float(value)])
+
+    def read(row: np.ndarray) -> None:
+        for name in inputs.dtype.names:
+            for k, value in enumerate(np.ravel(row[name])):
+                label = f"in.{name}[{k + 1}]" if row[name].shape else f"in.{name}"
+                if label in known:
+                    put(label, value)
+
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    for name, value in SET.items():
+        for k in (1, 2):
+            put(f"params.{name}[{k}]", value)
+    read(inputs[0])
+    slave.exitInitializationMode()
+    outputs = [name for name, v in known.items() if v.causality == "output"]
+    reals = [known[name].valueReference for name in outputs if known[name].type == "Real"]
+    integers = [known[name].valueReference for name in outputs if known[name].type == "Integer"]
+    found = []
+    for k, row in enumerate(inputs):
+        read(row)
+        put("reset", k == 245)
+        slave.doStep(currentCommunicationPoint=1e-3 * k, communicationStepSize=1e-3)
+        found.append([*slave.getReal(reals), *slave.getInteger(integers)])
+    compare(unflat(np.array(found), expected.dtype), expected)
+    put("params.kp[1]", -1.0)
+    with pytest.raises(Exception, match="fmi2"):
+        slave.doStep(currentCommunicationPoint=1.0, communicationStepSize=1e-3)
+    slave.terminate()
+    slave.freeInstance()

@@ -176,7 +176,8 @@ def test_options_that_make_no_sense_are_refused():
 
 def test_packages_hold_what_is_asked_for_and_say_what_they_cannot(capsys, tmp_path):
     with pytest.raises(
-        InputError, match=r"fmu cannot hold 'control'; targets that can: cuda, embedded, jax, matlab, ros2, wheel"
+        InputError,
+        match=r"fmu cannot hold 'control'; it takes controller; targets that can: cuda, embedded, jax, matlab, ros2, w",
     ):
         export_robot(arm(), "fmu", options=ExportOptions(further=("control",)))
     with pytest.raises(InputError, match=r"wheel cannot hold 'cpp'; it takes control, .*targets that can: embedded"):
