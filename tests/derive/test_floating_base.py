@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rrrgen.emit.exporting import export_robot
 
 import rrrgen
 from derive.test_mechanisms import PLACED_TREE
 from rrrgen.base.errors import InputError
 from rrrgen.derive import prepare
 from rrrgen.derive.functions.table import functions_for
+from rrrgen.exporting import export_robot
 from rrrgen.robot.file import dumps, load_spec, loads_spec
 from rrrgen.runtime.floating_base import FloatingState, from_mujoco, from_pinocchio, rotation, to_mujoco, to_pinocchio
 from rrrgen.verify import verify
