@@ -268,7 +268,7 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
     rrr_real best;
     rrr_real cost;
     int i;
-    int step = 0;
+    int step;
     bool going;
     int worse = 0;
     for (i = 0; i < 3; ++i) {
@@ -277,7 +277,7 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
     cost = rrr_ik_error(T, x, e, J, held);
     best = cost;
     going = (best > RRR_IK_TOL_DONE) && (damping < (rrr_real)1e6);
-    while ((step < steps) && going) {
+    for (step = 0; (step < steps) && going; ++step) {
         rrr_real d[3] = {0};
         rrr_real most = (rrr_real)1;
         rrr_ik_step(J, e, (damping * sqrt(cost)) + RRR_IK_TOL_EPS, d);
@@ -309,7 +309,6 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
         } else { /* a step to the worse, of which some in a row are allowed */
         }
         going = (best > RRR_IK_TOL_DONE) && (damping < (rrr_real)1e6);
-        ++step;
     }
     return best;
 }
@@ -704,13 +703,14 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
     const rrr_real tolerance = (own > RRR_IK_TOL_ACCEPT) ? own : RRR_IK_TOL_ACCEPT;
     rrr_real least = RRR_IK_TOL_FREE;
     int pending = 0;
+    int round;
     int i;
     int w;
     for (i = 0; i < rows; ++i) {
         pending += (int)(((found->flags[i] & RRR_IK_OPEN) != 0u) && (rrr_ik_loose(T, accuracy, found, i) != 0u));
     }
     bool wider = least < ((rrr_real)2 * RRR_IK_TOL_DOUBT);
-    while ((pending > 0) && wider) {
+    for (round = 0; (round < 64) && (pending > 0) && wider; ++round) { /* far fewer decades lie between the two */
         rrr_ik_solutions wide;
         int stage = 0;
         const int count = rrr_ik_branches(T, at, RRR_IK_TOL_SLACK, least, &wide, &stage);

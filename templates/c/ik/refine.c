@@ -71,7 +71,7 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
     REAL best;
     REAL cost;
     int i;
-    int step = 0;
+    int step;
     bool going;
     int worse = 0;
     for (i = 0; i < JOINTS; ++i) {
@@ -80,7 +80,7 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
     cost = ik_error(T, x, e, J HELD);
     best = cost;
     going = (best > IK_TOL_DONE) && (damping < (REAL)VALUE_MOST_DAMPING);
-    while ((step < steps) && going) {
+    for (step = 0; (step < steps) && going; ++step) {
         REAL d[JOINTS] = {0};
         REAL most = (REAL)1;
         ik_step(J, e, (damping * SQRT(cost)) + IK_TOL_EPS, d);
@@ -116,7 +116,6 @@ LOCAL REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAME
         } else { /* a step to the worse, of which some in a row are allowed */
         }
         going = (best > IK_TOL_DONE) && (damping < (REAL)VALUE_MOST_DAMPING);
-        ++step;
     }
     return best;
 }

@@ -75,8 +75,7 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
                 REAL a = back;
                 REAL b = front;
                 bool above = deep > (REAL)0;
-                i = 0;
-                while ((i < VALUE_DIP_STEPS) && above) {
+                for (i = 0; (i < VALUE_DIP_STEPS) && above; ++i) {
                     const REAL u = a + ((b - a) / (REAL)3);
                     const REAL v = b - ((b - a) / (REAL)3);
                     const REAL gu = ik_with(T, ref LOCK, least, held, branch, j, u, x);
@@ -86,7 +85,6 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
                     a = (gu <= gv) ? a : u;
                     b = (gu <= gv) ? v : b;
                     above = deep > (REAL)0;
-                    ++i;
                 }
                 bad = back;
             }
@@ -160,13 +158,14 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
     const REAL tolerance = (own > IK_TOL_ACCEPT) ? own : IK_TOL_ACCEPT;
     REAL least = IK_TOL_FREE;
     int pending = 0;
+    int round;
     int i;
     int w;
     for (i = 0; i < rows; ++i) {
         pending += (int)(((found->flags[i] & IK_OPEN) != 0u) && (ik_loose(T, accuracy, found, i) != 0u));
     }
     bool wider = least < ((REAL)2 * IK_TOL_DOUBT);
-    while ((pending > 0) && wider) {
+    for (round = 0; (round < 64) && (pending > 0) && wider; ++round) { /* far fewer decades lie between the two */
         ik_solutions wide;
         int stage = 0;
         const int count = ik_candidates(T, at LOCK, IK_TOL_SLACK, least NO_BAND, &wide, &stage);
