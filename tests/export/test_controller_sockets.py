@@ -91,6 +91,53 @@ def exported(target: str, place: Path, further: tuple[str, ...] = (), **options)
     return place
 
 
+C = """
+#include <stdio.h>
+#include "arm_controller.h"
+
+int main(void)
+{
+    arm_controller_params params;
+    arm_controller_state state;
+    arm_controller_input in, first = {0}, before = {0};
+    arm_controller_output out;
+    FILE *inputs = fopen("inputs", "rb"), *outputs = fopen("outputs", "wb");
+    int k;
+    arm_controller_default(&params);
+    for (k = 0; k < 2; k++) {
+        params.kp[k] = 150.0;
+        params.threshold[k] = 25.0;
+    }
+    for (k = 0; fread(&in, sizeof(in), 1, inputs) == 1; k++) {
+        if (k == 0) {
+            first.q[0] = in.q[0], first.q[1] = in.q[1], first.dq[0] = in.dq[0], first.dq[1] = in.dq[1];
+            if (arm_controller_init(&state, &params, &first) != 0) return 1;
+        }
+        if (k == 245 && arm_controller_reset(&state, &before) != 0) return 2;
+        arm_controller_step(&state, &in, &out);
+        before = in;
+        fwrite(&out, sizeof(out), 1, outputs);
+    }
+    fclose(inputs);
+    return fclose(outputs);
+}
+"""
+
+
+def test_c(reference, tmp_path):
+    """A program of its own, under the sanitizers."""
+    inputs, outputs = reference
+    files = standalone_files(unit_of(derived_model(arm(), GROUPS)[0]), "double") | {"main.c": C}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "inputs").write_bytes(inputs.tobytes())
+    sources = [name for name in files if name.endswith(".c")]
+    checked = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    run("gcc", "-std=c99", "-O1", "-ffp-contract=off", *checked, *sources, "-lm", "-o", "use", cwd=tmp_path)
+    run(tmp_path / "use", cwd=tmp_path)
+    compare(np.frombuffer((tmp_path / "outputs").read_bytes(), outputs.dtype), outputs)
+
+
 WHEEL = """
 import sys
 import numpy as np
