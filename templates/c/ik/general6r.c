@@ -192,8 +192,8 @@ LOCAL void ik_6r_cross(const REAL a[3], const REAL b[3], REAL c[3])
 {
     int i;
     for (i = 0; i < 3; ++i) {
-        const int y = (i < 2) ? (i + 1) : 0;
-        const int z = (i > 0) ? (i - 1) : 2;
+        const int y = (i + 1) % 3;
+        const int z = (i + 2) % 3;
         c[i] = (a[y] * b[z]) - (a[z] * b[y]);
     }
 }
@@ -654,7 +654,8 @@ LOCAL int ik_6r_scan(REAL h[3][6][10], const REAL zone[3], REAL noise, REAL p[2]
         size += FABS(p[0][k]) + FABS(p[1][k]);
     }
     p[0][0] *= (REAL)0.5;
-    *level = ((size * noise) > rounding) ? (size * noise) : rounding;
+    *level = size * noise;
+    *level = (*level > rounding) ? *level : rounding;
     for (j = 17; j < 20; ++j) {
         const REAL *const y = ik_6r_wave[((11 * j) + 4) % 17];
         REAL v[2];
@@ -708,7 +709,9 @@ LOCAL REAL ik_6r_factor(const REAL w[12], REAL angle[2][2])
 LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL v[12])
 {
     REAL work[3][6][10];
-    REAL(*const low)[10] = work[0], (*const high)[10] = work[1], (*const s)[10] = work[2];
+    REAL(*const low)[10] = work[0];
+    REAL(*const high)[10] = work[1];
+    REAL(*const s)[10] = work[2];
     int i;
     int j;
     (void)ik_6r_reduce(h, cs, work);
@@ -727,7 +730,7 @@ LOCAL void ik_6r_null(REAL h[3][6][10], const REAL cs[2], REAL v[12])
         v[9 + i] = (REAL)0;
         for (j = i + 1; j < 9; ++j) {
             v[i] -= low[i][j] * v[j];
-            v[9 + i] -= high[i][j] * v[(j < 3) ? (9 + j) : j];
+            v[9 + i] -= high[i][j] * v[j + ((j < 3) ? 9 : 0)];
         }
         v[i] /= low[i][i] + IK_6R_TINY;
         v[9 + i] /= high[i][i] + IK_6R_TINY;
@@ -1417,7 +1420,8 @@ LOCAL int ik_6r_wind(REAL p[2][9], REAL noise, const REAL at[2], REAL *radius, R
             }
             size *= size;
             size *= size;
-            least *= (size > (REAL)1) ? (size * size) : (REAL)1;
+            const REAL larger = (size > (REAL)1) ? size : (REAL)1;
+            least *= larger * larger;
             size = (re * re) + (im * im);
             clear = (int)(size > (least * least));
             size = (REAL)(1.0 / 48.0) / (size + IK_6R_TINY);
@@ -1661,7 +1665,7 @@ LOCAL int ik_6r_eliminate(const REAL pose[12], const signed char pass[6], REAL n
             const int before = *count;
             int m;
             int inside;
-            int here = middle ? ((at > 0) && (empty != 0)) : ((at == 0) || (root[k][0] > IK_6R_EDGE));
+            int here = (int)(middle ? ((at > 0) && (empty != 0)) : ((at == 0) || (root[k][0] > IK_6R_EDGE)));
             REAL cs[2];
             (void)ik_6r_magnify(zone[at], root[k], cs);
             for (m = 1; m < zones; ++m) { /* a root inside a narrower zone is left to that zone, which resolves it better */

@@ -30,6 +30,7 @@ LOCAL REAL ik_outside(const REAL *q, REAL margin)
             const REAL below = (REAL)6.283185307179586 - over;
             out = (above < below) ? above : below;
             out = (over <= width) ? (REAL)0 : out;
+        } else { /* the limits leave room for a whole turn */
         }
         worst = (out > worst) ? out : worst;
     }

@@ -157,7 +157,8 @@ LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_R
                     order = 1 + (int)(doubtful > 2);
                     blur = (doubtful > 2) ? ((REAL)0.03125 * (REAL)doubtful * du) : (REAL)0;
                 } else if (doubtful > 1) { /* flat where it touches zero, at an end of the interval */
-                    u = ((c[0] < (REAL)0) == rising) ? (u0 + du) : u0;
+                    u = ((c[0] < (REAL)0) == (rising != 0)) ? du : (REAL)0;
+                    u += u0;
                     blur = (REAL)0;
                 } else {
                     continue;
@@ -180,6 +181,7 @@ LOCAL int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[IK_TRIG8_R
                 width[top + 1] = at * du;
                 top += 2;
                 continue;
+            } else { /* one root of uncertain place in a narrow interval */
             }
             if (count < IK_TRIG8_ROWS) {
                 const REAL w = (REAL)1 / ((REAL)1 + (u * u));
