@@ -20,6 +20,7 @@ import pytest
 
 casadi = pytest.importorskip("casadi", reason="the search for exciting trajectories needs CasADi")
 
+import rrrgen  # noqa: E402
 from oracles.chapter14 import regressor_1447  # noqa: E402
 from rrrgen.base.errors import DerivationError, InputError  # noqa: E402
 from rrrgen.lab.design.design import (  # noqa: E402
@@ -34,6 +35,7 @@ from rrrgen.lab.design.design import (  # noqa: E402
 )
 from rrrgen.lab.design.nonlinear_program import ExcitationProgram  # noqa: E402
 from rrrgen.lab.design.search import random_start  # noqa: E402
+from rrrgen.robot.robots import bundled_path  # noqa: E402
 from samples.casadi_arms import (  # noqa: E402
     double_pendulum_regressor,
     double_pendulum_tip,
@@ -453,3 +455,13 @@ def test_an_interrupted_and_resumed_excite_gives_the_same_bytes(tmp_path, monkey
     ]
     assert len(contents[0]) > 8
     assert contents[0] == contents[1]
+
+
+def test_torques_with_friction_stay_within_the_drives_by_default() -> None:
+    """The drive of the pendulum cannot hold it where it is level: the motion must not stop there."""
+    text = bundled_path("pendulum").read_text(encoding="utf-8")
+    robot = rrrgen.loads_spec(text.replace("    limits:", "    friction: {viscous: 0.02, coulomb: 0.3}\n    limits:"))
+    result = rrrgen.excite(robot, harmonics=5, starts=3)
+    assert result.check.feasible
+    assert result.overloads == ()
+    assert {limit.quantity for limit in result.check.limits} == {"speed", "acceleration", "torque"}

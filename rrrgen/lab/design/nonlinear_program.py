@@ -137,6 +137,8 @@ class ExcitationProgram:
         collected = Constraints()
         step = 1.0 / (problem.base_frequency * problem.samples_per_period)
         for (name, i), chosen in sorted(instants.items()):
+            if not chosen:
+                continue
             t = np.array(sorted(chosen)) * step
             low, high = (row[i] for row in bounds[name])
             collected.limit(self._quantity(name, i, t), low, high)

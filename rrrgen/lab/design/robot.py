@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 from rrrgen.base.errors import InputError
 from rrrgen.lab.design.problem import ExcitationLimits, ExcitationProblem, excitation_problem
+from rrrgen.robot.friction.models import motor_friction, robot_friction
 from rrrgen.robot.model.mechanism import follower_limits
 
 
@@ -27,13 +29,18 @@ def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
     )
 
 
+SLOW = 0.01
+"""Share of the largest speed below which Coulomb friction grows with the speed, so that the search has derivatives."""
+
+
 def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings: Any) -> ExcitationProblem:
     """Build the excitation problem of a compiled robot (:class:`rrrgen.Model`), by default within its file's limits.
 
-    Torque limits apply to the joint torques of the nominal model, drive inertia included; a Cartesian box bounds the
-    tip; rows of a mechanism whose displacement depends on several joint positions stay within their range. ``settings``
-    are further fields of ``ExcitationProblem``, such as ``harmonics`` or ``sample_period``. Raises InputError if
-    torques are limited but the robot file has no links, or for an inconsistent problem.
+    Torque limits apply to the joint torques of the nominal model, drive inertia and friction of the robot file
+    included; a Cartesian box bounds the tip; rows of a mechanism whose displacement depends on several joint positions
+    stay within their range. ``settings`` are further fields of ``ExcitationProblem``, such as ``harmonics`` or
+    ``sample_period``. Raises InputError if torques are limited but the robot file has no links, or for an inconsistent
+    problem.
     """
     import casadi
 
@@ -48,11 +55,20 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
             tau = casadi.mtimes(regressor(q, dq, ddq), casadi.DM(model.beta))
         else:
             tau = model.casadi_function("inverse_dynamics_nominal")(q, dq, ddq)
-        torque = casadi.Function("torque", [q, dq, ddq], [tau])
+        torque = casadi.Function("torque", [q, dq, ddq], [tau + _friction(model, chosen, dq, tau)])
     if chosen.box_lower is not None or chosen.box_upper is not None:
         q = casadi.SX.sym("q", model.n)
         tip = casadi.Function("tip", [q], [model.casadi_function("forward_kinematics")(q)[:3, 3]])
     return excitation_problem(regressor, chosen, torque=torque, tip=tip, **settings)
+
+
+def _friction(model: Any, limits: ExcitationLimits, dq: Any, load: Any) -> Any:
+    """The friction that the robot file states, (n,), a CasADi expression; zero if it states none."""
+    if robot_friction(model.spec) is None and motor_friction(model.spec) is None:
+        return 0.0
+    speeds = [value for value in limits.row("speed", model.n) if value < math.inf]
+    friction = model.casadi_function("friction", smooth_sign=SLOW * min(speeds, default=1.0))
+    return friction(*([dq, load] if friction.n_in() == 2 else [dq]))
 
 
 def _of_links(model: Any) -> Any:

@@ -14,13 +14,22 @@ import numpy as np
 
 from rrrgen.base.errors import InputError
 from rrrgen.lab.design.check import ExcitationCheck, ProblemFunctions, check_trajectory, limited_quantities
-from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.lab.design.fourier_series import Floats, FourierTrajectory
 from rrrgen.lab.design.interrupts import reraised_interrupts
 from rrrgen.lab.design.nonlinear_program import MARGIN, ExcitationProgram
 from rrrgen.lab.design.problem import ExcitationProblem
 
 EXCHANGES = 8
 """Largest number of repetitions of the last stage with the violated instants added."""
+
+NEAREST = "nearest"
+"""The last stage, where the others leave a limit violated: the nearest motion, by its coefficients, that meets all."""
+
+HOLDING_TRIALS = 200
+"""Number of random configurations among which a start looks for one that the drives hold easily."""
+
+HALVINGS = 12
+"""Largest number of times that the amplitude of a start is halved to meet the torque limits."""
 
 LARGEST_SHRINKING = 0.03
 """A trajectory that exceeds a limit by more than this is reported as infeasible instead of being scaled down."""
@@ -67,7 +76,12 @@ class StartResult:
 
 
 def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
-    """A random trajectory within the speed, acceleration and position limits, reproducible from ``seed``."""
+    """A random trajectory within all limits but a box of the tip and those of followers, reproducible from ``seed``.
+
+    It moves about the middle of the position limits, or where holding the arm there takes more than half of the torque
+    limits, about the configuration of ``HOLDING_TRIALS`` random ones that is held most easily. Its amplitude is halved
+    until the torques meet their limits.
+    """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0x52525247]))
     n, N = problem.joints, problem.harmonics
     a, b = rng.normal(size=(2, n, N))
@@ -79,17 +93,44 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
     bounded = np.isfinite(high - low)
     middle = np.where(bounded, 0.5 * (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)), 0.0)
     q0 = np.where(bounded, middle, rng.uniform(-np.pi, np.pi, n))
+    limited = problem.limits.torque is not None
+    if limited and _holding(problem, q0[None])[0] > 0.5:
+        drawn = np.where(bounded, rng.uniform(low, high, (HOLDING_TRIALS, n)) if bounded.all() else 0.0, q0)
+        drawn = np.where(bounded, drawn, rng.uniform(-np.pi, np.pi, (HOLDING_TRIALS, n)))
+        q0 = drawn[int(np.argmin(_holding(problem, drawn)))]
     trajectory = FourierTrajectory(q0, a, b, problem.base_frequency)
     q, dq, ddq = trajectory.evaluate(np.arange(20 * N) * (trajectory.period / (20 * N)))
     gains = np.full(n, np.inf)
     for values, bound in (
-        (q - q0, np.where(bounded, 0.5 * (high - low), np.inf)),
+        (q - q0, np.where(bounded, np.minimum(q0 - low, high - q0), np.inf)),
         (dq, np.asarray(problem.limits.row("speed", n))),
         (ddq, np.asarray(problem.limits.row("acceleration", n))),
     ):
         gains = np.minimum(gains, bound / np.abs(values).max(axis=0))
     gains = problem.start_amplitude * np.where(np.isfinite(gains), gains, 1.0)
-    return FourierTrajectory(q0, a * gains[:, None], b * gains[:, None], problem.base_frequency)
+    for _ in range(HALVINGS if limited else 1):
+        trajectory = FourierTrajectory(q0, a * gains[:, None], b * gains[:, None], problem.base_frequency)
+        if not limited or _torque_use(problem, *trajectory.evaluate(_cycle(problem, trajectory))).max() <= 1.0:
+            break
+        gains = 0.5 * gains
+    return trajectory
+
+
+def _cycle(problem: ExcitationProblem, trajectory: FourierTrajectory) -> Floats:
+    """The instants of one cycle at which the objective is evaluated, (design_instants,), s."""
+    return np.asarray(np.arange(problem.design_instants) * (trajectory.period / problem.design_instants))
+
+
+def _torque_use(problem: ExcitationProblem, q: Floats, dq: Floats, ddq: Floats) -> Floats:
+    """The torques over their limits, (m,): the largest of all joints at m states (m, n)."""
+    functions = ProblemFunctions(problem)
+    torques = functions.over(functions.torque, q, dq, ddq)[:, :, 0]
+    return np.asarray(np.max(np.abs(torques) / np.asarray(problem.limits.row("torque", problem.joints)), axis=1))
+
+
+def _holding(problem: ExcitationProblem, q: Floats) -> Floats:
+    """The torques that hold the arm at ``q`` (m, n) over their limits, (m,): the largest of all joints."""
+    return _torque_use(problem, q, np.zeros_like(q), np.zeros_like(q))
 
 
 @reraised_interrupts()
@@ -116,6 +157,11 @@ def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
         trajectory = _solve(program, stage, p, eigenvalue, trajectory, instants, history)
         _exchange(program, trajectory, instants)
     trajectory = _within_limits(problem, trajectory)
+    for _ in range(EXCHANGES):
+        if check_trajectory(problem, trajectory).feasible:
+            break
+        _exchange(program, trajectory, instants)
+        trajectory = _solve(program, NEAREST, 0, eigenvalue, trajectory, instants, history)
     return StartResult(seed, trajectory, check_trajectory(problem, trajectory), tuple(history), start.condition)
 
 
@@ -136,12 +182,13 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
 def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory) -> dict[tuple[str, int], set[int]]:
     """Initial sample numbers at which limits are imposed, for every (quantity, joint or axis).
 
-    There are two per cycle of the highest harmonic.
+    There are two per cycle of the highest harmonic, but none for torques, whose derivatives cost most: they are limited
+    where a motion turns out to exceed them.
     """
     count = min(2 * program.N, program.problem.samples_per_period)
     chosen = {int(k) for k in np.linspace(0, program.problem.samples_per_period, count, endpoint=False)}
     quantities = limited_quantities(program.functions, trajectory, np.zeros(1))
-    return {(quantity.name, quantity.joint): set(chosen) for quantity in quantities}
+    return {(q.name, q.joint): set() if q.name == "torque" else set(chosen) for q in quantities}
 
 
 @reraised_interrupts()
@@ -174,9 +221,9 @@ def _solve(
 ) -> FourierTrajectory:
     """Run IPOPT on one stage from ``trajectory``, with exact gradient and limited-memory Hessian; returns the result.
 
-    ``stage`` names the objective, ``p`` is the exponent of its norms, ``eigenvalue`` the mean eigenvalue of the
-    information matrix at the start; limits are imposed at ``instants``. The objective of every iteration is appended to
-    ``history``.
+    ``stage`` names the objective, or is NEAREST for the least change of the trajectory; ``p`` is the exponent of its
+    norms, ``eigenvalue`` the mean eigenvalue of the information matrix at the start; limits are imposed at
+    ``instants``. The objective of every iteration is appended to ``history``.
     """
     import casadi
 
@@ -195,10 +242,11 @@ def _solve(
         "ipopt.jac_d_constant": "yes" if linear else "no",
         "ipopt.jac_c_constant": "yes",
     }
-    objective = program.objective(stage, p, eigenvalue)
+    start = program.variables(trajectory)
+    objective = casadi.sumsqr(program.x - start) if stage == NEAREST else program.objective(stage, p, eigenvalue)
     nlp = {"x": program.x, "f": objective, "g": casadi.vertcat(*constraints.values)}
     solver = casadi.nlpsol("excitation", "ipopt", nlp, options)
-    solution = solver(x0=program.variables(trajectory), lbg=constraints.lower, ubg=constraints.upper)
+    solution = solver(x0=start, lbg=constraints.lower, ubg=constraints.upper)
     statistics = solver.stats()
     if statistics["return_status"] == "User_Requested_Stop":
         raise KeyboardInterrupt  # the result of an interrupted search must not be used

@@ -40,8 +40,13 @@ Motion = Callable[[Array], tuple[Array, Array, Array]]
 
 
 def problem_of(experiment: Experiment, model: Any) -> ExcitationProblem:
-    """The excitation problem of an experiment file for a compiled robot; limits default to those of the robot file."""
-    limits = experiment.limits if experiment.limits is not None else limits_of(model.spec)
+    """The excitation problem of an experiment file for a compiled robot; limits default to those of the robot file.
+
+    A robot file without links does not say which torques a motion takes: then those of the drives do not bound it.
+    """
+    limits = experiment.limits
+    if limits is None:
+        limits = limits_of(model.spec, torque=model.beta is not None)
     return robot_problem(model, limits, sample_period=experiment.period, **experiment.excitation)
 
 
