@@ -51,9 +51,11 @@ def test_an_unknown_option_is_refused():
         rrrgen.excite("planar2r", harmonic=3)
 
 
-def test_drives_that_are_too_weak_are_named():
+def test_drives_that_are_too_weak_are_named(tmp_path):
     """The bundled pendulum needs 6 N m to hold its weight sideways, and its drive gives 5 N m."""
-    result = rrrgen.excite("pendulum", harmonics=1, starts=1, duration=4)
+    limits = "excitation: {limits: {speed: 10, acceleration: 100}}\n"  # without the torque, which a robot file has too
+    (tmp_path / "experiment.yaml").write_text(f"schema: rrrgen-experiment/1\n{limits}")
+    result = rrrgen.excite("pendulum", experiment=tmp_path / "experiment.yaml", harmonics=1, starts=1, duration=4)
     (sentence,) = result.overloads
     assert "its drive gives 5 N m: state `torque` among the limits" in sentence
     assert sentence in result.lines()

@@ -29,7 +29,7 @@ def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
     )
 
 
-SLOW = 0.01
+SLOW = 0.001
 """Share of the largest speed below which Coulomb friction grows with the speed, so that the search has derivatives."""
 
 

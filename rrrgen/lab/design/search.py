@@ -152,7 +152,8 @@ def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
         _exchange(program, trajectory, instants)
     stage, p = STAGES[problem.objective][-1]
     for _ in range(EXCHANGES):
-        if check_trajectory(problem, trajectory).worst_use <= 1.0 + MARGIN:
+        limits = check_trajectory(problem, trajectory).limits
+        if all(limit.use <= 1.0 + MARGIN for limit in limits if limit.quantity != "torque"):
             break
         trajectory = _solve(program, stage, p, eigenvalue, trajectory, instants, history)
         _exchange(program, trajectory, instants)
@@ -160,7 +161,7 @@ def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
     for _ in range(EXCHANGES):
         if check_trajectory(problem, trajectory).feasible:
             break
-        _exchange(program, trajectory, instants)
+        _exchange(program, trajectory, instants, torques=True)
         trajectory = _solve(program, NEAREST, 0, eigenvalue, trajectory, instants, history)
     return StartResult(seed, trajectory, check_trajectory(problem, trajectory), tuple(history), start.condition)
 
@@ -182,8 +183,8 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
 def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory) -> dict[tuple[str, int], set[int]]:
     """Initial sample numbers at which limits are imposed, for every (quantity, joint or axis).
 
-    There are two per cycle of the highest harmonic, but none for torques, whose derivatives cost most: they are limited
-    where a motion turns out to exceed them.
+    There are two per cycle of the highest harmonic, but none for torques, whose derivatives cost most: the motion that
+    the other limits allow is moved as little as the torques ask for, in the stage NEAREST.
     """
     count = min(2 * program.N, program.problem.samples_per_period)
     chosen = {int(k) for k in np.linspace(0, program.problem.samples_per_period, count, endpoint=False)}
@@ -193,18 +194,23 @@ def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory)
 
 @reraised_interrupts()
 def _exchange(
-    program: ExcitationProgram, trajectory: FourierTrajectory, instants: dict[tuple[str, int], set[int]]
+    program: ExcitationProgram,
+    trajectory: FourierTrajectory,
+    instants: dict[tuple[str, int], set[int]],
+    torques: bool = False,
 ) -> None:
     """Impose violated limits at more instants: at the local maxima of the violation on the controller's grid.
 
-    ``instants`` (quantity, joint or axis) -> sample numbers is changed in place. Instants a twelfth of a cycle of the
-    highest harmonic before and after each are added too; otherwise the peak would merely move to a neighbouring
-    instant.
+    ``instants`` (quantity, joint or axis) -> sample numbers is changed in place; torques are left out without
+    ``torques``. Instants a twelfth of a cycle of the highest harmonic before and after each are added too; otherwise
+    the peak would merely move to a neighbouring instant.
     """
     M = program.problem.samples_per_period
     beside = max(1, M // (12 * program.N))
     t = np.arange(M) * (trajectory.period / M)
     for name, i, use, _ in limited_quantities(program.functions, trajectory, t):
+        if name == "torque" and not torques:
+            continue
         peaks = (use >= np.roll(use, 1)) & (use >= np.roll(use, -1)) & (use > 1.0 - MARGIN)
         instants[name, i].update(int(k + d) % M for k in np.flatnonzero(peaks) for d in (-beside, 0, beside))
 
