@@ -11,7 +11,6 @@ from typing import Any
 
 from rrrgen.base.templates import render
 from rrrgen.base.version import VERSION
-from rrrgen.controller import python_class
 from rrrgen.controller.layout import COUNTERS, HEAD, Place, Struct, Structs, structs
 from rrrgen.controller.programs import called_programs, own_programs
 from rrrgen.controller.proposals import proposals
@@ -141,7 +140,7 @@ def unit_code(spec: RobotSpec, real: Real, further: Sequence[str] = GROUPS) -> U
     """The unit with all modes and the usual parts, for a package that holds the robot's model with the groups of
     functions among the words ``further``."""
     unit = unit_of(derived_model(spec, further)[0])
-    python = Path(python_class.__file__).read_text(encoding="utf-8")
+    python = Path(__file__).with_name("python_class.py").read_text(encoding="utf-8")
     return UnitCode(unit_files(unit, real), described(unit, real), python)
 
 

@@ -81,7 +81,7 @@ def test_an_almost_empty_file_means_the_defaults(model) -> None:
     found = loads_experiment("schema: rrrgen-experiment/1\n", 3)
     problem = problem_of(found, model)
     assert problem.limits.speed == pytest.approx((2 * np.pi, 3 * np.pi, 3 * np.pi))
-    assert problem.limits.torque is None
+    assert problem.limits.torque == (60.0, 30.0, 15.0)  # of the drives
     assert problem.sample_period == 1e-3
 
 

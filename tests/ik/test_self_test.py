@@ -39,7 +39,7 @@ def run(folder, source):
 SPOILED = [
     ("found->q[i][1] = angle[", "found->q[i][1] = (rrr_real)1e-6 + angle[", "every row meets its target"),
     ("out->count = rows;", "out->count = rows > 0 ? rows - 1 : 0;", "rows of golden targets"),
-    ("return outside ? RRR_IK_OUTSIDE_LIMITS : RRR_IK_UNREACHABLE;", "return RRR_IK_OK;", "out of reach"),
+    ("return (outside != 0) ? RRR_IK_OUTSIDE_LIMITS : RRR_IK_UNREACHABLE;", "return RRR_IK_OK;", "out of reach"),
 ]
 
 

@@ -198,7 +198,7 @@ def test_torques_that_an_excitation_bounds_hold_the_drives(case):
     truth, model, (q, dq, ddq) = case
     limits = ExcitationLimits(speed=(1.0,) * truth.n, torque=(1.0,) * truth.n)
     torque = casadi.Function.deserialize(robot_problem(model, limits).torque)
-    tau = np.einsum("bij,bj->bi", truth.mass(q), ddq) + truth.bias(q, dq)
+    tau = np.einsum("bij,bj->bi", truth.mass(q), ddq) + truth.bias(q, dq) + truth.friction(dq)
     found = np.array([np.array(casadi.DM(torque(*state))).ravel() for state in zip(q, dq, ddq, strict=True)])
     assert np.abs(found - tau).max() <= ROUND_OFF * np.abs(tau).max()
 
