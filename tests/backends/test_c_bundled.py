@@ -29,7 +29,7 @@ def sources(robot, real):
         ("rrr", "float", "gcc", ["-O0", *CXX]),  # the optimizer gets the same code from C and C++
         ("stanford", "float", "gcc", ["-O1", *C99]),
         ("panda", "double", "clang", ["-O0", *C99]),
-        ("xarm6", "double", "gcc", ["-O0", *C99]),  # general equations, which may not prove their number
+        ("xarm6", "double", "clang", ["-O0", *C99]),  # general equations, which may not prove their number
         ("gantry", "double", "clang", ["-O0", *C99]),  # no angle: no kernel that nothing uses
         ("rrr", "double", "gcc", ["-Ofast", *C99]),  # the sines must not come from a kernel that is rearranged
     ],
