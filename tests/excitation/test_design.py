@@ -465,3 +465,14 @@ def test_torques_with_friction_stay_within_the_drives_by_default() -> None:
     assert result.check.feasible
     assert result.overloads == ()
     assert {limit.quantity for limit in result.check.limits} == {"speed", "acceleration", "torque"}
+
+
+def test_a_start_that_the_drives_can_hold_stays_inside_the_limits_of_the_joints_that_have_some() -> None:
+    limits = ExcitationLimits(
+        position_lower=(1.0, None), position_upper=(2.0, None), speed=(6.0, 8.0), torque=(1.0, 0.5)
+    )
+    problem = pendulum_problem(limits=limits, torque=double_pendulum_torque(BETA))
+    for seed in range(3):
+        start = random_start(problem, seed)
+        q = start.evaluate(np.linspace(0.0, start.period, 500))[0][:, 0]
+        assert 1.0 <= q.min() <= q.max() <= 2.0

@@ -95,8 +95,7 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
     q0 = np.where(bounded, middle, rng.uniform(-np.pi, np.pi, n))
     limited = problem.limits.torque is not None
     if limited and _holding(problem, q0[None])[0] > 0.5:
-        drawn = np.where(bounded, rng.uniform(low, high, (HOLDING_TRIALS, n)) if bounded.all() else 0.0, q0)
-        drawn = np.where(bounded, drawn, rng.uniform(-np.pi, np.pi, (HOLDING_TRIALS, n)))
+        drawn = rng.uniform(np.where(bounded, low, -np.pi), np.where(bounded, high, np.pi), (HOLDING_TRIALS, n))
         q0 = drawn[int(np.argmin(_holding(problem, drawn)))]
     trajectory = FourierTrajectory(q0, a, b, problem.base_frequency)
     q, dq, ddq = trajectory.evaluate(np.arange(20 * N) * (trajectory.period / (20 * N)))
