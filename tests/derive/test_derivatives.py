@@ -1,6 +1,6 @@
 """Derivatives of the dynamics against Pinocchio's, and against CasADi's of the functions that CasADi users get.
 
-The complex step through the independent Newton-Euler is compared with in test_random_robots.py and, after all passes,
+The complex step through the independent Newton-Euler is compared with in test_dynamics.py and, after all passes,
 in tests/pipeline. Results are compared relative to the largest entry of each matrix.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from derive.test_random_robots import derived
+from derive.test_dynamics import derived
 from oracles.external import Pinocchio
 from oracles.newton_euler import Robot
 from oracles.random_robots import random_link, random_robot, random_state

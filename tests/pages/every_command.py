@@ -43,7 +43,7 @@ ELSEWHERE = {
     "--presliding": "tests/friction_estimation/test_estimation.py",
     "rrrgen experiment friction": "tests/friction_estimation/test_estimation.py, with the other joints locked",
     "RX90.par": "tests/robotfile/test_open_symoro.py",
-    "panda_link8": "tests/robotfile/importers/test_real_urdf.py, with a URDF of the Panda",
+    "panda_link8": "tests/robotfile/importers/test_serial_chain.py, with a URDF of the Panda",
     "rrrgen response linearise": "tests/experiments/test_response_experiment.py",
     "make-robot": "tests/cli/test_main.py",
 }
