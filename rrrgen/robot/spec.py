@@ -77,6 +77,11 @@ def name_fault(name: str, role: str) -> tuple[str, str] | None:
         if re.fullmatch(IDENTIFIER, better):
             hint += f", e.g. {better}"
         return f"the {role} name '{shown}' is not an identifier", hint
+    if role == "robot" and ("__" in name or name.endswith("_")):
+        return (
+            f"the robot name '{name}' makes names with two underscores in a row, which C++ and CasADi refuse",
+            f"e.g. {robot_identifier(name)}",
+        )
     if name in KEYWORDS:
         return f"the {role} name '{name}' is a keyword of C or C++", f"e.g. {name}_1"
     if keyword.iskeyword(name):
@@ -102,6 +107,11 @@ def identifier(text: str) -> str:
     """Turn ``text`` into a C identifier: other characters are replaced; empty if it has no usable character."""
     word = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")[:MAX_NAME]
     return f"_{word}" if word[:1].isdigit() else word
+
+
+def robot_identifier(text: str) -> str:
+    """Turn ``text`` into a C identifier to which ``_name`` can be added: without two underscores in a row."""
+    return re.sub(r"__+", "_", identifier(text)).rstrip("_")
 
 
 # ------------------------------------------------------------------------------------------------------------------

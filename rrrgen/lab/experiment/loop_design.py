@@ -164,7 +164,7 @@ class LoopDesign:
         if self.bandwidth is not None and self.asked is not None and self.bandwidth != self.asked:
             found.append(
                 f"not {_listed(self.asked)} Hz: it would not be robust, or the encoder steps would shake the drives; "
-                "a higher rate or finer encoders allow more, and so does computed torque"
+                "a higher rate or finer encoders allow more, and so does computed torque (`--control computed-torque`)"
             )
         return found
 

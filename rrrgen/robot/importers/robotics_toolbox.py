@@ -34,7 +34,7 @@ from rrrgen.robot.spec import (
     Limits,
     LinkSpec,
     RobotSpec,
-    identifier,
+    robot_identifier,
 )
 
 _NEEDED = ("links", "mdh", "base", "tool", "gravity", "name")
@@ -66,7 +66,7 @@ def from_toolbox(robot: Any, name: str = "", angle_tolerance: float = DEFAULT_AN
     if values.faults:
         raise InputError(values.faults)
     spec = RobotSpec(
-        name=name or identifier(str(robot.name)) or "robot",
+        name=name or robot_identifier(str(robot.name)) or "robot",
         convention="modified" if robot.mdh else "standard",
         gravity=(_decimal(gravity[0]), _decimal(gravity[1]), _decimal(gravity[2])),
         parameters={},

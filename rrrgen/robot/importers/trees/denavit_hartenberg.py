@@ -66,6 +66,7 @@ from rrrgen.robot.spec import (
     RobotSpec,
     identifier,
     name_fault,
+    robot_identifier,
 )
 
 PARALLEL = 1e-8  # rad; nearer directions are one: doubles lose as much at a perpendicular 10^8 times as far away
@@ -268,7 +269,7 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
         )
     g = [decimal(x) for x in chain.gravity]
     spec = RobotSpec(
-        name=identifier(tree.name) or source.name,
+        name=robot_identifier(tree.name) or source.name,
         convention=choice.convention,
         gravity=(g[0], g[1], g[2]),
         parameters={},
