@@ -207,7 +207,7 @@ class Model(
             raise ValueError("this model was made without its derivation; use rrrgen.compile")
         return self._closed_form(name)
 
-    def casadi_function(self, name: str, smooth_sign: float | None = None) -> Any:
+    def casadi_function(self, name: str, smooth_sign: float | None = None, *, hessian: bool = False) -> Any:
         """The function ``name`` as a ``casadi.Function`` over SX, with exact derivatives, for optimisation.
 
         Args:
@@ -218,6 +218,10 @@ class Model(
                 position in the base frame, then in the last link frame.
             smooth_sign: eps > 0, in rad/s or m/s, replaces sgn(x) by tanh(x / eps); by default sgn is exact, with
                 derivative 0.
+            hessian: take first and second derivatives from the functions of rrrgen, such as
+                "inverse_dynamics_hessian_nominal", where the Function is called with MX. A solver that asks CasADi for
+                exact Hessians then computes a fifth of the operations. For "inverse_dynamics_nominal" and
+                "forward_dynamics_nominal"; needs CasADi 3.6 or newer.
 
         Returns:
             A Function whose inputs and outputs carry the names of the method's arguments and results: ``q``, ``dq``,
@@ -227,7 +231,7 @@ class Model(
         Raises:
             BuildError: CasADi is not installed.
             DerivationError: the inverse kinematics of this arm has no formula for each branch.
-            ValueError: there is no function of this name, or eps is not positive.
+            ValueError: there is no function of this name, or eps is not positive, or there is no Hessian of it.
         """
         if name in ("inverse_kinematics", "tool_inverse_kinematics"):
             from rrrgen.emit.casadi.function import import_casadi
@@ -238,7 +242,17 @@ class Model(
         program = self._with(name).derived.programs[name]
         from rrrgen.emit.casadi import function
 
-        return function(program, name, smooth_sign)
+        made = function(program, name, smooth_sign)
+        if not hessian:
+            return made
+        from rrrgen.emit.casadi import derivative_functions, with_own_derivatives
+
+        programs = {**self.derived.programs, **self._with("inverse_dynamics_hessian").derived.programs}
+        own = derivative_functions(program, programs)
+        if own is None:
+            known = ", ".join(each for each in programs if derivative_functions(programs[each], programs))
+            raise ValueError(f"{name}: no Hessian; functions without parameters have one: {known or 'none here'}")
+        return with_own_derivatives(made, *(function(programs[each], each) for each in own))
 
     def bind(self, name: str, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> BoundFunction:
         """The function ``name`` with preallocated buffers for one state, for control loops.

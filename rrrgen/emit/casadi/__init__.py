@@ -7,10 +7,18 @@ everything else is text and is the same whichever version of CasADi is installed
 
 from rrrgen.emit.casadi.derivatives import Matrix, Routine, forward, jacobian, reverse, routine
 from rrrgen.emit.casadi.external import definitions, external_files, external_sources
-from rrrgen.emit.casadi.files import external_functions, is_reproducible, module_file, serialized, sources
+from rrrgen.emit.casadi.files import (
+    derivative_functions,
+    external_functions,
+    is_reproducible,
+    module_file,
+    serialized,
+    sources,
+)
 from rrrgen.emit.casadi.function import function, smooth_sign
 from rrrgen.emit.casadi.inverse_kinematics import branch_function, branch_labels, branch_signs
 from rrrgen.emit.casadi.module import rebuild_module
+from rrrgen.emit.casadi.own_derivatives import with_own_derivatives
 
 __all__ = [
     "Matrix",
@@ -19,6 +27,7 @@ __all__ = [
     "branch_labels",
     "branch_signs",
     "definitions",
+    "derivative_functions",
     "external_files",
     "external_functions",
     "external_sources",
@@ -33,4 +42,5 @@ __all__ = [
     "serialized",
     "smooth_sign",
     "sources",
+    "with_own_derivatives",
 ]

@@ -15,7 +15,7 @@ become operations, so Jacobians come out with their structural sparsity.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -125,7 +125,13 @@ def jacobian(base: Routine) -> Routine:
     values = _declare(builder, inputs)[: len(base.inputs)]
     count = sum(len(m.entries) for m in base.inputs)
     by_rows = ROWS_FACTOR * sum(len(m.entries) for m in base.outputs) < count
-    gradients = (_rows if by_rows else _columns)(base, builder, values)
+    return _jacobian(base, builder, inputs, (_rows if by_rows else _columns)(base, builder, values))
+
+
+def _jacobian(
+    base: Routine, builder: Builder, inputs: Sequence[Matrix], gradients: Sequence[Sequence[Tangent]]
+) -> Routine:
+    """The Jacobian of ``base``, from the gradient of every entry of every output, by places in all inputs together."""
     outputs, results = [], []
     for out, row in zip(base.outputs, gradients, strict=True):
         offset = 0
@@ -157,7 +163,7 @@ def _rows(base: Routine, builder: Builder, values: Sequence[Sequence[Value]]) ->
             weights: list[list[Value]] = [[0] * len(m.entries) for m in base.outputs]
             weights[k][element] = 1
             flat = [v for row in pull_back(base.program, builder, recorded, weights) for v in row]
-            gradients[-1].append({place: value for place, value in enumerate(flat) if not is_zero(value)})
+            gradients[-1].append(_without_zeros(flat))
     return gradients
 
 
@@ -175,6 +181,52 @@ def _block(out: Matrix, row: Sequence[Tangent], source: Matrix, offset: int) -> 
                 elements.append(tangent[offset + column])
     size = (out.rows * out.cols, source.rows * source.cols)
     return Matrix(f"jac_{out.name}_{source.name}", *size, tuple(entries)), elements
+
+
+def jacobian_from(base: Routine, first: Program) -> Routine:
+    """The Jacobian of ``base``, y(x1, x2, x3) and perhaps a status, from a program of y and dy/dx1, dy/dx2, dy/dx3."""
+    builder, inputs, by_name = _declared_by_name(base)
+    slopes = replay(first, builder, [by_name[port.name] for port in first.inputs])[1:4]
+    n = len(base.outputs[0].entries)
+    gradients = [_without_zeros(value for block in slopes for value in block[i * n : (i + 1) * n]) for i in range(n)]
+    return _jacobian(base, builder, inputs, [gradients, *([{}] for _ in base.outputs[1:])])
+
+
+def hessian_from(base: Routine, adjoint: Routine, first: Program, second: Program) -> Routine:
+    """The Jacobian of ``adjoint``, the reverse derivative of ``base``, which is the Hessian of ``weights' y``.
+
+    ``first`` is as for :func:`jacobian_from`; ``second`` computes gradient and Hessian in the blocks of
+    :mod:`rrrgen.derive.functions.second_derivatives`.
+    """
+    builder, inputs, by_name = _declared_by_name(adjoint)
+    by_name["weights"] = by_name[f"adj_{base.outputs[0].name}"]
+    slopes = replay(first, builder, [by_name[port.name] for port in first.inputs])[1:4]
+    Hqq, Hvq, Haq, Hvv = replay(second, builder, [by_name[port.name] for port in second.inputs])[1:5]
+    n = len(by_name["weights"])
+    rows: list[list[Value]] = [[0] * (4 * n) for _ in range(3 * n)]
+    upper = [(i, j) for i in range(n) for j in range(i, n)]
+    for (i, j), q, v in zip(upper, Hqq, Hvv, strict=True):
+        rows[i][j] = rows[j][i] = q
+        rows[n + i][n + j] = rows[n + j][n + i] = v
+    for start, block in ((n, Hvq), (2 * n, Haq)):
+        for k, value in enumerate(block):
+            rows[start + k // n][k % n] = rows[k % n][start + k // n] = value
+    for start, block in zip((0, n, 2 * n), slopes, strict=True):
+        for k, value in enumerate(block):
+            rows[start + k % n][3 * n + k // n] = value
+    gradients = [[_without_zeros(row) for row in rows[k * n : (k + 1) * n]] for k in range(3)]
+    return _jacobian(adjoint, builder, inputs, gradients)
+
+
+def _declared_by_name(base: Routine) -> tuple[Builder, list[Matrix], dict[str, list[Scalar]]]:
+    """A builder with the inputs of the Jacobian of ``base``, these inputs, and their elements by name."""
+    builder = Builder()
+    inputs = [*base.inputs, *(m.empty("out_") for m in base.outputs)]
+    return builder, inputs, dict(zip((m.name for m in inputs), _declare(builder, inputs), strict=True))
+
+
+def _without_zeros(row: Iterable[Value]) -> Tangent:
+    return {place: value for place, value in enumerate(row) if not is_zero(value)}
 
 
 def forward(base: Routine) -> Routine:
