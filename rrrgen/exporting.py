@@ -86,6 +86,8 @@ def export_robot(
     _refuse_unused(exporter, options)
     wanted = {*spec.emit, *options.further}
     held = exporter.further
+    if options.chosen and "controller" not in wanted & {*held}:
+        raise InputError("--modes and --parts belong to --with controller")
     if "controller" in wanted and "controller" in held:
         wanted |= set(UNIT_GROUPS)
         held = tuple(dict.fromkeys((*held, *UNIT_GROUPS)))
@@ -99,14 +101,14 @@ def export_robot(
     if "controller" in options.further:
         from rrrgen.controller.files import unit_code
 
-        options = replace(options, unit=unit_code(spec, options.real, options.further))
+        options = replace(options, unit=unit_code(spec, options.real, options.further, options.chosen))
     found = exporter.write(spec, options)
     return replace(found, notes=(*notes, *found.notes))
 
 
 def _refuse_unused(exporter: Exporter, options: ExportOptions) -> None:
     """Raise InputError if the user gives an option that ``exporter`` does not use."""
-    usual = ExportOptions(further=options.further)
+    usual = ExportOptions(further=options.further, chosen=options.chosen)
     for field in fields(options):
         if field.name not in exporter.options and getattr(options, field.name) != getattr(usual, field.name):
             takers = [each.name for each in exporters().values() if field.name in each.options]

@@ -13,6 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from rrrgen.cli.terminal import fault_text, progress_bar, say, terminal_width, with_warning
+from rrrgen.controller.table import MODES, PARTS, USUAL_PARTS
 
 if TYPE_CHECKING:
     from rrrgen.base.errors import Fault
@@ -30,6 +31,9 @@ STDIN = "-"
 
 USUAL = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
 """Functions whose closed forms are shown by default."""
+
+NONE = "none"
+"""The word of ``--parts`` for a controller without optional parts."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -149,6 +153,35 @@ def words(
         return tuple(given)
 
     return callback
+
+
+def _parts(context: click.Context, option: click.Parameter, values: Iterable[str]) -> tuple[str, ...] | None:
+    """The parts of the controller that were named, of which "none" has to stand alone; None for the usual ones."""
+    named = words([*PARTS, NONE])(context, option, values)
+    if NONE in named and len(named) > 1:
+        raise click.BadParameter(f"'{NONE}' leaves all parts out, and '{named[named[0] == NONE]}' asks for one")
+    return tuple(name for name in named if name != NONE) if named else None
+
+
+def unit_options(function: F) -> F:
+    """Add the options ``--modes`` and ``--parts`` of the controller; None where they are not given."""
+    modes = words([mode.name for mode in MODES])
+    function = click.option(
+        "--parts",
+        callback=_parts,
+        multiple=True,
+        metavar="PART,...",
+        help=f"Parts of --with controller, instead of {', '.join(USUAL_PARTS)}: "
+        + "; ".join(map(": ".join, PARTS.items()))
+        + f"; {NONE}: without all of them.",
+    )(function)
+    return click.option(
+        "--modes",
+        callback=lambda context, option, values: modes(context, option, values) or None,
+        multiple=True,
+        metavar="MODE,...",
+        help=f"Modes of --with controller, instead of all: {', '.join(mode.name for mode in MODES)}.",
+    )(function)
 
 
 def print_json(content: Any) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.base.errors import Fault, InputError
-from rrrgen.cli.arguments import read_with_warnings, real_option, robot_argument, words
+from rrrgen.cli.arguments import read_with_warnings, real_option, robot_argument, unit_options, words
 from rrrgen.cli.terminal import say, working
 from rrrgen.robot.file.fields import EMIT
 
@@ -60,6 +60,7 @@ class _WithTargets(click.Command):
     metavar="NAME",
     help="Build for this platform instead of this machine, by the compiler of the package ziglang; may be repeated.",
 )
+@unit_options
 @click.option("--force", is_flag=True, help="Overwrite a file.")
 def export(
     robot: str,
@@ -69,6 +70,8 @@ def export(
     real: Real,
     further: tuple[str, ...],
     platforms: tuple[str, ...],
+    modes: tuple[str, ...] | None,
+    parts: tuple[str, ...] | None,
     force: bool,
 ) -> None:
     """Write files of a robot for another program, or a package that other programs load.
@@ -81,6 +84,7 @@ def export(
       rrrgen export panda.yaml --to urdf
       rrrgen export rrr --to mjcf -o rrr.xml
       rrrgen export rrr --to wheel --with control,observer
+      rrrgen export rrr --to fmu --with controller --modes computed_torque --parts observer,friction
       rrrgen export rrr --to fmu --platform linux-x86_64 --platform windows-x86_64
     """
     from rrrgen.base.files import write, write_file
@@ -88,7 +92,8 @@ def export(
     from rrrgen.exporting import export_robot, exporter_of, unusable
 
     spec = read_with_warnings(robot)
-    options = ExportOptions(real, platforms, further)
+    chosen = {name: words for name, words in (("modes", modes), ("parts", parts)) if words is not None}
+    options = ExportOptions(real, platforms, further, chosen)
     with working(f"writing files for {target}"):
         found = export_robot(spec, target, _read_beta(beta) if beta is not None else None, options)
     name = _alone(found.files, exporter_of(target), output)

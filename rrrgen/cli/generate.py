@@ -20,12 +20,12 @@ from rrrgen.cli.arguments import (
     read_with_warnings,
     real_option,
     robot_argument,
+    unit_options,
     words,
 )
 from rrrgen.cli.long_help import LongHelpCommand
 from rrrgen.cli.terminal import progress_bar, say
 from rrrgen.controller.table import GROUPS as UNIT_GROUPS
-from rrrgen.controller.table import MODES, PARTS, USUAL_PARTS
 from rrrgen.derive import derive
 from rrrgen.robot.file.fields import EMIT, LANGUAGES
 from rrrgen.robot.friction.laws import LAWS
@@ -222,24 +222,7 @@ def controller_options(function: F) -> F:
             multiple=True,
             help="Also write <name>_friction.h/.c with this law, parameters as arguments; repeat for several.",
         ),
-        click.option(
-            "--modes",
-            callback=words([mode.name for mode in MODES]),
-            multiple=True,
-            metavar="MODE,...",
-            help="Modes of --with controller, instead of all: " + ", ".join(mode.name for mode in MODES) + ".",
-        ),
-        click.option(
-            "--parts",
-            callback=words(PARTS),
-            multiple=True,
-            metavar="PART,...",
-            help="Parts of --with controller, instead of "
-            + ", ".join(USUAL_PARTS)
-            + ": "
-            + "; ".join(map(": ".join, PARTS.items()))
-            + ".",
-        ),
+        unit_options,
         estimator_options,
     ]
     for option in reversed(options):
@@ -268,20 +251,24 @@ def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -
     return files
 
 
-def _unit(model: DerivedModel, any_gravity: DerivedModel | None, options: dict[str, Any]) -> Unit:
-    """The controller with the modes and parts of the options; it calls ``model`` or that with gravity as an input."""
+def _chosen(options: dict[str, Any], joints: int) -> dict[str, Any]:
+    """What the options choose of the controller: arguments of :func:`rrrgen.controller.table.unit_of` by name."""
+    rate, given = options["rate"] or RATE, dict[str, tuple[float, ...]]()
+    if options["tuning"] and "kalman" in (options["parts"] or ()):
+        matrices = _kalman_matrices(options["tuning"], rate, joints)
+        given["kalman_gain"] = tuple(float(value) for each in matrices for value in each.k)
+    return {"modes": options["modes"], "parts": options["parts"], "period": 1.0 / rate, "given": given}
+
+
+def _unit(model: DerivedModel, any_gravity: DerivedModel | None, chosen: dict[str, Any]) -> Unit:
+    """The controller with what is ``chosen``; it calls ``model`` or that with gravity as an input."""
     from rrrgen.controller.table import unit_of
 
-    rate, given = options["rate"] or RATE, dict[str, tuple[float, ...]]()
-    if options["tuning"] and "kalman" in options["parts"]:
-        matrices = _kalman_matrices(options["tuning"], rate, model.spec.n)
-        given["kalman_gain"] = tuple(float(value) for each in matrices for value in each.k)
-    chosen = (options["modes"] or None, options["parts"] or None, 1.0 / rate, given)
-    if "any_gravity" not in options["parts"]:
-        return unit_of(model, *chosen)
+    if "any_gravity" not in (chosen["parts"] or ()):
+        return unit_of(model, **chosen)
     if any_gravity is None:
         raise click.UsageError("the part any_gravity calls the model with gravity as an input: add --with gravity")
-    return unit_of(any_gravity, *chosen)
+    return unit_of(any_gravity, **chosen)
 
 
 def _motion(path: Path, joints: int) -> Program:
@@ -490,7 +477,8 @@ def emitted(
     from rrrgen.emit.package import emit
 
     wanted = {*spec.emit, *further}
-    if (experiment["modes"] or experiment["parts"]) and "controller" not in wanted:
+    named = any(experiment[option] is not None for option in ("modes", "parts"))
+    if named and "controller" not in wanted:
         raise click.UsageError("--modes and --parts belong to --with controller")
     users = experiment["tuning"] or "gradient" in experiment["estimators"] or "controller" in wanted
     if experiment["rate"] is not None and not users:
@@ -504,8 +492,9 @@ def emitted(
     code |= files_beside(spec, real, groups, trig)
     any_gravity = derive(spec.in_any_gravity(), jobs, groups, tell) if "gravity" in wanted else None
     checks = checks_beside(spec, groups)
-    if "controller" in wanted:
-        unit = _unit(model, any_gravity, experiment)
+    chosen = _chosen(experiment, spec.n) if "controller" in wanted else {}
+    if chosen:
+        unit = _unit(model, any_gravity, chosen)
         code |= unit_files(unit, real, trig)
         checks = (*checks, unit_check(unit))
     files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks)
@@ -513,11 +502,14 @@ def emitted(
         from rrrgen.controller.rust import rust_files
 
         files |= rust_files(unit, real)
-    return model, files | _exported(spec, real, further)
+    return model, files | _exported(spec, real, further, chosen)
 
 
-def _exported(spec: RobotSpec, real: Real, further: tuple[str, ...]) -> dict[str, Contents]:
-    """The files of those words ``further`` that are targets of ``rrrgen export``, each in a folder of its name."""
+def _exported(spec: RobotSpec, real: Real, further: tuple[str, ...], chosen: dict[str, Any]) -> dict[str, Contents]:
+    """The files of those words ``further`` that are targets of ``rrrgen export``, each in a folder of its name.
+
+    Those that hold the controller have it with the same modes, parts and defaults, ``chosen``.
+    """
     files: dict[str, Contents] = {}
     for target in (word for word in further if word not in EMIT):
         from rrrgen.emit.targets.interface import ExportOptions
@@ -525,7 +517,8 @@ def _exported(spec: RobotSpec, real: Real, further: tuple[str, ...]) -> dict[str
 
         exporter = exporter_of(target)
         held = tuple(word for word in exporter.further if word in further)
-        options = ExportOptions(real=real if "real" in exporter.options else "double", further=held)
+        own = chosen if "controller" in exporter.further else {}
+        options = ExportOptions(real=real if "real" in exporter.options else "double", further=held, chosen=own)
         exported = export_robot(spec, target, options=options)
         files |= {f"{target}/{path}": contents for path, contents in exported.files.items()}
         for note in exported.notes:

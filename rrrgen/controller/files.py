@@ -136,10 +136,21 @@ def standalone_files(unit: Unit, real: Real, further: Sequence[Program] = (), tr
     return files | unit_files(unit, real, trig)
 
 
-def unit_code(spec: RobotSpec, real: Real, further: Sequence[str] = GROUPS) -> UnitCode:
-    """The unit with all modes and the usual parts, for a package that holds the robot's model with the groups of
-    functions among the words ``further``."""
-    unit = unit_of(derived_model(spec, further)[0])
+def derived_unit(spec: RobotSpec, further: Sequence[str] = GROUPS, **chosen: Any) -> Unit:
+    """The unit of a robot; ``chosen`` are arguments of :func:`rrrgen.controller.table.unit_of`.
+
+    ``further`` are words with the groups of functions of the model that it calls. With the part "any_gravity" that is
+    the model with gravity as an input.
+    """
+    moved = spec.in_any_gravity() if "any_gravity" in (chosen.get("parts") or ()) else spec
+    return unit_of(derived_model(moved, further)[0], **chosen)
+
+
+def unit_code(
+    spec: RobotSpec, real: Real, further: Sequence[str] = GROUPS, chosen: Mapping[str, Any] | None = None
+) -> UnitCode:
+    """The code of :func:`derived_unit`, for a package that holds the robot's model."""
+    unit = derived_unit(spec, further, **(chosen or {}))
     python = Path(__file__).with_name("python_class.py").read_text(encoding="utf-8")
     return UnitCode(unit_files(unit, real), described(unit, real), python)
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rrrgen.controller.files import described, standalone_files
+from rrrgen.controller.files import derived_unit, described, standalone_files
 from rrrgen.controller.python_class import Controller
-from rrrgen.controller.table import GROUPS, PERIOD, Unit, unit_of
+from rrrgen.controller.table import PERIOD, Unit
 from rrrgen.emit import Real
-from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.robot.spec import RobotSpec
 
 __all__ = ["Controller", "compiled_controller"]
@@ -24,10 +23,9 @@ def compiled_controller(
     parameters: dict[str, Any],
 ) -> Controller:
     """Compile the unit of the robot ``spec`` ; the other arguments are those of ``Model.controller``."""
-    moved = spec.in_any_gravity() if parts is not None and "any_gravity" in parts else spec
     period = parameters.get("Ts", PERIOD)
     usable = isinstance(period, (int, float)) and 0.0 < period <= 1.0  # else the check of the parameters refuses it
-    unit = unit_of(derived_model(moved, GROUPS)[0], modes, parts, period if usable else PERIOD)
+    unit = derived_unit(spec, modes=modes, parts=parts, period=period if usable else PERIOD)
     call, name_of = _compiled(unit, real)
     return Controller(call, name_of, described(unit, real), mode, **parameters)
 

@@ -14,6 +14,7 @@ import pytest
 
 from export.arm import arm
 from export.rrr_library import STRICT, run
+from export.test_embedded import check_sample, check_sketch
 from rrrgen.controller.files import standalone_files
 from rrrgen.controller.python_class import Controller
 from rrrgen.controller.rust import rust_files
@@ -83,8 +84,8 @@ def reference() -> tuple[np.ndarray, np.ndarray]:
     return inputs, outputs
 
 
-def exported(target: str, place: Path, further: tuple[str, ...] = (), **options) -> Path:
-    files = export_robot(arm(), target, options=ExportOptions(further=("controller", *further), **options)).files
+def exported(target: str, place: Path, **options) -> Path:
+    files = export_robot(arm(), target, options=ExportOptions(further=("controller",), **options)).files
     for name, contents in files.items():
         (place / name).parent.mkdir(parents=True, exist_ok=True)
         (place / name).write_bytes(contents if isinstance(contents, bytes) else contents.encode())
@@ -469,3 +470,62 @@ def test_fmu(reference, tmp_path):
         slave.doStep(currentCommunicationPoint=1.0, communicationStepSize=1e-3)
     slave.terminate()
     slave.freeInstance()
+
+
+CHOICES = (
+    {"modes": ("computed_torque",), "parts": ("kalman", "observer", "any_gravity")},
+    {"modes": ("free",), "parts": ()},
+)
+
+
+@pytest.mark.parametrize("chosen", CHOICES, ids=["filtered", "least"])
+@pytest.mark.parametrize("target", ["wheel", "fmu", "matlab", "ros2", "embedded"])
+def test_packages_take_a_choice_of_modes_and_parts(target, chosen, tmp_path):
+    """They compile without what is left out: joint speeds, if a filter computes them, and references of other modes."""
+    folder = exported(target, tmp_path, chosen=chosen)
+    if target == "fmu":  # its library is compiled where it is written
+        with zipfile.ZipFile(folder / "arm_controller.fmu") as archive:
+            description = archive.read("modelDescription.xml").decode()
+        assert ('name="in.dq[1]"' in description) == ("kalman" not in chosen["parts"])
+        assert ('name="params.gravity[1]"' in description) == ("any_gravity" in chosen["parts"])
+        return
+    if target == "wheel":
+        (wheel,) = folder.glob("*.whl")
+        with zipfile.ZipFile(wheel) as archive:
+            archive.extractall(folder / "site")
+        text = "import sys; sys.path.insert(0, sys.argv[1]); import arm_model as robot; c = robot.Controller('gravity')"
+        text += "; c.start(q=[0.3, 0.2]); print(*c.modes, c.step(q=[0.3, 0.2]).status, c.description['parts'])"
+        modes = dict.fromkeys(("free", "gravity", *chosen["modes"]))
+        said = run(sys.executable, "-I", "-c", text, folder / "site")
+        assert said.startswith(" ".join(modes))
+        assert all(part in said for part in chosen["parts"])
+        return
+    for source in [*folder.glob("src/*.c"), *folder.glob("model/*.c")]:
+        if not source.name.endswith("_mex.c"):
+            run("gcc", "-std=c99", *STRICT, "-fsyntax-only", source)
+    if target == "ros2":
+        run(
+            "g++",
+            "-std=c++17",
+            *STRICT[:3],
+            "-fsyntax-only",
+            f"-I{STAND_INS}",
+            "-Imodel",
+            "src/controller.cpp",
+            cwd=folder,
+        )
+    if target == "embedded":
+        check_sketch(folder, "controller")
+        check_sample(folder)
+
+
+def test_a_choice_without_the_controller_is_refused():
+    from rrrgen.base.errors import InputError
+
+    for target, further in (("wheel", ()), ("wheel", ("control",)), ("urdf", ())):
+        with pytest.raises(InputError, match="--modes and --parts belong to --with controller"):
+            export_robot(arm(), target, options=ExportOptions(further=further, chosen={"modes": ("gravity",)}))
+    with pytest.raises(InputError, match="exclude each other"):
+        export_robot(
+            arm(), "fmu", options=ExportOptions(further=("controller",), chosen={"parts": ("kalman", "differences")})
+        )

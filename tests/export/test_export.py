@@ -194,6 +194,35 @@ def test_command(tmp_path):
     assert "no object of names and numbers" in str(bad.exception)
 
 
+def test_a_package_has_the_modes_and_parts_that_were_chosen(tmp_path):
+    """Also where `generate` writes it; contradictions are refused."""
+    words = ["pendulum", "--with", "controller", "--modes", "computed_torque", "--parts", "none"]
+    done = CliRunner().invoke(cli, ["export", *words, "--to", "embedded", "-o", str(tmp_path / "a")])
+    assert done.exit_code == 0, done.output
+    header = (tmp_path / "a" / "src" / "pendulum_controller.h").read_text(encoding="utf-8")
+    assert re.search(r"Modes *free, gravity, computed_torque\n.*Parts *none", header)
+    with_target = ["generate", *words, "--with", "embedded", "--rate", "500", "--no-casadi-files", "-j", "1"]
+    done = CliRunner().invoke(cli, [*with_target, "-o", str(tmp_path / "b")])
+    assert done.exit_code == 0, done.output
+    own, packed = (
+        tmp_path / "b" / "pendulum_controller.c",
+        tmp_path / "b" / "embedded" / "src" / "pendulum_controller.c",
+    )
+    assert own.read_bytes() == packed.read_bytes()
+    sample = tmp_path / "b" / "embedded" / "zephyr" / "samples" / "controller" / "src" / "main.c"
+    assert "#define PERIOD_US 2000" in sample.read_text(encoding="utf-8")
+    for wrong, said in (
+        (["--parts", "none,observer"], "leaves all parts out"),
+        (["--parts", "obsever"], "did you mean"),
+        (["--modes", "gravity", "--to", "urdf"], "belong to --with controller"),
+        (["--with", "controller", "--parts", "estimator"], "accelerations"),
+    ):
+        place = ["-o", str(tmp_path / "c")]
+        refused = CliRunner().invoke(cli, ["export", "pendulum", "--to", "embedded", *wrong, *place])
+        assert refused.exit_code != 0, wrong
+        assert said in refused.output + str(refused.exception), wrong
+
+
 def test_packages_named_by_their_suffix_are_files(tmp_path, monkeypatch):
     """`-o x.fmu` used to make a folder; the name of a wheel says its platform, so that another name is refused."""
     monkeypatch.chdir(tmp_path)

@@ -110,7 +110,7 @@ def emitted_code(
     files = c.sources(model, identity, real) | solver_sources(spec, real)
     files |= files_beside(spec, real, groups)
     declared = (declaration(spec.n),) if "control" in groups else ()
-    if "gravity" in further:
+    if "gravity" in further or (unit is not None and "any_gravity" in unit.description["parts"]):
         files |= c.sources(*derived_model(spec.in_any_gravity(), further), real)
     files |= {} if unit is None else {name: text for name, text in unit.files.items() if not name.endswith(".json")}
     return Code(model, identity, dialect, files, programs_of(model), make_plan(spec), declared, tuple(further), unit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rrrgen.emit import Real
@@ -38,13 +38,16 @@ class ExportOptions:
     """Options that the user gives to ``rrrgen export``.
 
     ``real`` is the number type of the C code, ``platforms`` those to build for (empty: this machine), ``further`` what
-    the package holds besides the model: words of :data:`rrrgen.robot.file.fields.EMIT`. ``unit`` is the controller
-    where the word "controller" is one of them; :func:`rrrgen.exporting.export_robot` adds it.
+    the package holds besides the model: words of :data:`rrrgen.robot.file.fields.EMIT`. Where the word "controller" is
+    one of them, ``chosen`` are the modes, parts and defaults of the controller, arguments of
+    :func:`rrrgen.controller.table.unit_of` by name, and ``unit`` is its code, which
+    :func:`rrrgen.exporting.export_robot` adds.
     """
 
     real: Real = "double"
     platforms: tuple[str, ...] = ()
     further: tuple[str, ...] = ()
+    chosen: Mapping[str, Any] = field(default_factory=dict)
     unit: UnitCode | None = None
 
 
