@@ -3,21 +3,27 @@
 import gc
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from rrrgen.base.files import write_file
 from rrrgen.lab.data import figure_style as figures
+from rrrgen.lab.data.run_folder import RunFolder
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TESTS = Path(__file__).resolve().parent
 if str(TESTS) not in sys.path:  # import modes other than "prepend" do not do this
     sys.path.insert(0, str(TESTS))
 
-# The C of most tests is built at -O1, in 60 % of the time: without contraction no level of optimization changes a bit
-# (tests/runtime/test_compilers.py). What only -O2 and -O3 may find is left to tests that name them (tests/backends).
-os.environ.setdefault("RRRGEN_CFLAGS", "-O1")
+# The C of most tests is built at -O0, in a quarter of the time: without contraction no level of optimization changes a
+# bit (tests/runtime/test_compilers.py). What only the optimizer may find is left to tests that name a level.
+os.environ.setdefault("RRRGEN_CFLAGS", "-O0")
 
 os.environ.pop("COLUMNS", None)  # processes of pytest-xdist have it: commands would fold what they print into a pipe
 
@@ -45,11 +51,41 @@ def print_dots_per_inch() -> Iterator[int]:
         yield dots_per_inch
 
 
-@pytest.fixture(scope="module")
-def unoptimized() -> Iterator[None]:
-    """Emitted code is built at -O0, in a quarter of the time of -O2: for tests of many robots, few calls of each."""
+@pytest.fixture(scope="session", autouse=True)
+def one_figure_of_a_name(print_dots_per_inch: int) -> Iterator[Callable[..., list[Path]]]:
+    """Run folders draw the first figure of a name in each process; later ones are made, and get the files of the first.
+
+    To draw them takes a fifth of the time of the tests that identify.
+    """
+    drawn: dict[str, list[tuple[str, bytes]]] = {}
+    draw = RunFolder.figure
+
+    def figure(folder: RunFolder, name: str, made: "Figure") -> list[Path]:
+        if name not in drawn:
+            paths = draw(folder, name, made)
+            drawn[name] = [(path.name, path.read_bytes()) for path in paths]
+            return paths
+        place = folder.path / "figures"
+        for file, content in drawn[name]:
+            write_file(place / file, content)
+        return [place / file for file, _ in drawn[name]]
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("RRRGEN_CFLAGS", "-O0")
+        patch.setattr(RunFolder, "figure", figure)
+        yield draw
+
+
+@pytest.fixture
+def every_figure(monkeypatch: pytest.MonkeyPatch, one_figure_of_a_name: Callable[..., list[Path]]) -> None:
+    """Run folders draw every figure: for tests of what a figure shows."""
+    monkeypatch.setattr(RunFolder, "figure", one_figure_of_a_name)
+
+
+@pytest.fixture(scope="module")
+def optimized() -> Iterator[None]:
+    """Emitted code is built at -O1: for tests that spend longer in compiled code than on compiling it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RRRGEN_CFLAGS", "-O1")
         yield
 
 

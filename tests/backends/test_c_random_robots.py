@@ -16,8 +16,6 @@ from rrrgen.robot.file import loads_spec
 from rrrgen.robot.identity import identify
 from rrrgen.runtime.load import load_model
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_package.py runs code of the optimizer
-
 DOUBLE = 1e-11  # relative to the largest torque (matrix entry) over the states: hundreds of roundings of 1e-16
 SINGLE = 1e-4  # the same for roundings of 6e-8, with cancellation
 STATES = 10

@@ -18,8 +18,6 @@ from rrrgen.lab.experiment.setup import simulate_motion
 from rrrgen.robot.file import load_spec
 from rrrgen.verify import verify
 
-pytestmark = pytest.mark.usefixtures("unoptimized")
-
 WRIST = """schema: rrrgen/1
 name: wrist
 convention: standard

@@ -6,15 +6,12 @@ import csv
 import json
 
 import numpy as np
-import pytest
 from click.testing import CliRunner
 from scipy.io import savemat
 
 import rrrgen
 from rrrgen.cli.main import cli
 from rrrgen.lab.design.fourier_series import FourierTrajectory
-
-pytestmark = pytest.mark.usefixtures("unoptimized")
 
 SLIDER = """
 schema: rrrgen/1

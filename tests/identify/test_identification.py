@@ -131,7 +131,7 @@ def test_estimates_settle(result):
     assert settling.condition[-1] == pytest.approx(result.estimate.condition, rel=0.5)
 
 
-def test_a_run_folder_holds_it_all_and_is_reproducible(arm, logs, tmp_path):
+def test_a_run_folder_holds_it_all_and_is_reproducible(arm, logs, tmp_path, every_figure):
     write_log(tmp_path / "log.csv", logs[0])
     log = load_stream(LogStream(open_log(tmp_path / "log.csv")))
     options = Options(split=Split.parse("blocks:1"), poses=50, essential=True)

@@ -23,8 +23,6 @@ from rrrgen.verify.inverse_kinematics import check_inverse_kinematics
 from rrrgen.verify.references.numeric_robot import chain_of
 from rrrgen.verify.report import Collector
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
-
 POSES = 200  # in the suite; `python -m bench.calibrated` takes ten thousand each
 
 

@@ -11,8 +11,6 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.emit.c.ik.files import emit, sources
 from rrrgen.ik.classify import plan
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
-
 CHAINS = 60  # per seed; thousands were drawn while this was written
 
 RIGHT = np.pi / 2

@@ -9,8 +9,6 @@ from ik.robots import make, reference
 from rrrgen.ik.classify import plan
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
-
 STRUCTURES = every_structure()
 EQUATION_ERROR = 1e-8
 """The float interpreter takes the roots of quartics as NumPy gives them, unrefined."""

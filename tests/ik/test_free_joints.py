@@ -8,8 +8,6 @@ from ik.robots import ROWS, make, reference
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import FREE
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
-
 INSIDE = 1e-9
 WRIST = [(None, None)] * 3 + [(-1.0, 1.0)] * 3
 NARROW = [(-0.5, 0.5), (-3, 3), (-3, 3), (-1.5, 1.5), (-1.5, 1.5), (-1.5, 1.5)]

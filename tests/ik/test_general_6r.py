@@ -24,8 +24,6 @@ from rrrgen.ik.solutions.general_6r import general6r_tables, tables_of
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import INEXACT, MULTIPLE
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
-
 POSES = 500  # per arm; ten thousand poses over these and random arms miss none
 
 MANSEUR_DOTY = table(

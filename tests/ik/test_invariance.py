@@ -9,8 +9,6 @@ from oracles.random_robots import QUATERNIONS, transform
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import OUTSIDE
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
-
 BASE = transform(QUATERNIONS[1], (0.1, -0.2, 0.35))
 TOOL = transform(QUATERNIONS[3], (0.05, 0.02, 0.125))
 

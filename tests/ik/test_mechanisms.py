@@ -25,8 +25,6 @@ from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import chain_of
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
-
 PALLETISER = Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "robot.yaml"
 
 GEARED = """\

@@ -10,8 +10,6 @@ from ik.robots import ROWS, make
 from rrrgen.ik.classify import plan
 from rrrgen.ik.tolerances import SPECIAL
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
-
 OFFSETS = (1e-12, 1e-10, 2e-9, 1e-7, 2e-6, 1e-4, 1e-3)
 
 COLUMN = {"alpha": 1, "a": 2, "d": 3, "theta": 4}

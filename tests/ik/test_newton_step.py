@@ -20,8 +20,6 @@ from rrrgen.program import evaluate
 from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.runtime.inverse_kinematics import load_solver
 
-pytestmark = pytest.mark.usefixtures("unoptimized")  # test_emitted_c.py builds at -O2
-
 UR_LIST = [
     ("R", 1.5703, 3.5e-05, 0.1807, 1.25e-05),
     ("R", 0.0007, 0.0125, 321.0625, 0.8125),

@@ -22,8 +22,6 @@ from rrrgen.lab.design.robot import robot_problem
 from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.verify import verify
 
-pytestmark = pytest.mark.usefixtures("unoptimized")
-
 ROUND_OFF = 1e-11  # relative to the largest torque
 GEARS = (45.0, -32.0, 20.0)
 COUPLING = np.array([[1.0, 0.0, 0.25], [-0.5, 1.0, 0.0], [0.0, -1 / 3, 2.0]])  # joint speeds from the drives'

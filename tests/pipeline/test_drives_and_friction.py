@@ -11,8 +11,6 @@ from oracles.random_robots import random_robot, to_yaml
 from rrrgen.robot.file import loads_spec
 from rrrgen.verify import verify
 
-pytestmark = pytest.mark.usefixtures("unoptimized")
-
 ROUND_OFF = 1e-11  # relative to the largest torque; some hundred operations on seven joints
 DRIVE = (0.3, None, 0.0, 2.5, None, 0.7, 1.1)
 FRICTION = ({"viscous": 0.4, "coulomb": 1.5, "offset": -0.2}, None, {"coulomb": 0.8}, {"viscous": 2.0}, None, {}, None)

@@ -21,8 +21,6 @@ from rrrgen.robot.identity import identify
 from rrrgen.runtime.load import load_model
 from rrrgen.verify import verify
 
-pytestmark = pytest.mark.usefixtures("unoptimized")
-
 SINGLE = 1e-4  # relative to the largest value; hundreds of roundings of 6e-8 with cancellation
 FINDING = (Phase.explicit, Phase.generate)  # a robot prints as it is; shrinking one would take minutes
 

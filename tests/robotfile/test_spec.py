@@ -21,8 +21,6 @@ from rrrgen.ik.classify import plan
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.spec import name_fault
 
-pytestmark = pytest.mark.usefixtures("unoptimized")
-
 WORDS = re.findall(
     r"\S+",
     """A a Q9 R2D2 MyArm UF_ROBOT AL5D Puma560 MYARM x N B Model Self self fn impl crate mod match end function

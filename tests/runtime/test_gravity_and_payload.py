@@ -17,8 +17,6 @@ from rrrgen import compile
 from rrrgen.derive import derive
 from rrrgen.robot.file import loads_spec, read
 
-pytestmark = pytest.mark.usefixtures("unoptimized")
-
 G = np.array([2.5, -6.0, -4.25])
 EXACT = 1e-11
 

@@ -13,7 +13,7 @@ from rrrgen.runtime.results import JointLimits
 
 
 @pytest.fixture(scope="module")
-def model(unoptimized):
+def model():
     return rrrgen.compile("puma560")
 
 
