@@ -12,8 +12,8 @@ from rrrgen.cli.arguments import ik_option, json_option, print_json, read_with_w
 from rrrgen.cli.terminal import doubtful, say, terminal_width, working
 
 if TYPE_CHECKING:
-    from rrrgen.ik.interpreter.results import IKResult
     from rrrgen.ik.inverse_kinematics import InverseKinematics
+    from rrrgen.ik.results import IKResult
     from rrrgen.robot.spec import RobotSpec
     from rrrgen.runtime.engines import EngineName
 

@@ -9,20 +9,25 @@ import numpy as np
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.families import parameter
-from rrrgen.ik.interpreter.mechanisms import CoupledEvaluation
-from rrrgen.ik.interpreter.results import STATUS, Answer, Engine, IKBatch, IKResult, batch_of
-from rrrgen.ik.interpreter.solve import Evaluation, Wish
+from rrrgen.ik.interpreter.solve import solve
 from rrrgen.ik.plan import SolverPlan
-from rrrgen.ik.result_layout import labels, most_rows, reasons_of, status_texts
+from rrrgen.ik.result_layout import (
+    LIMITS,
+    NEAREST,
+    RESIDUAL,
+    STATUS,
+    labels,
+    most_rows,
+    reasons_of,
+    status_texts,
+)
+from rrrgen.ik.results import Answer, Engine, IKBatch, IKResult, batch_of
 from rrrgen.ik.run_time_tool import plan_with_tool
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from rrrgen.robot.spec import RobotSpec
-
-LIMITS, NEAREST, RESIDUAL = 1, 2, 4
-"""Option bits of the emitted functions, as in the emitted header: respect limits, sort by distance, keep residual."""
 
 SORTS = ("branch", "nearest")
 
@@ -95,22 +100,19 @@ def refuse_no_pose(name: str, poses: NDArray[np.float64], rotations: bool = True
 class Evaluated:
     """Inverse-kinematics engine that evaluates the solver in Python: slow, but without a compiler."""
 
-    def __init__(self, plan: SolverPlan, rows: int) -> None:
-        self._n, self._rows = plan.n, rows
-        coupled = plan.coupling is not None
-        self._evaluation = CoupledEvaluation(plan) if coupled else Evaluation(plan, len(reasons_of(plan)))
+    def __init__(self, plan: SolverPlan) -> None:
+        self._plan = plan
 
     def answer(
         self, goal: NDArray[np.float64], reference: NDArray[np.float64] | None, given: float, bits: int, closest: bool
     ) -> Answer:
         """Solve for one target, or find the configuration nearest to it."""
-        wish = Wish(bool(bits & LIMITS), bool(bits & NEAREST), bool(bits & RESIDUAL))
-        function = self._evaluation.closest if closest else self._evaluation.solve
-        found = function(goal.ravel().tolist(), None if reference is None else reference.tolist(), given, wish)
+        q_ref = None if reference is None else reference.tolist()
+        found = solve(self._plan, goal.ravel().tolist(), q_ref, given, bits, closest=closest)
         rows = found.rows
         return Answer(
             found.status,
-            np.array([row.q for row in rows], float).reshape(len(rows), self._n),
+            np.array([row.q for row in rows], float).reshape(len(rows), self._plan.n),
             np.array([row.flags for row in rows], np.uint32),
             np.array([row.branch for row in rows], np.uint32),
             np.array([row.residual for row in rows], float),
@@ -130,7 +132,7 @@ class Evaluated:
         answers = [
             self.answer(goal, reference, value, bits, closest=False) for goal, value in zip(goals, values, strict=True)
         ]
-        return batch_of(answers, self._rows, self._n)
+        return batch_of(answers, most_rows(self._plan), self._plan.n)
 
 
 class InverseKinematics:
@@ -365,4 +367,4 @@ def evaluated_tool_solver(spec: RobotSpec) -> InverseKinematics:
 
 
 def _evaluated(plan: SolverPlan, name: str) -> InverseKinematics:
-    return InverseKinematics(plan, Evaluated(plan, most_rows(plan)), name)
+    return InverseKinematics(plan, Evaluated(plan), name)

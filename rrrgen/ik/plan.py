@@ -144,7 +144,8 @@ class SolverPlan:
 # ------------------------------------------------------------------------------------------------------------------
 
 ARM_ANGLE = 100
-"""Value of ``SolverPlan.locked`` for an arm whose redundancy parameter is the arm angle instead of a joint."""
+"""Value of ``SolverPlan.locked`` for an arm whose redundancy parameter is the arm angle instead of a joint, and the
+index of that angle; indices from n, the number of joints, to below it belong to virtual joints."""
 
 
 def record(plan: SolverPlan) -> Solver:

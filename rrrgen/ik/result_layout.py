@@ -7,6 +7,17 @@ from rrrgen.ik.recording.steps import Stage
 from rrrgen.ik.solutions.general_6r import ASPECT, root_stage
 from rrrgen.ik.tolerances import LONGEST_TOOL
 
+STATUS = ("ok", "unreachable", "outside limits", "not finite", "not a rotation", "incomplete")
+"""What the numbers of :attr:`IKBatch.statuses` mean. Where an arm has no complete solver, ``plan.incomplete`` says why;
+the status is "incomplete" whether solutions were found or not, except for targets beyond a million times the reach.
+A general six-joint chain has it for targets, mostly beside singular configurations, for which the solver cannot prove
+that it has found all solutions."""
+
+OK, UNREACHABLE, OUTSIDE_LIMITS, NOT_FINITE, NOT_A_ROTATION, INCOMPLETE = range(len(STATUS))
+
+LIMITS, NEAREST, RESIDUAL = 1, 2, 4
+"""Option bits of the emitted functions, as in the emitted header: respect limits, sort by distance, keep residual."""
+
 STATUS_TEXTS = (
     "ok",
     "the target is out of reach",

@@ -83,15 +83,6 @@ BELOW_ZERO = 1e-9
 """How far below zero a discriminant, relative to the size of its terms, may fall and still count as a double root, in
 the compiler's trials. The poses of the trials are reachable, so only rounding makes a discriminant negative."""
 
-NO_CONDITION = 1e-5
-"""Largest right side C, in units of its natural size, for which ``0 cos(x) + 0 sin(x) = C`` counts as satisfied by
-every x, in the compiler's trials; of the order of the square root of BELOW_ZERO."""
-
-COMPLEX = 1e-6
-"""Largest distance of a complex root of a quartic from the unit circle (for an angle), or of its imaginary part from 0
-in reaches (for a displacement), for which it counts as real, in the compiler's trials. Rounding moves the two copies of
-a double root apart by the square root of eps, 1.5e-8; the rest is a margin of sixty."""
-
 USUAL_RATIO = 10.0
 """For an equation solved for a cosine: ratio of the size of its terms to its divisor up to which the usual tolerance
 for a cosine beyond +-1 is applied. For larger ratios the tolerance grows in proportion."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from rrrgen.emit.c.ik.files import Emitted, emit
 from rrrgen.emit.c.ik.tool_input import emit_tool_solver
-from rrrgen.ik.interpreter.results import Answer, IKBatch, empty_batch
 from rrrgen.ik.inverse_kinematics import InverseKinematics, evaluated_solver, evaluated_tool_solver, solvable_plan
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.result_layout import most_rows
+from rrrgen.ik.results import Answer, IKBatch, empty_batch
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

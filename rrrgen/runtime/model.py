@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from rrrgen.derive.closed_forms import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
-    from rrrgen.ik.interpreter.results import IKBatch, IKResult
     from rrrgen.ik.inverse_kinematics import InverseKinematics
+    from rrrgen.ik.results import IKBatch, IKResult
     from rrrgen.runtime.controller import Controller
 
 

@@ -15,7 +15,7 @@ from oracles.inverse_kinematics import same_sets, solve_all
 from oracles.newton_euler import Robot
 from rrrgen.emit.c.ik.files import emit, manifest
 from rrrgen.ik.classify import plan
-from rrrgen.ik.interpreter.results import STATUS
+from rrrgen.ik.result_layout import STATUS
 from rrrgen.ik.solutions.elimination import eliminations
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import MULTIPLE

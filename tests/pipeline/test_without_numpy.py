@@ -42,6 +42,14 @@ from rrrgen.robot.file.reader import load_spec
 spec = load_spec(str(folder / "skew.yaml"))
 assert sources(spec, "double") == {}
 print(manifest(spec, "double"))
+
+from rrrgen.ik.classify import plan
+from rrrgen.ik.interpreter.solve import OK, solve
+
+puma = plan(load_spec("puma560"))
+T = puma.chain.tip_pose((0.3, -0.4, 0.5, 0.2, 0.7, 0.4))
+answer = solve(puma, [x for row in (*T, (0.0, 0.0, 0.0, 1.0)) for x in row])
+assert (answer.status, len(answer.rows)) == (OK, 8), answer
 assert not {"numpy", "cffi"} & sys.modules.keys()
 '''
 

@@ -14,8 +14,8 @@ from rrrgen import derive
 from rrrgen.base import errors
 from rrrgen.derive.closed_forms import ClosedForm
 from rrrgen.emit import package
-from rrrgen.ik.interpreter.results import IKBatch, IKResult
 from rrrgen.ik.inverse_kinematics import InverseKinematics
+from rrrgen.ik.results import IKBatch, IKResult
 from rrrgen.robot import file as robotfile
 from rrrgen.runtime import load, results
 from rrrgen.runtime.engines import BoundFunction

@@ -17,8 +17,8 @@ from rrrgen.emit.c.ik.files import emit
 from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.casadi.derivatives import matrix_size
 from rrrgen.ik.classify import plan
-from rrrgen.ik.interpreter.results import IKBatch, IKResult
 from rrrgen.ik.inverse_kinematics import InverseKinematics
+from rrrgen.ik.results import IKBatch, IKResult
 from rrrgen.program import Program
 from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.runtime.model import Model

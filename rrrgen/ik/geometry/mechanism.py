@@ -320,6 +320,22 @@ def coupling_of(spec: RobotSpec, chain: Chain, S: sp.Matrix) -> Coupling:
     )
 
 
+def uncoupled(chain: Chain) -> Coupling:
+    """The coupling ``y = q`` of an arm, whose joints all have a drive of their own."""
+    joints = chain.joints
+    identity = tuple(tuple(float(i == j) for j in range(chain.n)) for i in range(chain.n))
+    return Coupling(
+        identity,
+        tuple(range(chain.n)),
+        identity,
+        (1,) * chain.n,
+        tuple(2 * pi * joint.revolute for joint in joints),
+        tuple(joint.revolute for joint in joints),
+        tuple((joint.lower, joint.upper) for joint in joints),
+        (),
+    )
+
+
 def _floats(matrix: sp.Matrix) -> Rows:
     return tuple(tuple(float(matrix[i, j]) for j in range(matrix.cols)) for i in range(matrix.rows))
 

@@ -14,25 +14,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.ik.interpreter.branches import FREE, TOLERANCE, Row
-from rrrgen.ik.interpreter.refinement import PATIENT, USUAL, Task
-from rrrgen.ik.recording.float_builder import wrapped
+from rrrgen.ik.geometry.chain import IDENTITY, inverse, lifted, multiply, turned
+from rrrgen.ik.interpreter.candidates import Query, Row
+from rrrgen.ik.interpreter.task import PATIENT, USUAL, Task
+from rrrgen.ik.recording.float_builder import FREE, MULTIPLE, SEARCH, TOLERANCE, wrapped
 from rrrgen.ik.solutions.elimination import (
     constant_links,
     doubled,
     features,
     in_half_angles,
-    inverse,
     numbered,
     numbering,
     pencil,
     spread,
 )
+from rrrgen.ik.solutions.elimination import inverse as inverses
 from rrrgen.ik.solutions.general_6r import passes, shifts, tables_of
 from rrrgen.ik.tolerances import elimination
 
 if TYPE_CHECKING:
-    from rrrgen.ik.geometry.chain import Matrix
     from rrrgen.ik.plan import SolverPlan
 
 ELIMINATION = elimination()
@@ -63,46 +63,65 @@ class Root:
 
 
 class General6R:
-    """Solver of the general chain of ``plan``, six joints besides a prescribed one, for one target ``T`` (4, 4).
+    """Solver of the general chain of ``plan``, six joints besides a prescribed one, for the target of ``query``.
 
-    ``given`` is the position of the prescribed joint, rad or m, and ``task`` what a solution must meet.
+    ``task`` is what a solution must meet.
     """
 
-    def __init__(self, plan: SolverPlan, task: Task, T: Any, given: float) -> None:
-        self._tables = tables_of(plan.solving, plan.locked)
-        self._shifts, self._task, self._given, self._locked = (
-            shifts(plan.solving, plan.locked),
-            task,
-            given,
-            plan.locked,
-        )
+    def __init__(self, plan: SolverPlan, task: Task, query: Query) -> None:
+        self._tables, self._shifts = tables_of(plan.solving, plan.locked), shifts(plan.solving, plan.locked)
+        self._task, self._query, self._locked = task, query, plan.locked
         self._links = constant_links(np.array(self._tables.rows), self._tables.slide, self._tables.turn)
-        self._pose = _inner_pose(plan, T, given)
+        self._pose = _inner_pose(plan, query)
         self._pose[:3, 3] /= self._tables.length
         self._rows: list[Row] = []
         self.certain = False
 
-    def candidates(self, reference: Sequence[float]) -> list[Row]:
+    def candidates(self) -> list[Row]:
         """Find the solutions, refined; sets ``certain``, which tells that these are all.
 
         The eliminations are tried in the order of :func:`~rrrgen.ik.solutions.general_6r.passes`, until the number of
         solutions is the one that the roots of an elimination at the target ask for, or those of one at a pose nearby
         if no solution is so near a singular configuration that the number there may differ. A solution that is one of
-        a continuum has the flag FREE, and the free joint has its value in ``reference`` if a path leads there.
+        a continuum has the flag FREE, and the free joint has its reference value if a path leads there.
         """
         here = -1
         for roles, _ in passes(self._tables, "double"):
             total, moved = self._complete(roles), roles[-1] > 0
             here = here if moved else total
-            gains = [self._task.smallest_gain(row.q) for row in self._rows]
+            gains = [_smallest_gain(self._task, row.q) for row in self._rows]
             steady = moved and bool(gains) and min(gains) > ELIMINATION["steady"]
             self.certain = here in (len(gains), self._weighed(gains)) or (steady and len(gains) == total)
             if self.certain:
                 break
         for row in self._rows:
-            if self._task.smallest_gain(row.q) < ELIMINATION["double"]:
-                row.flags |= FREE if self._task.freed(row, reference) else 0
+            if _smallest_gain(self._task, row.q) < ELIMINATION["double"] and self._set_free_joint(row):
+                row.flags |= FREE
         return self._rows
+
+    def _set_free_joint(self, row: Row) -> bool:
+        """Whether the singular solution ``row`` is one of a continuum, in which a joint can turn freely.
+
+        If so it becomes the one with that joint at its reference, if a path of solutions leads there.
+        """
+        task, chain = self._task, self._task.chain
+        free = np.abs(np.linalg.svd(_moving(task, row.q))[2][-1])
+        j = [k for k in range(chain.n) if k != self._locked][int(np.argmax(free))]
+        goal = (2.0 * ELIMINATION["done"]) ** 2
+
+        def moved(q: Sequence[float], by: float) -> list[float] | None:
+            x = [*q[:j], q[j] + by, *q[j + 1 :]]
+            return task.reaches(x, goal, int(ELIMINATION["steps"]), frozenset({j}))
+
+        small = TOLERANCE["turn"] * task.units[j]
+        if moved(row.q, small) is None and moved(row.q, -small) is None:
+            return False
+        steps, by = int(SEARCH["path_steps"]), self._query.reference[j] - row.q[j]
+        q: list[float] | None = row.q
+        for _ in range(steps):
+            q = None if q is None else moved(q, (wrapped(by) if chain.joints[j].revolute else by) / steps)
+        row.q = row.q if q is None else q
+        return True
 
     def _weighed(self, gains: Sequence[float]) -> int:
         """Number of solutions, where a singular one counts twice unless its other half is listed as well."""
@@ -118,7 +137,7 @@ class General6R:
         """Add the solutions of one elimination; returns their number by its roots, -1 if that is odd."""
         start, direction, kept, shifted, other, motion = roles
         loop = [link[None] for link in self._links]
-        loop[5] = loop[5] @ inverse((self._pose @ _nudge(motion))[None])
+        loop[5] = loop[5] @ inverses((self._pose @ _nudge(motion))[None])
         order = numbering(start, direction)
         slide = None if self._tables.slide is None else order.index(self._tables.slide)
         e = [x if k == slide else _turn(ORIGIN) @ x for k, x in enumerate(numbered(loop, start, direction))]
@@ -136,31 +155,47 @@ class General6R:
         slide = self._tables.slide
         q = [x + y if k == slide else wrapped(x + y) for k, (x, y) in enumerate(zip(angles, self._shifts, strict=True))]
         if self._locked is not None:
-            q.insert(0 if self._locked == 0 else 6, self._given)
+            q.insert(0 if self._locked == 0 else 6, self._query.given)
         q, error = self._task.refine(q, *(PATIENT if patient else USUAL))
         new = all(self._task.apart(row.q, q) >= ELIMINATION["same"] for row in self._rows)
         if new and error <= TOLERANCE["accept"]:
             self._rows.append(Row(q, 0, 0, error))
 
 
-def _inner_pose(plan: SolverPlan, T: Any, given: float) -> Any:
+def label(task: Task, rows: Sequence[Row]) -> None:
+    """Set the branch of solutions of a general chain to the sign of det J: 0 if positive, else 1; flag singular ones.
+
+    J is the Jacobian by the joints that are not prescribed, with lengths over the reach.
+    """
+    for row in rows:
+        row.branch = int(not np.linalg.det(_moving(task, row.q)) > 0.0)
+        row.flags |= MULTIPLE if _smallest_gain(task, row.q) < ELIMINATION["singular"] else 0
+
+
+def _moving(task: Task, q: Sequence[float]) -> Any:
+    """The Jacobian by the joints that are not prescribed, a column for each joint, with lengths over the reach."""
+    _, columns = task.error(q)
+    return np.array([c for k, c in enumerate(columns) if task.prescribed is None or k != task.prescribed[0]]).T
+
+
+def _smallest_gain(task: Task, q: Sequence[float]) -> float:
+    """The smallest singular value of that Jacobian; 0 at a singular configuration."""
+    return float(np.linalg.svd(_moving(task, q), compute_uv=False)[-1])
+
+
+def _inner_pose(plan: SolverPlan, query: Query) -> Any:
     """Pose of the last of the six joints of the elimination relative to the first one, behind its constant link."""
     chain = plan.solving
-    pose = np.linalg.inv(_square(chain.base)) @ np.array(T).reshape(4, 4) @ np.linalg.inv(_square(chain.tip))
-    if plan.locked is None:
-        return pose
-    joint, link = chain.joints[plan.locked], chain.links[0 if plan.locked == 0 else -1]
-    x = given + float(joint.offset)
-    moved = _turn(x) if joint.revolute else np.eye(4)
-    moved[2, 3] = 0.0 if joint.revolute else x
-    if plan.locked == 0:
-        return np.linalg.inv(moved @ _square(link.matrix())) @ pose
-    return pose @ np.linalg.inv(_square(link.matrix()) @ moved)
-
-
-def _square(matrix: Matrix) -> Any:
-    """A rigid transform, given by its first three rows, as a 4x4 matrix of floats."""
-    return np.vstack([np.array(matrix[:3], dtype=float), [0.0, 0.0, 0.0, 1.0]])
+    pose = multiply(multiply(inverse(chain.base), query.T), inverse(chain.tip))
+    if plan.locked is not None:
+        joint, link = chain.joints[plan.locked], chain.links[0 if plan.locked == 0 else -1].matrix()
+        x = query.given + float(joint.offset)
+        moved = turned(IDENTITY, cos(x), sin(x)) if joint.revolute else lifted(IDENTITY, x)
+        if plan.locked == 0:
+            pose = multiply(inverse(multiply(moved, link)), pose)
+        else:
+            pose = multiply(pose, inverse(multiply(link, moved)))
+    return np.array([*pose, (0.0, 0.0, 0.0, 1.0)], dtype=float)
 
 
 def _roots(e: Sequence[Any], roles: tuple[int, int, int], slide: int | None) -> list[Root]:
@@ -275,7 +310,7 @@ def _completed(e: Sequence[Any], joints: Sequence[float], slide: int | None) -> 
         move = np.eye(4) if k == slide else _turn(x)
         move[2, 3] = x if k == slide else 0.0
         inner = inner @ move @ e[k][0]
-    goal = inverse(e[5])[0]
+    goal = inverses(e[5])[0]
     line = np.zeros((15, 1))
     line[[0, 7]] = 1.0
     near = features(e[0])[0] @ spread((features(inner[None])[0] @ line)[None], 1.0)[0]

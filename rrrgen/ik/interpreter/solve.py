@@ -1,68 +1,60 @@
 """Solves the inverse kinematics for one target in floats: every solution, or the reason why there is none.
 
-The method is that of the emitted C (``templates/c/ik/solve.c``).
+The equations are the recorded ones, which the emitted C is printed from as well; the decisions about their candidates
+(which of them is a solution, a multiple one, one of a continuum) are those of the C, with the tolerances of
+:mod:`rrrgen.ik.tolerances`. How a number is found is not: roots of quartics and of general chains, damped steps, task
+errors and limits are computed by other methods than in C, so that each side checks the other.
+
+All of it is plain Python, but for general chains of six joints, for which NumPy is loaded.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, sin, sqrt
 from typing import TYPE_CHECKING
 
-from rrrgen.ik.interpreter.branches import (
+from rrrgen.ik.geometry.chain import translation
+from rrrgen.ik.interpreter.candidates import Query, Row, candidates
+from rrrgen.ik.interpreter.free_joints import FreeJoints
+from rrrgen.ik.interpreter.task import DESCENT, PATIENT, USUAL, Limits, Task, repaired
+from rrrgen.ik.recording.float_builder import (
+    FREE,
     INEXACT,
     MULTIPLE,
     NEAR,
     OUTSIDE,
     SEARCH,
     TOLERANCE,
-    Query,
-    Row,
     Settings,
-    candidates,
 )
-from rrrgen.ik.interpreter.free_joints import FIXED, GONE, FreeJoints
-from rrrgen.ik.interpreter.general_6r import ELIMINATION, General6R
-from rrrgen.ik.interpreter.refinement import DESCENT, PATIENT, USUAL, Task
-from rrrgen.ik.interpreter.targets_and_limits import Limits, accuracy_of, repaired
-from rrrgen.ik.plan import ARM_ANGLE
-from rrrgen.ik.result_layout import may_lack
-from rrrgen.ik.tolerances import FARTHEST, LONGEST_TOOL
+from rrrgen.ik.result_layout import (
+    INCOMPLETE,
+    LIMITS,
+    NEAREST,
+    NOT_A_ROTATION,
+    NOT_FINITE,
+    OK,
+    OUTSIDE_LIMITS,
+    RESIDUAL,
+    UNREACHABLE,
+    may_lack,
+    most_rows,
+    parts_of,
+    reasons_of,
+)
+from rrrgen.ik.tolerances import FARTHEST, LONGEST_TOOL, ROUNDINGS
 
 if TYPE_CHECKING:
     from rrrgen.ik.plan import SolverPlan
 
-
-# ------------------------------------------------------------------------------------------------------------------
-# What a call of the inverse kinematics returns, and how it ends, for an arm as for a mechanism.
-#
-# The solutions get their final form, or a descent from many starts looks for the nearest configuration. The method is
-# that of the emitted C (``templates/c/ik/finish.c``, ``descend.c`` and ``solve.c``).
-# ------------------------------------------------------------------------------------------------------------------
-
-OK, UNREACHABLE, OUTSIDE_LIMITS, NOT_FINITE, NOT_A_ROTATION, INCOMPLETE = range(6)
-"""The statuses of the emitted code."""
-
-PUBLIC = 15
+PUBLIC = MULTIPLE | FREE | OUTSIDE | INEXACT
 """Mask of the flags that the caller sees."""
 
 
 @dataclass(frozen=True)
-class Wish:
-    """Options of a call.
-
-    ``limits`` keeps only solutions within the joint limits, ``nearest`` sorts them by the distance from the reference,
-    ``residual`` also keeps solutions that meet the target only in part, as an arm of few joints does.
-    """
-
-    limits: bool = False
-    nearest: bool = False
-    residual: bool = False
-
-
-@dataclass(frozen=True)
-class Answer:
+class Solutions:
     """Result for one target: ``status``, solutions ``rows`` (their residuals not squared), and why there are none.
 
     ``stage`` is the number of the equation without a real root, ``distance`` (m) that of the target from the workspace.
@@ -74,259 +66,272 @@ class Answer:
     distance: float = 0.0
 
 
-def finished(
-    rows: Sequence[Row], wish: Wish, placed: Callable[[Sequence[float]], tuple[list[float], bool]]
-) -> tuple[list[Row], bool]:
-    """The solutions ``rows`` in their final form, and whether all were within the joint limits.
+def solve(
+    plan: SolverPlan,
+    target: Sequence[float],
+    q_ref: Sequence[float] | None = None,
+    given: float = 0.0,
+    options: int = 0,
+    *,
+    closest: bool = False,
+) -> Solutions:
+    """Find every solution for a ``target``, or with ``closest`` the configuration with the smallest error to it.
 
-    ``placed`` moves a configuration by full turns and tells whether it is within the limits. Squared residuals are
-    replaced by their roots; solutions outside the limits are left out or flagged.
+    The target is a position (3 numbers, m), that of the tool behind it if it is an input, or a pose (16 numbers,
+    row-major). ``q_ref`` is the reference configuration or None, ``given`` the redundancy parameter, ``options`` the
+    sum of option bits of a call of the emitted code.
     """
-    kept, every = [], True
-    for row in rows:
-        q, inside = placed(row.q)
-        every = every and inside
-        if inside or not wish.limits:
-            kept.append(Row(q, row.flags if inside else row.flags | OUTSIDE, row.branch, sqrt(row.residual)))
-    return kept, every
+    if not all(map(isfinite, [*target, *(q_ref or ()), given])):
+        return Solutions(NOT_FINITE)
+    chain = plan.chain
+    T, defect = translation((target[0], target[1], target[2])), 0.0
+    if len(target) == 16:
+        pose = repaired(tuple(tuple(target[4 * i : 4 * i + 4]) for i in range(3)))
+        if pose is None:
+            return Solutions(NOT_A_ROTATION)
+        T, defect = pose
+    tool = (target[3], target[4], target[5]) if plan.last_link is not None else (0.0, 0.0, 0.0)
+    far = any(abs(row[3]) >= FARTHEST * chain.scale for row in T)
+    if far or any(abs(x) >= LONGEST_TOOL * chain.reach for x in tool):
+        return Solutions(UNREACHABLE, (), _far_stage(plan), -1.0)
+    query = Query(T, [0.0] * plan.n if q_ref is None else q_ref, given, tool)
+    accuracy = max(defect, ROUNDINGS * chain.scale / chain.reach * TOLERANCE["eps"])
+    call = (_Call if plan.coupling is None else _CoupledCall)(plan, query, accuracy, options, bool(q_ref))
+    return call.closest() if closest else call.solve()
 
 
-def sort_by_distance(rows: list[Row], reference: Sequence[float], units: Sequence[float]) -> None:
-    """Sort ``rows`` by the distance of their q from ``reference``, each joint relative to its unit of ``units``."""
-    rows.sort(key=lambda row: sum(((x - r) / u) ** 2 for x, r, u in zip(row.q, reference, units, strict=True)))
+def _far_stage(plan: SolverPlan) -> int:
+    """Number of the reason of targets too far away; that of unproved limits follows it, where there is one."""
+    return len(reasons_of(plan)) - 1 - may_lack(plan) - (plan.coupling is not None)
 
 
-def without_solution(incomplete: bool, outside: bool, outside_stage: int, stage: int, distance: float) -> Answer:
-    """The answer of a call that returns no solution.
+class _Call:
+    """One call of the inverse kinematics of an arm: a checked target ``query``, and the ``options``.
 
-    ``outside`` tells that there are solutions, but none within the joint limits; a solver that is ``incomplete`` says
-    so by the reason ``outside_stage``. Otherwise ``stage`` is the reason, and ``distance`` (m) that of the target.
-    """
-    if incomplete:
-        return Answer(INCOMPLETE, (), outside_stage if outside else stage, distance)
-    return Answer(OUTSIDE_LIMITS, (), 0, distance) if outside else Answer(UNREACHABLE, (), stage, distance)
-
-
-def repeated(task: Task, rows: Sequence[Row], row: Row) -> bool:
-    """Whether the solution ``row`` equals one of ``rows``, which is then flagged as a multiple root."""
-    for other in rows:
-        if task.apart(row.q, other.q) < TOLERANCE["same"]:
-            other.flags |= MULTIPLE
-            return True
-    return False
-
-
-def descended(
-    task: Task,
-    starts: Sequence[tuple[list[float], int]],
-    reference: Sequence[float],
-    given: tuple[int, float] | None,
-    most: int,
-) -> tuple[list[Row], Row, float]:
-    """Minimize the task error from several configurations, for a target without solutions.
-
-    These are the ``starts``, each with its branch number; if no solution is found from them, also ``reference`` and a
-    few configurations around it. ``given`` is the prescribed joint with its value, ``most`` the largest number of
-    solutions. Returns the solutions found after all, the configuration with the smallest error, and its distance from
-    the target, m.
-    """
-    kept: list[Row] = []
-    best = Row(list(reference), INEXACT, 0, 1e30)
-    for start in range(len(starts) + int(SEARCH["starts"])):
-        if len(kept) >= most or (start == len(starts) and kept):
-            break
-        if start < len(starts):
-            x, branch = list(starts[start][0]), starts[start][1]
-        else:
-            away = SEARCH["spread"] if start > len(starts) else 0.0
-            x, branch = [r + away * sin(start * (i + 1)) for i, r in enumerate(reference)], 0
-        if given is not None:
-            x[given[0]] = given[1]
-        q, cost = task.refine(x, *DESCENT)
-        if cost <= TOLERANCE["accept"]:
-            row = Row(q, MULTIPLE, branch, cost)
-            if (kept or cost < best.residual) and not repeated(task, kept, row):
-                kept.append(row)
-        if cost < best.residual:
-            best = Row(q, INEXACT if cost > TOLERANCE["accept"] else MULTIPLE, branch, cost)
-    return kept, best, 0.0 if kept else sqrt(best.residual) * task.chain.reach
-
-
-# ------------------------------------------------------------------------------------------------------------------
-# Solves the inverse kinematics for one target in floats
-# ------------------------------------------------------------------------------------------------------------------
-
-
-class Evaluation:
-    """Inverse kinematics of the solver ``plan``, evaluated in Python.
-
-    ``reasons`` is the number of different texts that explain why a target has no solution.
+    ``accuracy`` is the assumed relative accuracy of the target; with ``turns``, angles are moved next to the reference.
     """
 
-    def __init__(self, plan: SolverPlan, reasons: int) -> None:
-        self._parts = [plan] if plan.companion is None else [plan, plan.companion]
-        self._plan, self._chain = plan, plan.chain
-        self._limits = Limits(plan.chain)
+    def __init__(self, plan: SolverPlan, query: Query, accuracy: float, options: int, turns: bool) -> None:
+        self.plan, self.query, self.task, self._limits = plan, query, Task(plan, query), Limits(plan)
+        self._accuracy, self._options = accuracy, options
+        self._centre = query.reference if turns else None
+        self._most = most_rows(plan)
         self._banded = plan.snapped or plan.companion is not None
-        self._most = max(part.max_solutions for part in self._parts)
-        self._far_stage = reasons - 1 - may_lack(plan)
-
-    def solve(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
-        """Find every solution for a ``target``: a position (3 numbers, m), that of the tool behind it if it is
-        an input, or a pose (16 numbers, row-major).
-
-        ``q_ref`` is the reference configuration or None, ``given`` the redundancy parameter, ``wish`` the options.
-        """
-        call = self.called(target, q_ref, given, wish)
-        return call if isinstance(call, Answer) else call.solve()
-
-    def closest(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Answer:
-        """Find the configuration with the smallest error to a ``target``; arguments are those of :meth:`solve`."""
-        call = self.called(target, q_ref, given, wish)
-        return call if isinstance(call, Answer) else call.closest()
-
-    def called(self, target: Sequence[float], q_ref: Sequence[float] | None, given: float, wish: Wish) -> Call | Answer:
-        """Check the target; returns a call that can be solved, or the answer that says what is wrong with it."""
-        if not all(map(isfinite, [*target, *(q_ref or ()), given])):
-            return Answer(NOT_FINITE)
-        T = repaired(target) if len(target) == 16 else list(target)
-        if T is None:
-            return Answer(NOT_A_ROTATION)
-        place, tool = ((T[3], T[7], T[11]), ()) if len(T) == 16 else (T[:3], T[3:])
-        longest = LONGEST_TOOL * self._chain.reach
-        if any(abs(x) >= FARTHEST * self._chain.scale for x in place) or any(abs(x) >= longest for x in tool):
-            return Answer(UNREACHABLE, (), self._far_stage, -1.0)
-        query = Query(T, [0.0] * self._chain.n if q_ref is None else q_ref, given)
-        return Call(self, query, q_ref, accuracy_of(target, self._chain), wish)
-
-
-class Call:
-    """One call of the inverse kinematics, with a checked target ``query`` and the options ``wish``.
-
-    ``accuracy`` is the assumed relative accuracy of the target.
-    """
-
-    def __init__(
-        self, solver: Evaluation, query: Query, q_ref: Sequence[float] | None, accuracy: float, wish: Wish
-    ) -> None:
-        self._plan, self._parts, self._most = solver._plan, solver._parts, solver._most
-        self._limits, self._banded, self._far_stage = solver._limits, solver._banded, solver._far_stage
-        self.T = query.T
-        self._query, self._q_ref, self._accuracy, self._wish = query, q_ref, accuracy, wish
-        self._task = Task(solver._plan, query.T)
-        self._usual = Settings(TOLERANCE["slack"], TOLERANCE["free"], 0.0 if solver._banded else None)
+        self._usual = Settings(TOLERANCE["slack"], TOLERANCE["free"], 0.0 if self._banded else None)
         self._rows: list[Row] = []
         self._stage = 0
-        self._doubt = bool(solver._plan.incomplete)
+        self._doubt = bool(plan.incomplete)
+        self._unexplained = False
 
-    def solve(self) -> Answer:
+    def solve(self) -> Solutions:
         """Find all solutions; without any, find the distance of the nearest configuration from the target."""
-        found = self._collect()
-        self._rows, inside = self._finished(self._rows, self._q_ref)
+        self._collect()
+        rows, inside = self._finish(self._rows)
         outside, distance = not inside, 0.0
-        if not self._rows and not outside:
-            if found:  # perhaps from slightly negative discriminants: without tolerance, the failing equation shows
-                rows, self._stage = self._candidates(self._plan, replace(self._usual, slack=0.0))
-                self._stage = self._far_stage - 1 if rows else self._stage
-            kept, _, distance = self.descended()
-            self._rows, _ = self._finished(kept, self._query.reference)
+        if not rows and not outside:
+            self._explain()
+            kept, _, distance = self.descend()
+            rows, _ = self._finish(kept)
             outside = bool(kept)
-            self._doubt |= outside and self._plan.general  # the descents have found what the elimination lacks
-        if not self._rows:
-            outside |= self._doubt and self._plan.general  # the same reason, whether there are solutions or not
-            return without_solution(self._doubt, outside, self._far_stage + 1, self._stage, distance)
-        if self._wish.nearest:
-            units = [1.0 if joint.revolute else self._plan.chain.reach for joint in self._plan.chain.joints]
-            sort_by_distance(self._rows, self._query.reference, units)
-        return Answer(INCOMPLETE if self._doubt else OK, tuple(self._rows), 0, distance)
+            self._doubt |= outside and self.plan.general  # the descents have found what the elimination lacks
+        if rows:
+            if self._options & NEAREST:
+                rows.sort(key=self._distance)
+            return Solutions(INCOMPLETE if self._doubt else OK, tuple(rows), 0, distance)
+        if self._doubt:  # of a general arm the same reason, whether there are solutions outside the limits or not
+            stage = _far_stage(self.plan) + 1 if outside or self.plan.general else self._stage
+            return Solutions(INCOMPLETE, (), stage, distance)
+        return Solutions(OUTSIDE_LIMITS if outside else UNREACHABLE, (), 0 if outside else self._stage, distance)
 
-    def closest(self) -> Answer:
+    def closest(self) -> Solutions:
         """Find the configuration with the smallest task error, by minimization from several initial configurations."""
-        kept, best, distance = self.descended()
-        rows, _ = self._finished([*kept, best][:1], self._query.reference)
-        return Answer(OK if rows else OUTSIDE_LIMITS, tuple(rows), 0, distance)
+        kept, best, distance = self.descend()
+        rows, _ = self._finish([*kept, best][:1])
+        return Solutions(OK if rows else OUTSIDE_LIMITS, tuple(rows), 0, distance)
 
-    def _collect(self) -> int:
-        """Collect the solutions that meet the task; returns how many candidates the equations solved last had."""
-        count = near = 0
-        for part in self._parts:
-            rows, stage = self._candidates(part, self._usual)
-            count, self._stage = len(rows), max(self._stage, stage)
+    def descend(self) -> tuple[list[Row], Row, float]:
+        """Minimize the task error from several configurations, for a target without solutions.
+
+        They are those of :meth:`_starts` and, if no solution is found from them, the reference and a few configurations
+        around it. Returns the solutions found after all, the configuration with the smallest error, and its distance
+        from the target, m.
+        """
+        kept: list[Row] = []
+        best = Row(list(self.query.reference), INEXACT, 0, 1e30)
+        starts = self._starts()
+        for k in range(len(starts) + int(SEARCH["starts"])):
+            if len(kept) >= self._most or (k == len(starts) and kept):
+                break
+            if k < len(starts):
+                x, branch = list(starts[k].q), starts[k].branch
+            else:
+                away = SEARCH["spread"] if k > len(starts) else 0.0
+                x, branch = [r + away * sin(k * (i + 1)) for i, r in enumerate(self.query.reference)], 0
+            if self.task.prescribed is not None:
+                x[self.task.prescribed[0]] = self.task.prescribed[1]
+            q, cost = self.task.refine(x, *DESCENT)
+            met = cost <= TOLERANCE["accept"]
+            if met and (kept or cost < best.residual):
+                self._add(kept, Row(q, MULTIPLE, branch, cost))
+            if cost < best.residual:
+                best = Row(q, MULTIPLE if met else INEXACT, branch, cost)
+        return kept, best, 0.0 if kept else sqrt(best.residual) * self.task.chain.reach
+
+    def _starts(self) -> list[Row]:
+        """Where descents begin: the branches, with negative discriminants set to zero."""
+        return self._candidates(parts_of(self.plan)[-1], replace(self._usual, slack=1e30))[0]
+
+    def _collect(self) -> None:
+        """Collect the solutions that meet the task, in the order of the branches."""
+        near = False
+        for part in parts_of(self.plan):
+            rows = self._solve_equations(part, self._usual)
             if not part.general:
-                self._reopen(part, rows)
-            for row in rows:
-                near |= row.flags & NEAR
-            known = len(self._rows)
-            self._add(rows, known)
-            lacking = self._plan.general and not part.general and len(self._rows) > known
-            self._doubt |= lacking  # the elimination lacks a solution of the arm nearby
+                limits = self._limits if self._options & LIMITS and self._limits.exist else None
+                rows = FreeJoints(part, self.task, self.query, self._usual, self._accuracy, limits).reopened(rows)
+            near |= any(row.flags & NEAR for row in rows)
+            self._doubt |= self._keep(rows) and self.plan.general and not part.general
         if self._banded and (near or not self._rows):
             # near a double root: moved apart by the band, its two parts are candidates for the true arm
             for share in (1.0, SEARCH["band_2"], SEARCH["band_3"]):
-                settings = replace(self._usual, band=TOLERANCE["band"] * share)
-                rows, stage = self._candidates(self._parts[-1], settings)
-                count, self._stage = len(rows), max(self._stage, stage)
-                known = len(self._rows)
-                self._add(rows, known)
-                self._doubt |= self._plan.general and len(self._rows) > known
-        return count
+                rows = self._solve_equations(part, replace(self._usual, band=TOLERANCE["band"] * share))
+                self._doubt |= self._keep(rows) and self.plan.general
+
+    def _solve_equations(self, part: SolverPlan, settings: Settings) -> list[Row]:
+        """The candidates of one part of the plan; the latest choice without a real root becomes the reason."""
+        rows, stage = self._candidates(part, settings)
+        self._stage, self._unexplained = max(self._stage, stage), bool(rows)
+        return rows
 
     def _candidates(self, part: SolverPlan, settings: Settings) -> tuple[list[Row], int]:
         """Candidates of one part of the plan, and the latest choice that had no real root; an elimination is one."""
         if not part.general:
-            return candidates(part, self._query, settings)
-        general = General6R(part, self._task, self.T, self._query.given)
-        rows = general.candidates(self._query.reference)
+            return candidates(part, self.query, settings)
+        from rrrgen.ik.interpreter.general_6r import General6R
+
+        general = General6R(part, self.task, self.query)
+        rows = general.candidates()
         self._doubt |= not general.certain
         return rows, int(not rows)
 
-    def _add(self, rows: Sequence[Row], known: int) -> None:
-        """Keep the ``rows`` that are new. The first ``known`` solutions are no multiple roots for being found again."""
-        flags = [row.flags for row in self._rows[:known]]
+    def _explain(self) -> None:
+        """Find the equation without a real root, for a target whose candidates all miss it.
+
+        They may come from slightly negative discriminants: without tolerance, the failing equation shows.
+        """
+        if self._unexplained:
+            rows, self._stage = self._candidates(self.plan, replace(self._usual, slack=0.0))
+            self._stage = _far_stage(self.plan) - 1 if rows else self._stage
+
+    def _keep(self, rows: Sequence[Row]) -> bool:
+        """Keep those of ``rows`` that meet the target and are new; returns whether there are any.
+
+        Solutions known before are no multiple roots for being found again.
+        """
+        flags = [row.flags for row in self._rows]
         for row in rows:
-            self._keep(row)
+            if len(self._rows) < self._most and self._meets(row):
+                row.flags &= PUBLIC
+                self._add(self._rows, row)
         for row, before in zip(self._rows, flags, strict=False):
             row.flags = before
+        return len(self._rows) > len(flags)
 
-    def _reopen(self, part: SolverPlan, rows: list[Row]) -> None:
-        limits = self._limits if self._wish.limits and self._limits.any else None
-        FreeJoints(part, self._task, self._query, self._usual, self._accuracy, limits).reopen(rows)
+    def _add(self, rows: list[Row], row: Row) -> None:
+        """Append ``row`` to ``rows``, unless it equals one of them, which is then flagged as a multiple root."""
+        for other in rows:
+            if self.task.apart(row.q, other.q) < TOLERANCE["same"]:
+                other.flags |= MULTIPLE
+                return
+        rows.append(row)
 
-    def _keep(self, row: Row) -> None:
-        if len(self._rows) < self._most and self._settled(row):
-            row.flags &= PUBLIC
-            if not repeated(self._task, self._rows, row):
-                self._rows.append(row)
-
-    def _settled(self, row: Row) -> bool:
+    def _meets(self, row: Row) -> bool:
         """Whether a candidate meets the target; it is refined by a few Newton steps if it is not accurate enough."""
-        if row.flags & GONE:
-            return False
-        if row.flags & FIXED or 0.0 <= row.residual <= TOLERANCE["tight"]:
+        if row.settled or 0.0 <= row.residual <= TOLERANCE["tight"]:
             return True
-        if self._plan.virtual and row.residual > TOLERANCE["loose"] and not self._wish.residual:
+        if self.plan.virtual and row.residual > TOLERANCE["loose"] and not self._options & RESIDUAL:
             return False
-        row.q, row.residual = self._task.refine(row.q, *(PATIENT if self._banded else USUAL))
-        if not row.residual <= TOLERANCE["accept"]:
-            if not self._wish.residual or not row.residual <= SEARCH["beyond"]:
-                return False
-            row.flags |= INEXACT
+        row.q, row.residual = self.task.refine(row.q, *(PATIENT if self._banded else USUAL))
+        return self._is_accepted(row)
+
+    def _is_accepted(self, row: Row) -> bool:
+        """Whether the error of a refined row is that of a solution, or may remain by the options; the flag says so."""
+        if row.residual <= TOLERANCE["accept"]:
+            return True
+        if not self._options & RESIDUAL or not row.residual <= SEARCH["beyond"]:
+            return False
+        row.flags |= INEXACT
         return True
 
-    def _finished(self, rows: Sequence[Row], reference: Sequence[float] | None) -> tuple[list[Row], bool]:
-        kept, inside = finished(rows, self._wish, lambda q: self._limits.placed(q, reference))
-        if self._plan.general:
-            for row in kept:
-                row.branch = self._task.aspect(row.q)
-                row.flags |= MULTIPLE if self._task.smallest_gain(row.q) < ELIMINATION["singular"] else 0
-        return kept, inside
+    def _finish(self, rows: Sequence[Row]) -> tuple[list[Row], bool]:
+        """The solutions ``rows`` in their final form, and whether all were within the joint limits.
 
-    def descended(self) -> tuple[list[Row], Row, float]:
-        """Minimize the task error from the branches, with negative discriminants set to zero, and a few more starts.
-
-        See :func:`~rrrgen.ik.interpreter.solve.descended`.
+        They are moved by full turns; squared residuals are replaced by their roots; solutions outside the limits are
+        left out or flagged.
         """
-        found, _ = self._candidates(self._parts[-1], replace(self._usual, slack=1e30))
-        locked = self._plan.locked
-        given = None if locked in (None, ARM_ANGLE) else (locked, self._query.given)
-        return descended(self._task, [(row.q, row.branch) for row in found], self._query.reference, given, self._most)
+        kept, every = [], True
+        for row in rows:
+            q, inside = self._limits.placed(row.q, self._centre)
+            every = every and inside
+            if inside or not self._options & LIMITS:
+                kept.append(Row(q, row.flags | (0 if inside else OUTSIDE), row.branch, sqrt(row.residual)))
+        if self.plan.general and self.plan.coupling is None:
+            from rrrgen.ik.interpreter.general_6r import label
+
+            label(self.task, kept)
+        return kept, every
+
+    def _distance(self, row: Row) -> float:
+        """Squared distance of a solution from the reference, each joint relative to its unit."""
+        return sum(
+            ((x - r) / unit) ** 2 for x, r, unit in zip(row.q, self.query.reference, self.task.units, strict=True)
+        )
+
+
+class _CoupledCall(_Call):
+    """One call of the inverse kinematics of a mechanism, in which joints follow other joints.
+
+    The chain from base to tip, one row of the DH table after the other, is solved as if each row had its own drive. Of
+    its solutions y those are kept for which positions q of the driven joints with ``y = S q`` exist; every such q is
+    refined on the mechanism itself.
+    """
+
+    def __init__(self, plan: SolverPlan, query: Query, accuracy: float, options: int, turns: bool) -> None:
+        super().__init__(plan, query, accuracy, options, turns=True)
+        assert plan.coupling is not None
+        self._coupling = plan.coupling
+        y = self._coupling.rows(query.reference)
+        self._chain = _Call(
+            replace(plan, coupling=None), replace(query, reference=y), accuracy, options & RESIDUAL, turns=True
+        )
+
+    def _collect(self) -> None:
+        found = self._chain.solve()
+        self._doubt |= found.status == INCOMPLETE
+        self._stage = len(reasons_of(self.plan)) - 1 if found.rows else found.stage
+        for row in found.rows:
+            for new in self._couple(row):
+                if len(self._rows) < self._most and all(
+                    self.task.apart(new.q, other.q) >= TOLERANCE["same"] for other in self._rows
+                ):
+                    self._rows.append(new)
+
+    def _couple(self, row: Row) -> Iterator[Row]:
+        """All positions q of the driven joints that belong to the solution ``row`` of the chain."""
+        for q in self._coupling.leading(row.q):
+            if self.task.off(row.q, q) > SEARCH["coupled"] and not row.flags & FREE and not self._options & RESIDUAL:
+                continue
+            error, _ = self.task.error(q)
+            new = Row(q, row.flags & PUBLIC, row.branch, sum(x * x for x in error))
+            if not new.residual <= TOLERANCE["tight"]:
+                new.q, new.residual = self.task.refine(q, *USUAL)
+            if self._is_accepted(new):
+                yield new
+
+    def _explain(self) -> None:
+        pass  # the chain has found the reason
+
+    def _starts(self) -> list[Row]:
+        """Where descents begin: at what is nearest on the chain without the coupling."""
+        found, nearest, _ = self._chain.descend()
+        return [replace(row, q=next(self._coupling.leading(row.q))) for row in found or [nearest]]

@@ -7,8 +7,9 @@ A step computes ``results`` from ``operands``; :meth:`Step.play` repeats the ope
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import ClassVar
 
 from rrrgen.ik.geometry.chain import Joint
@@ -44,10 +45,11 @@ class Step(ABC):
     results: Scalars
     kind: ClassVar[str]
 
-    @property
+    @cached_property
     def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return ()
+        """The scalars that this step needs, in the order of the fields that hold them."""
+        held = [getattr(self, field.name) for field in fields(self) if field.name != "results"]
+        return tuple(_scalars(held))
 
     @property
     def joints(self) -> tuple[Joint, ...]:
@@ -105,11 +107,6 @@ class Named(Step):
     value: Scalar
     kind: ClassVar[str] = "name"
 
-    @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return (self.value,)
-
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return (b.name(self.hint, read(self.value)),)
@@ -139,11 +136,6 @@ class Pair(_Decision):
     unit: float
     radicand: Scalar | None
     kind: ClassVar[str] = "pair"
-
-    @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return self.equation if self.radicand is None else (*self.equation, self.radicand)
 
     @property
     def fixed(self) -> bool:
@@ -183,11 +175,6 @@ class SignedRoot(Step):
     kind: ClassVar[str] = "signed root"
 
     @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return (self.radicand, self.size)
-
-    @property
     def stage(self) -> Stage:
         """The root selection that this step makes."""
         return Stage(self.joint.index, self.label.name)
@@ -205,11 +192,6 @@ class Quartic(_Decision):
     k: tuple[Scalar, Scalar, Scalar, Scalar, Scalar]
     label: Label
     kind: ClassVar[str] = "quartic"
-
-    @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return self.k
 
     @property
     def stage(self) -> Stage:
@@ -232,11 +214,6 @@ class Polynomial(_Decision):
     kind: ClassVar[str] = "polynomial"
 
     @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return self.k
-
-    @property
     def stage(self) -> Stage:
         """The root selection that this step makes."""
         most = len(self.k) - 1
@@ -254,11 +231,6 @@ class Direction(_Decision):
     s: Scalar
     c: Scalar
     kind: ClassVar[str] = "turn"
-
-    @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return (self.s, self.c)
 
     @property
     def may_be_free(self) -> Joint:
@@ -284,11 +256,6 @@ class Onto(_Decision):
     kind: ClassVar[str] = "onto"
 
     @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return (*self.v, *self.u, *(self.feasible or ()))
-
-    @property
     def may_be_free(self) -> Joint:
         """The joint that some targets leave undetermined at this step; None if there is none."""
         return self.joint
@@ -305,11 +272,6 @@ class Slide(_Decision):
 
     value: Scalar
     kind: ClassVar[str] = "slide"
-
-    @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return (self.value,)
 
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
@@ -342,11 +304,6 @@ class Wrist(Step):
     kind: ClassVar[str] = "wrist"
 
     @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return (*self.columns[0], *self.columns[1])
-
-    @property
     def joints(self) -> tuple[Joint, ...]:
         """The joints whose values this step sets."""
         return self.three
@@ -376,11 +333,6 @@ class Residual(Step):
     cosines: Scalars
     kind: ClassVar[str] = "residual"
 
-    @property
-    def operands(self) -> Scalars:
-        """The scalars that this step needs."""
-        return (*self.lengths, *self.cosines)
-
     def play(self, b: Builder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         b.residual(tuple(map(read, self.lengths)), tuple(map(read, self.cosines)))
@@ -390,3 +342,12 @@ class Residual(Step):
 def _vector(v: Triple, read: Read) -> Vector:
     x, y, z = map(read, v)
     return (x, y, z)
+
+
+def _scalars(value: object) -> Iterator[Scalar]:
+    """The scalars in ``value``, one after the other: itself, or those in the tuples that it consists of."""
+    if isinstance(value, Scalar):
+        yield value
+    elif isinstance(value, tuple | list):
+        for part in value:
+            yield from _scalars(part)

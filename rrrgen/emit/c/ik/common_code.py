@@ -15,7 +15,7 @@ from rrrgen.emit.interface import Target
 from rrrgen.emit.printing import Names, Statements
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector, square, total
-from rrrgen.ik.plan import SolverPlan
+from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
 from rrrgen.ik.recording.builder import Turn, users_turn
 from rrrgen.ik.recording.newton_step import error_program, newton_program
 from rrrgen.ik.recording.scalar import Pool, Scalar
@@ -54,10 +54,6 @@ def _body(program: Program, locked: int | None, dialect: Dialect) -> list[str]:
 # ------------------------------------------------------------------------------------------------------------------
 # Common part of the C code of every inverse kinematics
 # ------------------------------------------------------------------------------------------------------------------
-
-VIRTUAL_END = 100
-"""Joint indices from n (the number of joints) to below this belong to virtual joints, from here on to arguments such as
-the arm angle."""
 
 
 class Scaffold:
@@ -153,7 +149,7 @@ class Scaffold:
         users = users_turn(joint, turn)
         if joint.index in self._joints:
             self._values[joint.index] = self._arc(joint, users)
-        elif joint.index < VIRTUAL_END:
+        elif joint.index < ARM_ANGLE:
             self._residual.append(self.pool.of(total(square((1 - users.c, users.s, 0)))))
         return turn
 
@@ -214,7 +210,7 @@ class Scaffold:
         if missing:
             raise InternalError(f"no value for joints {missing}")
         for index, value in self._values.items():
-            if index not in self._joints and index < VIRTUAL_END:
+            if index not in self._joints and index < ARM_ANGLE:
                 self._residual.append(value * value)  # the value of a virtual joint must be zero
         known = self._trusted and self._residual
         self._needs |= set() if known else {"unknown"}

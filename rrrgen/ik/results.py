@@ -12,13 +12,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-STATUS = ("ok", "unreachable", "outside limits", "not finite", "not a rotation", "incomplete")
-"""What the numbers of :attr:`IKBatch.statuses` mean. Where an arm has no complete solver, ``plan.incomplete`` says why;
-the status is "incomplete" whether solutions were found or not, except for targets beyond a million times the reach.
-A general six-joint chain has it for targets, mostly beside singular configurations, for which the solver cannot prove
-that it has found all solutions."""
-
-
 @dataclass(frozen=True)
 class IKResult:
     """All solutions found for one target.
@@ -48,8 +41,9 @@ class IKBatch:
     """Solutions for a batch of targets of shape (...), at most k_max for each.
 
     Of the configurations ``q`` (..., k_max, n), rad or m, the first ``counts`` (...) of each target are solutions; the
-    rest of ``q`` is NaN. ``flags`` and ``branch``, (..., k_max), are those of :class:`IKResult`; ``statuses`` (...)
-    are indices of :data:`STATUS`; ``distances`` (...), m, are the distances of the targets from the workspace.
+    rest of ``q`` is NaN. ``flags`` and ``branch``, (..., k_max), are those of :class:`IKResult`; ``statuses`` (...) are
+    indices of :data:`~rrrgen.ik.result_layout.STATUS`; ``distances`` (...), m, are the distances of the targets from
+    the workspace.
     """
 
     q: NDArray[np.float64]
