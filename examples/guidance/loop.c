@@ -4,7 +4,6 @@
 #include <math.h>
 #include <mujoco/mujoco.h>
 #include <stdio.h>
-#include <string.h>
 
 int main(int count, char **arguments)
 {
@@ -18,21 +17,19 @@ int main(int count, char **arguments)
     double start[3] = {0.0, 0.0, 0.0};
     rrr_controller_default(&params);
     params.contact_action = 2; /* stop */
-    for (int j = 0; j < 3; j++) {
-        params.threshold[j] = 10.0;
-    }
+    params.threshold[0] = params.threshold[1] = params.threshold[2] = 10.0;
     int fault = rrr_controller_init(&state, &params, &in);
     for (int k = 0; k < 4000 && fault == 0; k++) {
-        const double t = 0.001 * k, s = (k < 3000) ? t : t - 3.0;
+        const double s = 0.001 * k - ((k < 3000) ? 0.0 : 3.0);
         data->qfrc_applied[1] = (k / 100 == 10) ? 40.0 : ((k / 300 == 7) ? 2.0 : ((k / 300 == 8) ? -2.0 : 0.0)); /* the person */
-        memcpy(in.q, data->qpos, sizeof(in.q));
-        memcpy(in.dq, data->qvel, sizeof(in.dq));
+        mju_copy(in.q, data->qpos, 3);
+        mju_copy(in.dq, data->qvel, 3);
         if (k == 2000 || k == 3000) { /* the person comes to guide the arm, and leaves */
             params.contact_action = (k == 2000) ? 0 : 2;
             fault = (k == 2000) ? rrr_controller_reset(&state, &in) : 0;
             fault = fault ? fault : rrr_controller_set(&state, &params);
             in.mode = (k == 2000) ? RRR_CONTROLLER_MODE_GRAVITY : RRR_CONTROLLER_MODE_COMPUTED_TORQUE;
-            memcpy(start, in.q, sizeof(start));
+            mju_copy(start, in.q, 3);
         }
         for (int j = 0; j < 3; j++) {
             in.q_d[j] = start[j] + 0.3 * (1.0 - cos(s));
@@ -41,11 +38,9 @@ int main(int count, char **arguments)
         }
         in.sample++;
         (void)rrr_controller_step(&state, &in, &out);
-        memcpy(data->ctrl, out.tau, sizeof(out.tau));
-        printf("%d %d", (int)out.phase, (int)out.mode);
-        for (int j = 0; j < 6; j++) {
-            printf((j == 5) ? " %.17g\n" : " %.17g", (j < 3) ? in.q[j] : out.tau[j - 3]);
-        }
+        mju_copy(data->ctrl, out.tau, 3);
+        printf("%d %d %.17g %.17g %.17g %.17g %.17g %.17g\n", (int)out.phase, (int)out.mode, in.q[0], in.q[1], in.q[2], out.tau[0],
+               out.tau[1], out.tau[2]);
         mj_step(arm, data);
     }
     return fault != 0;

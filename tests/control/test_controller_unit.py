@@ -61,6 +61,19 @@ def test_a_change_of_mode_is_without_a_step(controller):
     assert np.abs(last - before).max() > 1.0
 
 
+@pytest.mark.parametrize("mode", ["pd_gravity", "computed_torque", "impedance", "operational_space", "velocity"])
+def test_a_change_of_mode_in_motion_is_without_a_step(rrr, controller, mode):
+    """The velocity of the tip is not the wanted one, and the drives have no limit of acceleration."""
+    c = controller("gravity", ddq_max=np.inf)
+    q, dq = np.array([0.2, -0.4, 0.8]), np.array([1.5, -1.0, 2.0])
+    c.start(q=q, dq=dq)
+    torques = [c.step(q=q, dq=dq).tau.copy()]
+    given = {"q_d": q, "dq_d": 0 * q, "ddq_d": 0 * q, "T_d": rrr.forward_kinematics(q).ravel(), "V_d": np.zeros(6)}
+    torques += [c.step(q=q, dq=dq, mode=mode, **given).tau.copy() for _ in range(20)]
+    bump = np.abs(torques[0] - c.step(q=q, dq=dq).tau).max()
+    assert np.abs(np.diff(torques, axis=0)).max() < max(0.2 * bump, 2.0)
+
+
 @pytest.mark.parametrize(
     ("robot", "real", "parts", "compiler", "flags"),
     [

@@ -1,4 +1,7 @@
-"""One scripted run of the controller, with faults and changes of mode, through every socket: the same to round-off."""
+"""One closed loop of the controller with changes of mode, faults and a push, through every socket: the same bits.
+
+``pytest tests/export/test_controller_sockets.py -rs`` runs it through all of them, and says which tools are missing.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import rrrgen
+from bench.machines import MACHINES
 from export.arm import arm
 from export.rrr_library import STRICT, run
 from export.test_embedded import check_sample, check_sketch
@@ -19,68 +24,94 @@ from rrrgen.controller.files import standalone_files
 from rrrgen.controller.python_class import Controller
 from rrrgen.controller.rust import rust_files
 from rrrgen.controller.table import GROUPS, unit_of
+from rrrgen.emit import Real
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.emit.targets.interface import ExportOptions
 from rrrgen.exporting import export_robot
 from rrrgen.runtime.controller import compiled_controller
+from rrrgen.runtime.model import Model
 
 STAND_INS = Path(__file__).with_name("ros2_stand_ins")
 
 TICKS = 300
 SET = {"kp": 150.0, "threshold": 25.0}
-ROUNDING = {"rtol": 1e-12, "atol": 1e-12}
-"""The compilers of the sockets optimize differently; contraction of products and sums is off in all of them."""
 
 
-def scripted(controller: Controller) -> np.ndarray:
-    """Inputs of every tick: a motion in every mode by turns, and a fault of every kind."""
-    inputs = np.zeros(TICKS, controller._input.data.dtype)
-    t = np.arange(TICKS)[:, None] * 1e-3
-    wave = np.array([2.0, 3.0])
-    inputs["q"] = [0.3, -0.8] + 0.2 * np.sin(wave * t)
-    inputs["dq"] = 0.2 * wave * np.cos(wave * t)
-    inputs["q_d"], inputs["dq_d"] = inputs["q"] + 0.01, inputs["dq"]
-    inputs["T_d"] = np.eye(4).ravel()
-    inputs["V_d"] = [0.1, 0.05, 0.0, 0.0, 0.0, 0.2]
-    inputs["dt"], inputs["sample"] = 1e-3, np.arange(1, TICKS + 1)
+def reference_of_the_arm(model: Model, t: float) -> dict[str, np.ndarray]:
+    """Where the arm should be at the time ``t``, in joints and at the tip."""
+    w = np.array([2.0, 3.0])
+    q_d = [0.3, -0.8] + 0.2 * np.sin(w * t)
+    dq_d, ddq_d = 0.2 * w * np.cos(w * t), -0.2 * w**2 * np.sin(w * t)
+    tip = model.jacobian(q_d) @ dq_d
+    return {"q_d": q_d, "dq_d": dq_d, "ddq_d": ddq_d, "T_d": model.forward_kinematics(q_d).ravel(), "V_d": tip}
+
+
+def damage(row: np.void, tick: int, sample: int) -> None:
+    """A fault of every kind, each at its tick."""
+    if tick in (31, 32):
+        row["q"] = np.nan
+    if tick == 75:
+        row["dq"][1] = np.inf
+    if tick == 95:
+        row["q"] += 1.0
+    if tick == 115:
+        row["sample"] = sample
+    if tick in (140, 141):
+        row["dt"] = 5e-3 if tick == 140 else np.nan
+    if tick == 160:
+        row["mode"] = 99
+    if 200 <= tick < 230:  # longer than is bridged: the brake
+        row["q"][0] = np.nan
+    if tick == 290:
+        row["q_d"][0] = row["T_d"][0] = row["V_d"][0] = np.nan
+
+
+PUSH = slice(50, 70)
+"""The ticks in which somebody pushes at the elbow, with 60 N m."""
+
+RESET = 245
+"""Before this tick the controller is reset, after the brake; the readings are those of the tick before."""
+
+
+def closed_loop(controller: Controller) -> tuple[np.ndarray, np.ndarray]:
+    """Inputs and outputs of every tick: the arm follows a motion in every mode by turns, with faults and a push.
+
+    A socket that gives these outputs for these inputs, bit for bit, would have closed the same loop.
+    """
+    model = rrrgen.compile(arm())
+    inputs, outputs = (np.zeros(TICKS, each.data.dtype) for each in (controller._input, controller._output))
     modes = list(controller.description["modes"].values())
-    inputs["mode"] = np.array(modes)[np.arange(TICKS) // 20 % len(modes)]
-    inputs["q"][31:33] = np.nan
-    inputs["dq"][75, 1] = np.inf
-    inputs["q"][95] += 1.0
-    inputs["sample"][115] = inputs["sample"][114]
-    inputs["dt"][[140, 141]] = [5e-3, np.nan]
-    inputs["mode"][160] = 99
-    inputs["q"][200:230, 0] = np.nan  # longer than is bridged: the brake
-    inputs["q_d"][260, 0] = inputs["T_d"][260, 0] = inputs["V_d"][260, 0] = np.nan
-    return inputs
-
-
-def expected_of(controller: Controller) -> tuple[np.ndarray, np.ndarray]:
-    """Inputs and outputs of the run; the controller is reset once, after the brake, before tick 245."""
-    inputs = scripted(controller)
-    first = {name: inputs[name][0] for name in ("q", "dq")}
-    controller.start(**first)
-    before = controller.run({name: inputs[name][:245] for name in inputs.dtype.names})
-    controller.reset(**{name: inputs[name][244] for name in inputs.dtype.names})
-    after = controller.run({name: inputs[name][245:] for name in inputs.dtype.names})
-    outputs = np.zeros(TICKS, before.dtype)  # np.concatenate would drop the padding of the struct
-    outputs[:245], outputs[245:] = before, after
+    q, dq = np.array([0.3, -0.8]), np.array([0.4, 0.6])
+    controller.start(q=q, dq=dq)
+    for k in range(TICKS):
+        given = {"q": q, "dq": dq, **reference_of_the_arm(model, 1e-3 * k), "dt": 1e-3, "sample": k + 1}
+        for name, value in (given | {"mode": modes[k // 20 % len(modes)]}).items():
+            inputs[name][k] = value
+        damage(inputs[k], k, k)
+        if k == RESET:
+            controller.reset(**{name: inputs[name][k - 1] for name in inputs.dtype.names})
+        outputs[k : k + 1] = controller.run({name: inputs[name][k : k + 1] for name in inputs.dtype.names})
+        push = np.array([0.0, 60.0 if PUSH.start <= k < PUSH.stop else 0.0])
+        dq = dq + 1e-3 * model.forward_dynamics(q, dq, outputs["tau"][k] + push) * (1 - outputs["brake"][k])
+        dq = dq * (1 - outputs["brake"][k])
+        q = q + 1e-3 * dq
     return inputs, outputs
 
 
 def compare(found: np.ndarray, expected: np.ndarray) -> None:
+    """The same bits: the compilers optimize differently, but contract no products and sums."""
     for name in expected.dtype.names:
-        if expected.dtype[name].base.kind == "f":
-            np.testing.assert_allclose(found[name], expected[name], **ROUNDING, err_msg=name)
-        else:
-            np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+        np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
 
 
 @pytest.fixture(scope="module")
 def reference() -> tuple[np.ndarray, np.ndarray]:
-    inputs, outputs = expected_of(compiled_controller(arm(), "double", None, None, None, dict(SET)))
+    controller = compiled_controller(arm(), "double", None, None, None, dict(SET))
+    inputs, outputs = closed_loop(controller)
     assert {0, 1, 2, 3} <= set(outputs["phase"])
+    told = controller.faults(int(np.bitwise_or.reduce(outputs["status"])))
+    faults = {"NOT_FINITE", "JUMP", "STALE", "PERIOD", "REFERENCE", "MODE"}
+    assert told.keys() >= faults | {"SATURATED", "CONTACT", "CONTACT_UNKNOWN"}
     return inputs, outputs
 
 
@@ -106,8 +137,8 @@ int main(void)
     int k;
     arm_controller_default(&params);
     for (k = 0; k < 2; k++) {
-        params.kp[k] = 150.0;
-        params.threshold[k] = 25.0;
+        params.kp[k] = 150;
+        params.threshold[k] = 25;
     }
     for (k = 0; fread(&in, sizeof(in), 1, inputs) == 1; k++) {
         if (k == 0) {
@@ -125,17 +156,36 @@ int main(void)
 """
 
 
+def in_c(place: Path, inputs: np.ndarray, real: Real) -> list[str]:
+    """Write the program in C with the controller, and the inputs that it reads; the names of its sources."""
+    files = standalone_files(unit_of(derived_model(arm(), GROUPS)[0]), real) | {"main.c": C}
+    for name, text in files.items():
+        (place / name).write_text(text, encoding="utf-8")
+    (place / "inputs").write_bytes(inputs.tobytes())
+    return [name for name in files if name.endswith(".c")]
+
+
 def test_c(reference, tmp_path):
     """A program of its own, under the sanitizers."""
     inputs, outputs = reference
-    files = standalone_files(unit_of(derived_model(arm(), GROUPS)[0]), "double") | {"main.c": C}
-    for name, text in files.items():
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    (tmp_path / "inputs").write_bytes(inputs.tobytes())
-    sources = [name for name in files if name.endswith(".c")]
+    sources = in_c(tmp_path, inputs, "double")
     checked = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     run("gcc", "-std=c99", "-O1", "-ffp-contract=off", *checked, *sources, "-lm", "-o", "use", cwd=tmp_path)
     run(tmp_path / "use", cwd=tmp_path)
+    compare(np.frombuffer((tmp_path / "outputs").read_bytes(), outputs.dtype), outputs)
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_c_on_a_microcontroller(reference, real, tmp_path):
+    """The same program on an emulated Cortex-M4F, whose unit is that of float; QEMU passes it the files."""
+    machine = MACHINES["cortex-m4f"]
+    if machine.missing:
+        pytest.skip(f"needs {', '.join(machine.missing)}")
+    inputs, outputs = reference
+    if real == "float":
+        inputs, outputs = closed_loop(compiled_controller(arm(), "float", None, None, None, dict(SET)))
+    program = machine.build(tmp_path, in_c(tmp_path, inputs, real), "-O1")
+    run(*machine.runner, program, cwd=tmp_path)
     compare(np.frombuffer((tmp_path / "outputs").read_bytes(), outputs.dtype), outputs)
 
 
@@ -341,7 +391,7 @@ def test_ros2_control(reference, tmp_path):
     )
     run(folder / "use", cwd=folder)
     found = np.loadtxt(folder / "outputs.txt")
-    np.testing.assert_allclose(found[:, :2], expected["tau"], **ROUNDING)
+    np.testing.assert_array_equal(found[:, :2], expected["tau"])
     np.testing.assert_array_equal(found[:, 2], expected["brake"])
     assert expected["brake"].any()
     yaml = pytest.importorskip("ruamel.yaml").YAML(typ="safe")
