@@ -177,7 +177,7 @@ def mistaken(given: Case, mistake: str) -> Case:
             tau[:, j] = np.interp(log.t - 1e-3 * value, log.t, tau[:, j])
     elif kind == "tilt":
         beta = given.theta[: len(given.model.beta)]
-        tau += np.radians(value) * comparison(given)._gravity(0, q, beta)
+        tau += np.radians(value) * comparison(given).influence.gravity(0, q, beta)
     elif kind == "drift":
         s = (log.t - log.t[0]) / (log.t[-1] - log.t[0]) - 0.5
         dq = np.gradient(q, PERIOD, axis=0)

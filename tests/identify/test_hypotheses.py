@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings_study import case, comparison, mistaken, model_of, words_of
 
-from rrrgen.lab.identify.diagnosis.hypotheses import Term
+from rrrgen.lab.identify.nuisances import Term
 
 SECONDS, NOISE = 30.0, 0.01
 

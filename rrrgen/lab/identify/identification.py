@@ -59,6 +59,7 @@ from rrrgen.lab.identify.factoring import (
 from rrrgen.lab.identify.friction_choice import FrictionFit, LawChoice, fit_friction
 from rrrgen.lab.identify.friction_columns import with_linear_friction, without_laws
 from rrrgen.lab.identify.held_out_data import Split
+from rrrgen.lab.identify.nuisance_estimate import Nuisances, estimate_nuisances, start
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.lab.identify.parameters import Column, DriveTerms, explained_names, identified_units
 from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, RigidModel, parametrise
@@ -142,6 +143,8 @@ class Options:
     - ``terms``: drive terms to estimate; those of the robot file if None.
     - ``friction``: friction laws to fit instead of those that the robot file states.
     - ``fixed``: known values of columns, ``{"fv1": 3.2}``; ``fixed_standard``: of standard parameters, ``{"my2": 0}``.
+    - ``estimate``: groups of nuisance parameters to estimate with the model, of
+      :data:`~rrrgen.lab.identify.nuisance_estimate.CHOICES`.
     - ``known``: a torque that is subtracted from the measured one, as a function of the motion.
     - ``split``: which part of the data is fitted; ``guard`` (s): guard band on both sides of its borders, the reach of
       the filters if None.
@@ -158,6 +161,7 @@ class Options:
     friction: LawChoice = field(default_factory=LawChoice)
     fixed: Mapping[str, float] = field(default_factory=dict)
     fixed_standard: Mapping[str, float] = field(default_factory=dict)
+    estimate: tuple[str, ...] = ()
     known: KnownTorque | None = None
     split: Split = field(default_factory=Split)
     guard: float | None = None
@@ -198,6 +202,8 @@ class Identification:
     - ``delivered``: the parameters of the written model, with their ``units`` and ``meanings``; ``band``: the
       uncertainty of the torques that it predicts.
     - ``friction``: the friction laws other than the linear one, None without any.
+    - ``nuisances``: zeros, gains, delays, tilt and drift that were estimated with the model, None without any; all
+      scores are those of recordings that are corrected by them.
     - ``swinging``: sentences on recordings whose control loop oscillates.
     - ``repairs``, ``diagnoses``: repairs of the recordings, and probable faults in them or in the robot file.
     - ``blocks``, ``held_out_blocks``, ``parametrisation``: the rows, and the map to the identifiable parameters;
@@ -230,6 +236,7 @@ class Identification:
     hardly_determined: tuple[str, ...]
     band: TorqueBand = field(repr=False, compare=False)
     friction: FrictionFit | None = None
+    nuisances: Nuisances | None = None
     repairs: tuple[Repairs, ...] = ()
     diagnoses: tuple[Cause, ...] = ()
     swinging: tuple[str, ...] = ()
@@ -257,6 +264,10 @@ class Identification:
     def names(self) -> tuple[str, ...]:
         """Names of the identifiable combinations."""
         return self.estimate.names
+
+    def corrected(self, recordings: Sequence[Recording]) -> Sequence[Recording]:
+        """The ``recordings`` with the estimated zeros, gains and delays put right."""
+        return recordings if self.nuisances is None else self.nuisances.corrections.recordings(recordings)
 
 
 def identify(
@@ -286,9 +297,25 @@ def identify(
     if options.split.kind != "none":
         guard = reach(tuning) if options.guard is None else options.guard
         options = replace(options, split=options.split.guarded(guard))
+    first, given, measured = None, options, recordings
+    if options.estimate:
+        tell(0, 0, "nuisance parameters of a sample")
+        plain = FullRegressor(model, _linear_terms(model, options))
+        fixed = {name: value for name, value in options.fixed.items() if name in plain.names}
+        whole = parametrise(plain, fixed, options.fixed_standard, options.seed)
+        first = start(plain, whole, recordings, tuning.processing, options.estimate, options.split)
+        corrections = first.corrections(plain, recordings, options.known)
+        recordings, options = corrections.recordings(recordings), replace(options, known=corrections.torque)
     regressor, tuning, friction = _with_friction(model, recordings, tuning, options, tell)
     chosen = parametrise(regressor, options.fixed, options.fixed_standard, options.seed)
     tell(0, 0, f"{chosen.structure.rank} identifiable parameters")
+    nuisances = None
+    if first is not None:
+        tell(0, 0, "nuisance parameters")
+        corrections = replace(corrections, columns=replace(corrections.columns, regressor=regressor))
+        nuisances = estimate_nuisances(first, corrections, chosen, measured, tuning.processing, options.split)
+        corrections = nuisances.corrections
+        recordings, options = corrections.recordings(measured), replace(given, known=corrections.torque)
     width = len(regressor.columns)
     maker = RowMaker(regressor, tuning.processing, width, options.known, regressor.sliding)
     observations = Observations(tuple(recordings), maker)
@@ -310,7 +337,8 @@ def identify(
         )
     if int(np.sum(factors.fit.counts)) == 0:
         raise InputError("no row is left to fit: check the split of the data and the lowest speed")
-    found = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell).result()
+    run = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell, nuisances)
+    found = run.result()
     return replace(found, repairs=tuple(recording.repairs for recording in recordings), friction=friction)
 
 
@@ -340,6 +368,11 @@ def refitted(
     )
 
 
+def _linear_terms(model: RigidModel, options: Options) -> DriveTerms:
+    """The drive terms to estimate, with linear friction where the robot file states another law."""
+    return with_linear_friction(options.terms or DriveTerms.of_spec(model.spec), model.spec)
+
+
 def _with_friction(
     model: RigidModel, recordings: Sequence[Recording], tuning: Tuning, options: Options, tell: Progress
 ) -> tuple[FullRegressor, Tuning, FrictionFit | None]:
@@ -347,7 +380,7 @@ def _with_friction(
 
     Nonlinear laws also describe slow motion, so the returned tuning then keeps samples at low speed.
     """
-    terms = with_linear_friction(options.terms or DriveTerms.of_spec(model.spec), model.spec)
+    terms = _linear_terms(model, options)
     every = replace(tuning, processing=replace(tuning.processing, low_speed=()))
     fit = fit_friction(
         model,
@@ -379,11 +412,12 @@ class _Run:
         blocks: Iterable[Rows],
         held_out: Iterable[Rows],
         tell: Progress,
+        nuisances: Nuisances | None = None,
     ) -> None:
         self.model, self.regressor, self.chosen = model, regressor, chosen
         self.recordings, self.tuning = recordings, tuning
         self.options, self.factors, self.tell = options, factors, tell
-        self.blocks, self.held_out = blocks, held_out
+        self.blocks, self.held_out, self.nuisances = blocks, held_out, nuisances
 
     def result(self) -> Identification:
         options, chosen = self.options, self.chosen
@@ -394,9 +428,17 @@ class _Run:
         self.tell(0, 0, "statistics of the residuals")
         white = residual_whiteness(self.blocks, theta) if options.correlated else ()
         robust = options.method == "robust"
+        limit, nuisances = HUBER if robust else None, self.nuisances
+        lags = 0
         if options.correlated and estimate.relative_error > 1e-9:
             lags = max(correlation_lags(w) for w in white)
-            limit = HUBER if robust else None
+        if nuisances is not None:
+            r = chosen.structure.rank
+            plain, covariance = nuisances.covariances(estimate, chosen, lags, limit)
+            iid_std = np.sqrt(np.maximum(np.diag(plain)[:r], 0.0))
+            estimate = replace(estimate, covariance=covariance[:r, :r])
+            nuisances = replace(nuisances, std=np.sqrt(np.maximum(np.diag(covariance)[r:], 0.0)))
+        elif lags:
             covariance = correlated_covariance(self.blocks, estimate, lags, chosen.expand, chosen.T, limit)
             estimate = replace(estimate, covariance=covariance)
         rows = robust_rows(self.blocks, theta, estimate) if robust else None
@@ -444,6 +486,7 @@ class _Run:
             held_out_blocks=self.held_out,
             parametrisation=chosen,
             regressor=self.regressor,
+            nuisances=nuisances,
         )
 
     def estimated(self, reduced: JointFactors) -> Estimate:

@@ -54,7 +54,8 @@ class RowMaker:
     ``known`` is a torque as a function of the motion that is subtracted from the measured one first, such as friction
     that is already known, (14.19). ``sliding`` computes the friction states that the regressor needs, None if it needs
     none. Samples of a joint below the speeds ``slow`` (n,), rad/s (m/s), are left out before the filters, so that
-    friction near rest does not reach the rows beside them; empty for none.
+    friction near rest does not reach the rows beside them; empty for none. ``beside(motion, W)`` gives further columns
+    (N, n, k), those of nuisance parameters, which stand after those of the regressor.
     """
 
     regressor: Regressor
@@ -63,6 +64,7 @@ class RowMaker:
     known: KnownTorque | None = None
     sliding: Sliding | None = None
     slow: tuple[float, ...] = ()
+    beside: Callable[[Reconstruction, Array], Array] | None = None
 
     def memory(self, period: float) -> int:
         """Number of samples on either side that a row depends on, for a sampling ``period`` in s."""
@@ -118,7 +120,10 @@ class RowMaker:
         """
         first = part.first
         valid = part.valid & (np.abs(motion.dq) >= np.asarray(self.slow)) if self.slow else part.valid
-        W = self.regressor(motion.q, motion.dq, motion.ddq, *given) * valid[..., None]
+        W = self.regressor(motion.q, motion.dq, motion.ddq, *given)
+        if self.beside is not None:
+            W = np.concatenate([W, self.beside(motion, W)], axis=-1)
+        W = W * valid[..., None]
         sound = decimate(valid.astype(float), first)[kept] > 0.5
         speed = np.abs(decimate(motion.dq, first)[kept])
         use = sound & (speed >= np.asarray(self.processing.low_speed)) if self.processing.low_speed else sound

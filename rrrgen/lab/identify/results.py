@@ -108,6 +108,7 @@ def as_record(found: Identification, joints: Sequence[str]) -> dict[str, Any]:
         "torque_band_joints": {k: None if each is None else each.joints for k, each in covered.items()},
         "held_out_notes": list(held_out_notes(found.scores, covered["held out"], joints)),
         "friction": None if found.friction is None else found.friction.to_json(),
+        "nuisances": None if found.nuisances is None else found.nuisances.to_json(),
         "diagnoses": [cause.to_json() for cause in found.diagnoses],
         "oscillations": list(found.swinging),
         "repairs": [repairs.to_json() for repairs in found.repairs],
@@ -312,11 +313,19 @@ def write_identification(
 def spec_with_provenance(found: Identification, spec: RobotSpec, recordings: str = "") -> RobotSpec:
     """The robot ``spec`` with the physically consistent estimate, which it must have, and the data that it is from.
 
+    Gravity is that against the base, if its tilt was estimated.
+
     ``recordings`` names the data files. Raises :class:`DerivationError` for an estimate that no robot file can hold.
     """
+    import sympy as sp
+
     assert found.consistent is not None
     fits = {fit.hashes: fit for fit in (*spec.provenance, fitted_data(found, recordings))}
     surfaces = () if found.friction is None else found.friction.surfaces
+    gravity = None if found.nuisances is None else found.nuisances.corrections.gravity()
+    if gravity is not None:
+        x, y, z = (sp.Rational(repr(value)) for value in gravity)
+        spec = replace(spec, gravity=(x, y, z), basis=None)  # a tilted arm has other base parameters
     return replace(identified_spec(spec, found.consistent, surfaces=surfaces), provenance=tuple(fits.values()))
 
 

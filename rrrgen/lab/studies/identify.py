@@ -99,6 +99,12 @@ class IdentifyOptions(StudyOptions):
         "Known value of a base, friction or standard parameter, such as my2=0; repeat for several.",
         metavar="NAME=VALUE",
     )
+    estimate: tuple[str, ...] = option(
+        (),
+        "Estimate with the model what the recording may get wrong: any of zeros, gains, delay (of all joints), delays "
+        "(one of each), tilt, drift, separated by commas. Default: these are only diagnosed.",
+        metavar="LIST",
+    )
     consistent: bool = option(True, "Compute the physically consistent estimate.", shown=True)
     essential: bool = option(False, "Reduce the model to its essential parameters, too.")
     jobs: int = option(1, "Number of parallel processes.", least=1, flags=("-j", "--jobs"), shown=True, recorded=False)
@@ -202,6 +208,11 @@ class IdentificationResult(EstimateResult):
         return spec_with_provenance(self.identification, self.robot, ", ".join(self.recording_names))
 
     @property
+    def _put_right(self) -> Recording:
+        """The first recording with the errors that were estimated put right."""
+        return self.identification.corrected(self.recordings)[0]
+
+    @property
     def _joints(self) -> tuple[str, ...]:
         return tuple(joint.name for joint in self.robot.joints)
 
@@ -212,6 +223,8 @@ class IdentificationResult(EstimateResult):
 
         found = self.identification
         lines = [*parameter_lines(found, width)]
+        if found.nuisances is not None:
+            lines += found.nuisances.lines(width)
         if found.friction is not None:
             lines += found.friction.lines(width)
         lines += found.tuning.sentences()
@@ -253,7 +266,7 @@ class IdentificationResult(EstimateResult):
         """The figures: torques, torques_held_out, convergence, whiteness, bandwidth, friction, closed_loop."""
         from rrrgen.lab.identify.results import identification_figures
 
-        makers = identification_figures(self.identification, self.robot, model=self.model, recording=self.recordings[0])
+        makers = identification_figures(self.identification, self.robot, model=self.model, recording=self._put_right)
         return makers | ({} if self.closed_loop is None else {"closed_loop": self._loop_figure})
 
     def _loop_figure(self) -> Figure | None:
@@ -280,7 +293,7 @@ class IdentificationResult(EstimateResult):
             self.robot,
             recordings=", ".join(self.recording_names),
             model=self.model,
-            recording=self.recordings[0],
+            recording=self._put_right,
         )
 
 
@@ -321,6 +334,10 @@ def identify(
     """
     chosen = with_changes(IdentifyOptions, options, changes)
     require("rrrgen identify", *chosen.packages())
+    if chosen.estimate and chosen.controller is not None:
+        raise OptionError(
+            "{controller} simulates the loop as it was recorded: correct the recording by {estimate} first"
+        )
     from rrrgen.lab.studies.loop_inputs import read_loop
     from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input
 
@@ -341,6 +358,7 @@ def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec) -> Options:
     from rrrgen.lab.identify.friction_choice import LawChoice
     from rrrgen.lab.identify.held_out_data import Split
     from rrrgen.lab.identify.identification import Options
+    from rrrgen.lab.identify.nuisance_estimate import parse_choices
     from rrrgen.lab.identify.parameters import DriveTerms
 
     columns, standard = known_values(chosen.fix)
@@ -350,6 +368,7 @@ def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec) -> Options:
         friction=LawChoice.parse(chosen.friction, spec),
         fixed=columns,
         fixed_standard=standard,
+        estimate=parse_choices(chosen.estimate),
         split=Split.parse(chosen.split),
         guard=chosen.guard,
         consistent=chosen.consistent,
@@ -360,6 +379,10 @@ def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec) -> Options:
     )
     if chosen.cross_validate and estimation.split.kind != "none":
         raise OptionError("{cross_validate} holds out every part in turn: leave {split} away")
+    if chosen.estimate and chosen.controller is not None:
+        raise OptionError(
+            "{controller} simulates the loop as it was recorded: correct the recording by {estimate} first"
+        )
     return estimation
 
 
@@ -398,15 +421,16 @@ def _estimate(
         digest="" if folder is None else folder.digest,
         progress=progress,
     )
+    put_right = found.corrected(recordings)
     fitted = None
     if loop.controller is not None:
         fitted = closed_loop_estimate(found, recordings, loop.controller, estimation, progress, loop.open())
         found = fitted.identification
-    bias = None if chosen.bias_check is None else check_bias(found, recordings, chosen.bias_check)
+    bias = None if chosen.bias_check is None else check_bias(found, put_right, chosen.bias_check)
     parts = None
     if chosen.cross_validate:
         parts = cross_validate(model, recordings, processing, estimation, chosen.cross_validate, progress)
     progress(0, 0, "diagnosis")
-    causes = merged([*before, *diagnose_fit(model, recordings, found)])
+    causes = merged([*before, *diagnose_fit(model, put_right, found)])
     found = replace(found, diagnoses=causes, swinging=swinging_notes(recordings))
     return IdentificationResult(arm.spec, model, tuple(recordings), logs.names, found, fitted, bias, parts, run=run)

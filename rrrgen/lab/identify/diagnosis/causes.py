@@ -165,10 +165,10 @@ class Wording:
         )
 
     def zero(self, joint: int, error: float) -> Cause:
-        """The cause that the positions of a joint are ``error`` (rad) too small, because of its encoder's zero."""
+        """The cause that the positions of a joint are ``error`` (rad, m) too small, because of its encoder's zero."""
         stated = 0.0 if self.mapping is None else self.mapping.joints[joint].zero
-        name = self.joints[joint]
-        zero = f"zero: {math.degrees(stated + error):.4g} deg"
+        name, true = self.joints[joint], stated + error
+        zero = f"zero: {math.degrees(true):.4g} deg" if self.revolute[joint] else f"zero: {1e3 * true:.4g} mm"
         return Cause(f"the encoder zero of joint {name} is off", f"joint {name}: {zero}{self._where()}")
 
     def gain(self, joint: int, factor: float) -> Cause:

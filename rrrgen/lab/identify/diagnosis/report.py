@@ -63,6 +63,9 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
     causes: list[Cause] = []
     for recording in recordings:
         sample = sample_of(recording, found.processing)
+        if sample is not None and found.nuisances is not None:  # of tilt and drift; the recordings are corrected
+            corrections = found.nuisances.corrections
+            sample = sample.without(corrections.columns.torque(sample, corrections.values))
         if sample is not None and int(np.sum(sample.use)) > len(regressor.names):
             words = wording(model.spec, recording)
             # a clock that is already known to be wrong is corrected, so that it does not hide other faults

@@ -68,6 +68,10 @@ class Sample:
         """A copy with the torques ``tau @ mix``, (n, n)."""
         return replace(self, tau=self.tau @ mix, curves=tuple(_changed(curve, 1.0, mix) for curve in self.curves))
 
+    def without(self, torque: Array) -> Sample:
+        """A copy whose torques are less by ``torque`` (N, n)."""
+        return replace(self, tau=self.tau - torque, curves=_curves(self.t, self.tau - torque, self.stretch))
+
     def thinned(self, count: int) -> Sample:
         """A copy with at most ``count`` instants, spread evenly over those in use."""
         there = np.flatnonzero(self.use.any(axis=1))
@@ -93,6 +97,28 @@ class Sample:
         return found
 
 
+def _curves(t: Array, tau: Array, stretch: NDArray[np.int64]) -> tuple[Any, ...]:
+    """Splines of the torques (N, n) over time in every stretch."""
+    from scipy.interpolate import CubicSpline
+
+    return tuple(CubicSpline(t[stretch == k], tau[stretch == k]) for k in range(int(stretch[-1]) + 1))
+
+
+def joined_samples(samples: Sequence[Sample]) -> Sample:
+    """Several samples as one, each a second after the one before it."""
+    names = ("q", "dq", "ddq", "tau", "use", "t", "stretch")
+    found: dict[str, list[Any]] = {name: [] for name in names}
+    later, count = 0.0, 0
+    for sample in samples:
+        later = float(found["t"][-1][-1] - sample.t[0]) + 1.0 if count else 0.0
+        moved = replace(sample, t=sample.t + later, stretch=sample.stretch + count)
+        count = int(moved.stretch[-1]) + 1
+        for name in names:
+            found[name].append(getattr(moved, name))
+    whole = {name: np.concatenate(parts) for name, parts in found.items()}
+    return Sample(**whole, curves=_curves(whole["t"], whole["tau"], whole["stretch"]))
+
+
 def _changed(curve: Any, slower: float, mix: Array) -> Any:
     """A cubic spline of torques in a time stretched by ``slower``, times the matrix ``mix``."""
     from scipy.interpolate import PPoly
@@ -103,8 +129,6 @@ def _changed(curve: Any, slower: float, mix: Array) -> Any:
 
 def sample_of(recording: Recording, processing: Processing) -> Sample | None:
     """Sample of a recording, filtered as for the estimation; None if it has no torques or no usable instant."""
-    from scipy.interpolate import CubicSpline
-
     decimate = Decimator(processing.decimate or 1)
     memory = RowMaker(lambda q, dq, ddq: q, processing, 1).memory(recording.period)
     found: dict[int, list[tuple[Any, ...]]] = {}
@@ -128,10 +152,9 @@ def sample_of(recording: Recording, processing: Processing) -> Sample | None:
     stretches = [rows for rows in stretches if len(rows[-1]) >= SHORTEST_STRETCH]
     if not stretches or not any(rows[4].any() for rows in stretches):
         return None
-    curves = tuple(CubicSpline(rows[-1], rows[3]) for rows in stretches)
     number = np.repeat(np.arange(len(stretches)), [len(rows[-1]) for rows in stretches])
     q, dq, ddq, tau, use, t = (np.concatenate(x) for x in zip(*stretches, strict=True))
-    return Sample(q, dq, ddq, tau, use.astype(bool), t, number, curves)
+    return Sample(q, dq, ddq, tau, use.astype(bool), t, number, _curves(t, tau, number))
 
 
 # ------------------------------------------------------------------------------------------------------------------
