@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 @click.option(
     "--libraries/--no-libraries", default=True, help="Also compare with Pinocchio, MuJoCo and Robotics Toolbox."
 )
+@click.option("--hessians", is_flag=True, help="Also derive and compare the second derivatives.")
 @html_option
 @json_option
 def verify(
@@ -46,6 +47,7 @@ def verify(
     backend: EngineName,
     real: Real,
     libraries: bool,
+    hessians: bool,
     html: Path | None,
     as_json: bool,
 ) -> int:
@@ -68,7 +70,8 @@ def verify(
 
     spec = read_with_warnings(robot)
     with progress_bar() as tell:
-        report = compare(load.compile(spec, backend, real), samples, seed, libraries=libraries, tell=tell)
+        model = load.compile(spec, backend, real)
+        report = compare(model, samples, seed, libraries=libraries, hessians=hessians, tell=tell)
     if html is not None:
         write_html(html, derive_once(spec), report)
     click.echo(report.to_json() if as_json else _coloured(report), nl=False)

@@ -13,7 +13,12 @@ from rrrgen.verify.against_newton_euler import (
     check_kinematics,
     check_regressors,
 )
-from rrrgen.verify.identities import check_derivatives, check_identities, check_parameters
+from rrrgen.verify.identities import (
+    check_derivatives,
+    check_identities,
+    check_parameters,
+    check_second_derivatives,
+)
 from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
 from rrrgen.verify.references.libraries import LIBRARIES, ReferenceUnavailableError
 from rrrgen.verify.references.newton_euler import NewtonEuler
@@ -35,6 +40,7 @@ def verify(
     seed: int = 0,
     *,
     libraries: bool = True,
+    hessians: bool = False,
     tell: Tell | None = None,
 ) -> Report:
     """Compare every function of a model with independent references at random states.
@@ -49,7 +55,8 @@ def verify(
     to ``max|M| max|dq|``. Accelerations from the forward dynamics are put back into the torque, so that an
     ill-conditioned M does not count against the model. Potential energies are compared up to their value at q = 0,
     because base parameters do not determine the constant. A model that answers in float32 is held to the tolerances of
-    single precision, at states that float32 represents exactly.
+    single precision, at states that float32 represents exactly. With ``hessians`` the second derivatives of the group
+    "hessian" are derived and compared too.
 
     The inverse kinematics, which is evaluated in double, is compared with forward kinematics of the verifier's own and
     with a numerical search; see :func:`rrrgen.verify.inverse_kinematics.check_inverse_kinematics`. ``tell(done, total,
@@ -79,6 +86,8 @@ def verify(
         check_dynamics(model, reference, parameters, states, tolerances, rows)
         check_floating_base(model, reference, parameters, states, tolerances, rows)
         check_derivatives(model, reference, parameters, states, tolerances, rows)
+        if hessians:
+            check_second_derivatives(model, reference, parameters, states, tolerances, rows)
         check_identities(model, chain, parameters, states, tolerances, rows)
     check_inverse_kinematics(single_model, chain, samples, rng, rows, tell)
     if libraries:

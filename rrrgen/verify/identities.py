@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, Chain, centre_and_tensor
-from rrrgen.verify.report import STENCIL, Check, Collector, Row, Tolerances, rate, size
+from rrrgen.verify.report import STENCIL, Check, Collector, Row, Tolerances, curvature, rate, size
 from rrrgen.verify.subject import Parameters, States, random_parameters
 
 if TYPE_CHECKING:
@@ -86,6 +86,10 @@ def check_derivatives(
             s.at(~definite),
             known.M[~definite],
         )
+
+
+SECOND_STEP = 0.02
+"""Step of second differences along unit vectors: errors of rounding and of truncation are about equal."""
 
 
 @dataclass(frozen=True)
@@ -184,6 +188,62 @@ def _check_forward(
         lambda: ne.inverse_dynamics(s.q, s.dq, np.asarray(answer()[0])),
         tau,
         scale=size(tau) * max(1.0, condition / s.q.shape[1]),
+    )
+
+
+def check_second_derivatives(
+    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+) -> None:
+    """Compare second derivatives along one random direction of (q, dq, ddq) at each state with second differences.
+
+    The quadratic form of a symmetric matrix with a random vector has all its elements. Forward dynamics is weighted
+    with ``M w``, as in :func:`check_derivatives`. Along (q, dq, tau) + t (vq, vv, vt) the accelerations begin to change
+    by a = inv(M) (vt - dtau/dt), where the rate of the torques is that for constant ddq, and then
+    ``w' M d2(ddq)/dt2 = -w' d2(tau)/dt2`` for ddq + t a.
+    """
+    beta, w, (count, n) = parameters.beta, s.e, s.q.shape
+    direction = np.random.default_rng(count).normal(size=(count, 3 * n))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    vq, vv, last = np.split(direction, 3, axis=1)
+    close = rows.against(ne.name, parameters.label, tolerances.differenced, count)
+
+    def torques(t: float, rate_of_ddq: Array) -> Array:
+        return ne.inverse_dynamics(s.q + t * vq, s.dq + t * vv, s.ddq + t * rate_of_ddq)
+
+    def dot(x: Array, y: Array) -> Array:
+        return np.asarray(np.einsum("ki,ki->k", x, y))
+
+    def quadratic(H: Array) -> Array:
+        return np.asarray(np.einsum("ki,kij,kj->k", direction, H, direction))
+
+    @cache
+    def answer() -> Any:
+        return model.inverse_dynamics_hessian(s.q, s.dq, s.ddq, w, beta=beta)
+
+    def slopes() -> Array:
+        return np.asarray(model.mass_matrix_derivatives(s.q, beta=beta))
+
+    def product() -> Array:
+        return model.inverse_dynamics_hessian_product(s.q, s.dq, s.ddq, w, direction, beta=beta)
+
+    first = dot(w, rate(lambda t: torques(t, last), SECOND_STEP))
+    second = dot(w, curvature(lambda t: torques(t, last), SECOND_STEP))
+    turning = rate(lambda t: ne.mass_matrix(s.q + t * vq), SECOND_STEP)
+    close("inverse_dynamics_hessian: gradient' v", lambda: dot(answer()[0], direction), first)
+    close("inverse_dynamics_hessian: v' H v", lambda: quadratic(answer()[1]), second)
+    close("inverse_dynamics_hessian_product: v' H v", lambda: dot(product(), direction), second)
+    close("mass_matrix_derivatives: dM/dq vq", lambda: slopes() @ vq[:, None, :, None], turning[..., None])
+    M = ne.mass_matrix(s.q)
+    if not np.all(is_definite(M, tolerances)):
+        return
+    still = rate(lambda t: torques(t, np.zeros_like(last)), SECOND_STEP)
+    turned = np.asarray(np.linalg.solve(M, (last - still)[..., None])[..., 0], dtype=float)
+    expected = -dot(w, curvature(lambda t: torques(t, turned), SECOND_STEP))
+    tau, weights = torques(0.0, last), np.einsum("kij,kj->ki", M, w)
+    close(
+        "forward_dynamics_hessian: v' H v",
+        lambda: quadratic(model.forward_dynamics_hessian(s.q, s.dq, tau, weights, beta=beta)[1]),
+        expected,
     )
 
 

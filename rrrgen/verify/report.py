@@ -151,10 +151,19 @@ SINGLE = Tolerances(exact=1e-4, differenced=5e-3, foreign=1e-4, step=5e-2)
 STENCIL = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
 """Pairs (k, w_k) of the eighth-order central difference f'(0) h = sum w_k (f(k h) - f(-k h))."""
 
+SECOND_STENCIL = ((1, 8 / 5), (2, -1 / 5), (3, 8 / 315), (4, -1 / 560))
+"""Pairs (k, w_k) of the difference f''(0) h^2 = sum w_k (f(k h) + f(-k h)) - 205/72 f(0), of eighth order too."""
+
 
 def rate(function: Callable[[float], Array], step: float) -> Array:
     """The derivative df/ds at s = 0, by eighth-order central differences with the given step."""
     return np.asarray(sum(w * (function(k * step) - function(-k * step)) for k, w in STENCIL) / step)
+
+
+def curvature(function: Callable[[float], Array], step: float) -> Array:
+    """The second derivative at s = 0, by eighth-order central differences with the given step."""
+    sides = sum(w * (function(k * step) + function(-k * step)) for k, w in SECOND_STENCIL)
+    return np.asarray((sides - 205 / 72 * function(0.0)) / step**2)
 
 
 def size(value: Array) -> float:

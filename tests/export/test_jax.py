@@ -47,6 +47,27 @@ def worst(value, expected):
     return np.max(np.abs(np.asarray(value) - expected)) / np.max(np.abs(expected))
 
 
+def test_hessian_of_jax_is_that_of_the_emitted_function(tmp_path):
+    module, model = imported(tmp_path, "planar2r", ("hessian",)), rrrgen.compile("planar2r", backend="numpy")
+    q, dq, ddq = states(model.n, 1)[:, 0]
+    weights = np.array([0.3, -0.7])
+    with jax.disable_jit():
+        x = np.concatenate([q, dq, ddq])
+        found = jax.hessian(lambda x: weights @ module.inverse_dynamics_nominal(x[:2], x[2:4], x[4:]))(x)
+        gradient, Hqq, Hvq, Haq, Hvv = module.inverse_dynamics_hessian_nominal(q, dq, ddq, weights)
+    expected = model.inverse_dynamics_hessian(q, dq, ddq, weights)
+    assert worst(found, expected.H) < 1e-14
+    assert worst(gradient, expected.gradient) < 1e-14
+    upper = np.triu_indices(2)
+    for block, own in (
+        (Hqq, expected.H[:2, :2][upper]),
+        (Hvv, expected.H[2:4, 2:4][upper]),
+        (Hvq, expected.H[2:4, :2]),
+        (Haq, expected.H[4:, :2]),
+    ):
+        assert np.max(np.abs(np.asarray(block) - own)) < 1e-14 * np.max(np.abs(expected.H))
+
+
 @pytest.mark.parametrize("robot", ["rrr", "scara"])
 def test_batches_equal_the_compiled_c(tmp_path, robot):
     module, model = imported(tmp_path, robot), rrrgen.compile(robot)

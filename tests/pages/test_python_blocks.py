@@ -33,6 +33,7 @@ import shutil
 from pages.test_pages import ROOT
 shutil.copytree(ROOT / "examples/trees", "examples/trees")
 """,
+    "second-derivatives": "",
     "quick-start": "q = dq = ddq = [0.1, 0.2, 0.3]",
     "path-timing": "",
     "python": "",
@@ -54,6 +55,11 @@ AFTER = {
     "other-formats": "assert rrrgen.load_spec('puma.yaml').n == 6",
     "python": "assert abs(float(result[result.names[0]]) / model.beta[0] - 1) < 0.02 and identified.n == 2",
     "identification": "assert len(files) == 2",
+    "second-derivatives": """
+at, w = np.r_[q, dq, 1, 2, 3], [0.1, 0.2, 0.3]
+expected = m.forward_dynamics_hessian(q, dq, at[6:], w).H
+assert np.abs(ca.Function("H", [x, weights], [H])(at, w).full() - expected).max() < 1e-10 * np.abs(expected).max()
+""",
     "trees": """
 falling = m.floating_inverse_dynamics(q, dq, fall.ddq, orientation, twist, fall.twist_rate)
 assert abs(falling.wrench).max() < 1e-9 and abs(falling.tau - held.tau).max() < 1e-9

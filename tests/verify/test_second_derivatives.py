@@ -1,0 +1,57 @@
+"""verify --hessians accepts right second derivatives and rejects wrong ones."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+import rrrgen
+from rrrgen.verify import Report, verify
+
+
+@cache
+def model() -> rrrgen.Model:
+    return rrrgen.compile("planar2r", backend="numpy")
+
+
+def failures(report: Report) -> set[str]:
+    return {row.function for row in report.rows if not row.ok}
+
+
+def verified(subject) -> Report:
+    return verify(subject, samples=8, libraries=False, hessians=True)
+
+
+def test_right_second_derivatives_pass():
+    report = verified(model())
+    assert report.ok, report.to_text()
+    asked = {row.function for row in report.rows}
+    assert {"forward_dynamics_hessian: v' H v", "mass_matrix_derivatives: dM/dq vq"} <= asked
+    assert not any("hessian" in row.function for row in verify(model(), samples=2, libraries=False).rows)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "inverse_dynamics_hessian",
+        "inverse_dynamics_hessian_product",
+        "forward_dynamics_hessian",
+        "mass_matrix_derivatives",
+    ],
+)
+def test_wrong_ones_are_named(name):
+    class Wrong:
+        def __getattr__(self, attribute):
+            value = getattr(model(), attribute)
+            if attribute != name:
+                return value
+            return lambda *states, **given: _scaled(value(*states, **given))
+
+    assert {function.split(":")[0] for function in failures(verified(Wrong()))} == {name}
+
+
+def _scaled(result):
+    if isinstance(result, tuple):
+        return type(result)(*(1.001 * part for part in result))
+    return 1.001 * result
