@@ -42,6 +42,8 @@ ARGUMENTS = {
     "tau_max": "p->tau_max",
     "tau": "tick->tau",
     "z_next": "z",
+    "sines": "tick->sines",
+    "decay": "state->decay",
 }
 """Arguments of the laws -> C expressions, where they do not depend on the mode."""
 
@@ -100,6 +102,7 @@ def unit_files(unit: Unit, real: Real, trig: Trig = "inline") -> dict[str, str]:
         "phases": list(PHASES.items()),
         "reference": _references(unit),
         "call": calls,
+        "sines": calls.own["sines"].outputs[0].size if "sines" in calls.own else 0,
         "called_laws": set(unit.modes) - {"free", "gravity", "joint_impedance"},
         "laws_header": f"{calls.own_prefix}.h" if calls.own else "",
         "defaults": _default_table(laid.parameters, dialect),

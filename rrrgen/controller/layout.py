@@ -83,6 +83,8 @@ def derived(unit: Unit) -> list[Field]:
     ]
     if unit.has("differences"):
         found.append(Field("speed_left", 1, "", "share of the last speed that a period leaves", array=False))
+    if unit.has("observer"):
+        found.append(Field("decay", 1, "", "share of the estimated torques that a period leaves"))
     return [*found, Field("beta_loaded", unit.model.beta_size, "SI", "base parameters with the payload")]
 
 

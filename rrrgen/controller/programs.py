@@ -1,4 +1,5 @@
-"""Functions that the unit calls and that the model does not have: laws without friction, the step of the estimator."""
+"""Functions that the unit calls and that the model does not have: laws without friction, the step of the estimator, and
+laws and observer that share what both compute from q or from parameters."""
 
 from __future__ import annotations
 
@@ -9,11 +10,18 @@ from rrrgen.controller.table import Unit
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.derive.recursions.link_frames import rational
 from rrrgen.emit.controller.online_estimators import safe_step
-from rrrgen.program import Builder, Port, Program, Role
+from rrrgen.program import Builder, Op, Port, Program, Role
 from rrrgen.program.builder import Value, replay
+from rrrgen.program.sharing import shared
 from rrrgen.robot.model.drives import inertia_terms
 
 ESTIMATOR = "estimator"
+
+SINES = "sines"
+"""The function of q, called once a tick, whose results the law, the observer and the estimator share."""
+
+DECAY = "decay"
+"""The function of parameters, called when they are set, whose result the observer and contact detection share."""
 
 
 def own_programs(unit: Unit) -> dict[str, Program]:
@@ -23,6 +31,13 @@ def own_programs(unit: Unit) -> dict[str, Program]:
         found = {p.name: without_friction(p) for p in called_programs(unit) if _takes_friction(p)}
     if unit.has("estimator"):
         found[ESTIMATOR] = estimator_program(unit)
+    if unit.has("observer"):
+        both = {name: found.get(name, unit.model.programs[name]) for name in ("momentum_observer", "contact")}
+        found |= shared(both, DECAY, ("gain", "Ts"), (Op.EXP,), "The share of an estimate that a period leaves.")
+    if unit.has("observer") or unit.has("estimator"):
+        laws = {unit.law(mode) for mode in unit.modes} - {"", "gravity"}
+        every = {name: unit.model.programs[name] for name in sorted(laws)} | found
+        found |= shared(every, SINES, ("q",), (Op.SIN, Op.COS), "Sines and cosines of the positions.")
     return found
 
 

@@ -10,7 +10,7 @@ so the same derivation also runs over floats, exact rationals, finite fields and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 
 from rrrgen.base.errors import InternalError
@@ -384,14 +384,16 @@ def _renumbered(nodes: list[Node], keep: Sequence[int]) -> tuple[list[Node], ran
     return [tuple.__new__(Node, (op, tuple(map(moved, args)), value)) for op, args, value in kept], place
 
 
-def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]) -> list[list[Value]]:
+def replay(
+    program: Program, builder: Builder, inputs: Sequence[Sequence[Value]], given: Mapping[int, Value] | None = None
+) -> list[list[Value]]:
     """Record ``program`` into ``builder`` with ``inputs[k]`` (row-major elements) in place of its input port k.
 
     Returns the elements of each output. It is used to call one program from another, to replace inputs by numbers, and
-    to simplify a program again.
+    to simplify a program again. ``given`` are values of operations, by their nodes, that are not recorded again.
     """
     values: list[Value] = []
-    known, labels = values.__getitem__, program.labels
+    known, labels, given = values.__getitem__, program.labels, given or {}
     for index, node in enumerate(program.nodes):
         op, args, _ = node
         if op is Op.INPUT:
@@ -399,6 +401,8 @@ def replay(program: Program, builder: Builder, inputs: Sequence[Sequence[Value]]
             value: Value = inputs[port][element]
         elif op is Op.CONST:
             value = node.number
+        elif index in given:
+            value = given[index]
         else:
             value = getattr(builder, op.value)(*map(known, args))
         if index in labels:

@@ -285,6 +285,9 @@ def test_mex_in_octave(reference, tmp_path):
     compare(unflat(np.loadtxt(folder / "outputs.txt"), outputs.dtype), outputs)
 
 
+OF_UNIT = ["arm_controller.c", "arm_controller_laws.c", "arm_differential_ik.c"]
+
+
 def test_block_of_simulink(reference, tmp_path):
     """The function of the block, called as Simulink does: memory, parameters and signals are arrays of double."""
     inputs, _ = reference
@@ -294,7 +297,7 @@ def test_block_of_simulink(reference, tmp_path):
     c.start(q=inputs["q"][0], dq=inputs["dq"][0])
     expected = c.run({name: inputs[name] for name in inputs.dtype.names})
     source = exported("matlab", tmp_path) / "src"
-    files = ["arm.c", "arm_nominal.c", "arm_controller.c", "arm_differential_ik.c", "arm_simulink.c"]
+    files = ["arm.c", "arm_nominal.c", *OF_UNIT, "arm_simulink.c"]
     options = ["-std=c99", *STRICT, "-O1", "-ffp-contract=off", "-fPIC", "-shared"]
     files += [path.name for path in source.glob("*.c") if re.search("derivatives", path.name)]
     run("gcc", *options, *files, "-lm", "-o", "simulink.so", cwd=source)
@@ -382,7 +385,7 @@ def test_ros2_control(reference, tmp_path):
     words = ", ".join(f'{{{number}, "{name}"}}' for name, number in c.description["modes"].items())
     text = ROS2.replace("MODES", words).replace("TICKS", "240").replace("COLUMNS", str(flat(inputs).shape[1]))
     (folder / "use.cpp").write_text(text, encoding="utf-8")
-    sources = ["arm.c", "arm_controller.c", "arm_differential_ik.c"]
+    sources = ["arm.c", *OF_UNIT]
     run("gcc", "-std=c99", "-O1", "-ffp-contract=off", "-c", *sources, cwd=folder / "model")
     objects = [f"model/{name[:-1]}o" for name in sources]
     warnings = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
