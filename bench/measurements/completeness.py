@@ -1,6 +1,6 @@
 """Whether the elimination for six joints loses solutions at special poses, and how often it says that it may.
 
-    python -m bench.measurements.completeness [--quick] [--float] [--poses N] [--seed S] [--arm NAME] ...
+    python -m bench.measurements.completeness [--quick] [--float] [--poses N] [--seed S] [--arm NAME] ... [--jobs N]
 
 Targets are the poses of configurations. A *special* configuration has one or two joints at a multiple of pi/2 (a
 displacement at zero), exactly or off by 1e-12 to 1e-1; a *random* one has none. The configuration of a target is
@@ -8,13 +8,17 @@ displacement at zero), exactly or off by 1e-12 to 1e-1; a *random* one has none.
 1e-4 of it, and the status is OK; *missing* if the status is INCOMPLETE. *Silent* is a singular configuration that is
 lost, while no solution has the flag FREE. The shares of targets with the status INCOMPLETE are of all, and of those
 whose solutions are all well off singular configurations (above 0.01). In float all these bounds are larger.
-Exit status 1 if a configuration is lost or more than 0.5 % of the random targets are INCOMPLETE.
+Exit status 1 if a configuration is lost or more than 0.5 % of the random targets are INCOMPLETE. Targets are drawn in
+blocks, each with a seed of its own, which ``--jobs`` processes share; an interrupt (Ctrl-C) ends the count, and the
+table has what was counted until then.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import click
@@ -22,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.calibrated import STROKE, _calibrated, _random, _spec, _wrapped
+from rrrgen.base.parallel import as_computed
 from rrrgen.cli.terminal import progress_bar
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, chain_of
@@ -33,9 +38,15 @@ if TYPE_CHECKING:
 Kind = Literal["special", "random"]
 Counts = NDArray[np.integer]
 
+Real = Literal["double", "float"]
+
 POSES, QUICK = 20_000, 1_000
-CHUNK = 2_000
-"""Targets that are solved together; their Jacobians stay within some ten megabytes."""
+BLOCK, CHUNK = 10_000, 2_000
+"""Targets that have a seed of their own, and those that are solved together: their Jacobians stay within some ten
+megabytes."""
+
+BUNDLED = ("xarm6", "gen3")
+"""The robots that come with rrrgen and are solved by elimination; of gen3 the last joint is prescribed."""
 
 REGULAR = {"double": 1e-3, "float": 0.05}
 """A configuration is regular if the smallest singular value of its Jacobian (rad, m) is larger."""
@@ -51,6 +62,8 @@ MOST = 0.005
 
 INCOMPLETE = 5
 FREE = 2
+
+HEAD = f"{'poses':>8} {'lost':>6} {'missing':>8} {'INCOMPLETE':>11} {'all > .01':>11} {'silent':>8}"
 
 h = np.pi / 2
 
@@ -73,11 +86,11 @@ class Loss:
     def text(self) -> str:
         """The counts as a line of the table."""
         share, well = self.incomplete / max(1, self.poses), self.incomplete_well / max(1, self.well)
-        return f"{self.poses:7} {self.lost:6} {self.missing:8} {100 * share:9.2f} % {100 * well:9.3f} % {self.silent:8}"
+        return f"{self.poses:8} {self.lost:6} {self.missing:8} {100 * share:9.2f} % {100 * well:9.3f} % {self.silent:8}"
 
 
 def arms(seed: int) -> Iterator[tuple[str, RobotSpec]]:
-    """The names and descriptions of twelve arms with six revolute joints and of four with a prismatic one."""
+    """The names and descriptions of 12 arms with six revolute joints, 4 with a prismatic one, and the bundled ones."""
     from rrrgen.robot.file import load_spec
 
     exact: dict[str, list[Row]] = {
@@ -106,6 +119,8 @@ def arms(seed: int) -> Iterator[tuple[str, RobotSpec]]:
     wrist = _rows((-h, h, 0, -h, h, 0), (0.1, 0, 0, 0, 0.08, 0), (0.4, 0.15, 0, 0, 0, 0.26), {2: -h})
     yield "slide, offset wrist", _spec([("P", *row[1:]) if k == 2 else row for k, row in enumerate(wrist)], "standard")
     yield "slide, random", _spec(_random("RRRPRR", seed), "standard")
+    for name in BUNDLED:
+        yield name, load_spec(name)
 
 
 def _rows(
@@ -140,7 +155,7 @@ def configurations(turning: Array, kind: Kind, poses: int, seed: int) -> Array:
 class Study:
     """The compiled solver of an arm, in "double" or "float", and the references that judge it."""
 
-    def __init__(self, spec: RobotSpec, real: Literal["double", "float"] = "double") -> None:
+    def __init__(self, spec: RobotSpec, real: Real = "double") -> None:
         from rrrgen.emit.c.ik.files import emit
         from rrrgen.ik.classify import plan
         from rrrgen.runtime.build import build_extension
@@ -152,13 +167,14 @@ class Study:
         self._batch, self._rows, self._real = getattr(lib, f"{name}_inverse_kinematics_batch"), emitted.rows, real
         self.turning = np.array([joint.is_revolute for joint in spec.joints])
         self._model, self._n = NewtonEuler(chain_of(spec), np.zeros((spec.n, 10))), spec.n
+        self._locked = emitted.plan.locked
 
     def judge(self, q: Array) -> Loss:
         """Solve for the poses of the configurations ``q`` (poses, n) and look for these among the solutions."""
         return sum((self._judged(q[k : k + CHUNK]) for k in range(0, len(q), CHUNK)), Loss())
 
     def _judged(self, q: Array) -> Loss:
-        rows, counts, flags, statuses = self.solve(self._model.forward_kinematics(q))
+        rows, counts, flags, statuses = self.solve(q)
         valid = np.arange(self._rows) < counts[:, None]
         gains = np.full(valid.shape, np.inf)
         gains[valid] = self.gain(rows[valid])
@@ -172,45 +188,86 @@ class Study:
         figures = (lost, unsure, said, well, said & well, silent)
         return Loss(len(q), *(int(np.sum(figure)) for figure in figures))
 
-    def solve(self, targets: Array) -> tuple[Array, Counts, Counts, Counts]:
-        """Solutions (poses, rows, n), their numbers (poses,), flags (poses, rows) and statuses (poses,)."""
-        poses, dtype = len(targets), np.float64 if self._real == "double" else np.float32
-        T, q = np.ascontiguousarray(targets, dtype), np.zeros((poses, self._rows, self._n), dtype)
+    def solve(self, configurations: Array) -> tuple[Array, Counts, Counts, Counts]:
+        """Solve for the poses of ``configurations`` (poses, n).
+
+        Solutions (poses, rows, n), their numbers (poses,), flags (poses, rows) and statuses (poses,).
+        """
+        poses, dtype = len(configurations), np.float64 if self._real == "double" else np.float32
+        T = np.ascontiguousarray(self._model.forward_kinematics(configurations), dtype)
+        q = np.zeros((poses, self._rows, self._n), dtype)
+        given = [] if self._locked is None else [np.ascontiguousarray(configurations[:, self._locked], dtype)]
         counts, statuses = np.zeros((2, poses), np.int32)
         flags = np.zeros((poses, self._rows), np.uint32)
         cast, real, null = self._ffi.cast, f"{self._real} *", self._ffi.NULL
         self._batch(
-            poses, cast(real, T.ctypes.data), null, 0, cast(real, q.ctypes.data), cast("int *", counts.ctypes.data),
+            poses, cast(real, T.ctypes.data), null, *(cast(real, x.ctypes.data) for x in given), 0,
+            cast(real, q.ctypes.data), cast("int *", counts.ctypes.data),
             cast("unsigned *", flags.ctypes.data), null, cast("int *", statuses.ctypes.data), null,
         )  # fmt: skip
         return q.astype(float), counts, flags, statuses
 
     def gain(self, q: Array) -> Array:
-        """The smallest singular value of the Jacobian (rad, m) at configurations (..., n)."""
-        return np.asarray(np.linalg.svd(self._model.jacobian(q), compute_uv=False)[..., -1])
+        """The smallest singular value of the Jacobian (rad, m) of the joints not prescribed, at ``q`` (..., n)."""
+        free = [k for k in range(self._n) if k != self._locked]
+        return np.asarray(np.linalg.svd(self._model.jacobian(q)[..., free], compute_uv=False)[..., -1])
+
+
+@cache
+def _study(name: str, real: Real, seed: int) -> Study:
+    return Study(dict(arms(seed))[name], real)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Targets of one kind for one arm, with the seeds of the arms and of the targets."""
+
+    name: str
+    kind: Kind
+    poses: int
+    arms: int
+    seed: int
+
+    def judged(self, real: Real) -> Loss:
+        """What became of them with code in "double" or "float"."""
+        study = _study(self.name, real, self.arms)
+        return study.judge(configurations(study.turning, self.kind, self.poses, self.seed))
+
+
+def _judged(real: Real, block: Block) -> Loss:
+    return block.judged(real)
 
 
 @click.command()
 @click.option("--poses", type=int, help=f"Targets of each kind per arm; {POSES} by default, {QUICK} with --quick.")
 @click.option("--quick", is_flag=True, help="Fewer targets.")
 @click.option("--float", "single", is_flag=True, help="Code in single precision.")
-@click.option("--seed", default=0, show_default=True, help="Seed of the arms and the targets.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the arms and of the first block of targets.")
 @click.option("--arm", "names", multiple=True, help="Only this arm; repeat for several.")
-def completeness(poses: int | None, quick: bool, single: bool, seed: int, names: tuple[str, ...]) -> int:
+@click.option("--jobs", default=1, show_default=True, help="Processes.")
+def completeness(poses: int | None, quick: bool, single: bool, seed: int, names: tuple[str, ...], jobs: int) -> int:
     """Count the solutions that the elimination loses with the status OK; exit with 1 if there are any."""
     poses = poses or (QUICK if quick else POSES)
-    head = f"{'poses':>7} {'lost':>6} {'missing':>8} {'INCOMPLETE':>11} {'all > .01':>11} {'silent':>8}"
-    click.echo(f"{'arm':20} {'targets':8} {head}")
-    chosen = [(name, spec) for name, spec in arms(seed) if not names or name in names]
-    sound, kinds = True, ("special", "random")
-    with progress_bar() as tell:
-        for k, (name, spec) in enumerate(chosen):
-            study = Study(spec, "float" if single else "double")
-            for i, kind in enumerate(kinds):
-                tell(2 * k + i, 2 * len(chosen), f"{name}, {kind}")
-                loss = study.judge(configurations(study.turning, kind, poses, seed))  # type: ignore[arg-type]
-                click.echo(f"{name:20} {kind:8} {loss.text()}")
-                sound = sound and loss.lost == 0 and (kind == "special" or loss.incomplete <= MOST * loss.poses)
+    real: Real = "float" if single else "double"
+    kinds: tuple[Kind, ...] = ("special", "random")
+    chosen = [name for name, _ in arms(seed) if not names or name in names]
+    found = {(name, kind): Loss() for name in chosen for kind in kinds}
+    blocks = [
+        Block(name, kind, min(BLOCK, poses - first), seed, seed + first // BLOCK)
+        for name, kind in found
+        for first in range(0, poses, BLOCK)
+    ]
+    with progress_bar() as tell, suppress(KeyboardInterrupt):
+        for done, (k, loss) in enumerate(as_computed(_judged, blocks, jobs, shared=(real,))):
+            block = blocks[k]
+            found[block.name, block.kind] += loss
+            tell(done + 1, len(blocks), f"{block.name}, {block.kind}")
+    click.echo(f"{'arm':20} {'targets':8} {HEAD}")
+    sound = True
+    for (name, kind), loss in found.items():
+        click.echo(f"{name:20} {kind:8} {loss.text()}")
+        sound = sound and loss.lost == 0 and (kind == "special" or loss.incomplete <= MOST * loss.poses)
+    click.echo(f"{'all':20} {'':8} {sum(found.values(), Loss()).text()}")
     return 0 if sound else 1
 
 

@@ -101,9 +101,9 @@ NOISE = 1e-12
 """Rounding noise of the values of a polynomial, relative to the sum of the magnitudes of its coefficients. The values
 are 12 x 12 determinants, whose computation adds up some thousand rounding errors."""
 
-LEAST_NOISE = {"double": NOISE, "float": 1e-6}
-"""Least rounding noise that is assumed for the values of a polynomial, by the precision of the emitted code; relative
-to the sum of the magnitudes of the coefficients."""
+NOISE_OF_FLOAT = 1e-6
+"""Error of the values of a polynomial by the rounding of the target to single precision, relative to the sum of the
+magnitudes of the coefficients: two roots that such an error makes complex may be those of a singular target."""
 
 MOST_NOISE = 1e-4
 """Largest rounding noise that is assumed for the values of a polynomial, relative to the sum of the magnitudes of its
@@ -119,6 +119,14 @@ factor (SHALLOW / size)^(3/4)."""
 
 USABLE = 12.0
 """An elimination is rejected if its roots lose this many decimal digits or more, of the sixteen of a double."""
+
+SPAN_STEPS, SPAN_LEAST = 200, 1e-6
+"""Steps of the minimization that bounds the span of an arm from its first to its last axis, and the length (in units of
+the solver) below which a side of that line counts as zero."""
+
+BEYOND_SPAN = 1e-4
+"""Share of that span by which a target must exceed it to be out of reach without further computation: far above the
+rounding errors of a target in single precision."""
 
 # -- the self-test of the emitted code --------------------------------------------------------------------------------
 
@@ -150,6 +158,11 @@ class Tolerance(NamedTuple):
     reason: str
 
 
+def _both(name: str, value: str, reason: str) -> Tolerance:
+    """A threshold that is the same in double and in single precision."""
+    return Tolerance(name, value, value, reason)
+
+
 RUNTIME = (
     Tolerance("eps", "2.220446049250313e-16", "1.1920929e-07", "machine epsilon: from 1 to the next larger number"),
     Tolerance(
@@ -164,7 +177,7 @@ RUNTIME = (
         "1e-2",
         "a shorter vector may be zero but for the error of a target that is just accurate enough to be accepted",
     ),
-    Tolerance("turn", "0.01", "0.01", "a joint is free if turning it by this angle (rad) still meets the target"),
+    _both("turn", "0.01", "a joint is free if turning it by this angle (rad) still meets the target"),
     Tolerance("merge", "1e-13", "2e-6", "squared half angle below which two roots may be one: (same / 2)^2 rounded up"),
     Tolerance(
         "same",
@@ -206,166 +219,126 @@ RUNTIME = (
 in rad."""
 
 ELIMINATION = (
-    Tolerance("tiny", "1e-290", "1e-30", "added to denominators to avoid 0 / 0; large enough not to underflow"),
-    Tolerance("done", "1.4e-14", "4e-06", "error of the pose (lengths scaled) at which refinement stops: its rounding"),
+    _both("eps", "2.220446049250313e-16", "machine epsilon"),
+    _both("tiny", "1e-290", "added to denominators to avoid 0 / 0; large enough not to underflow"),
+    _both("done", "1.4e-14", "error of the pose (lengths scaled) at which refinement stops: its rounding"),
     Tolerance("accept", "9e-13", "3e-05", "error of the pose above which a candidate is dropped"),
-    Tolerance(
+    Tolerance("followed", "2.8e-14", "8e-06", "error of the pose that remains along a continuum of solutions"),
+    _both("exact", "9e-13", "error of the pose above which a solution is none but for the rounding of a float"),
+    _both(
         "same",
         "3e-06",
-        "0.01",
         "solutions nearer (sum of the differences of sines and cosines) are one: their poses agree up to rounding",
     ),
-    Tolerance(
-        "rounding", "0.3", "0.3", "rounding errors of the 17 samples that add up in the polynomial, as a share of them"
-    ),
-    Tolerance(
+    _both("rounding", "0.3", "rounding errors of the 17 samples that add up in the polynomial, as a share of them"),
+    _both(
         "mismatch",
-        "4.0",
         "4.0",
         "noise of the polynomial over its largest difference from the determinant at three angles",
     ),
-    Tolerance(
-        "rank", "3e-5", "3e-3", "pivot of the matrix at a root, over the first one, below which it counts as zero"
-    ),
-    Tolerance(
-        "unreal", "0.02", "0.05", "imaginary part of an eigenvalue above which a solution that shares a root is complex"
-    ),
-    Tolerance(
-        "aberth", "24", "24", "steps of Aberth's iteration for these eigenvalues: each at least doubles the digits"
-    ),
-    Tolerance("mapped", "1e-6", "1e-3", "squared error with which the tangents map a null space; more in a continuum"),
-    Tolerance("circle", "1e-3", "1e-2", "least radius of the circle in which the roots of a cluster are counted"),
-    Tolerance("widest", "0.2", "0.3", "and largest one"),
-    Tolerance("clear", "30", "10", "on that circle the polynomial exceeds its noise by this factor"),
-    Tolerance("whole", "0.05", "0.1", "largest error of that count, which is an integral, from a whole number"),
-    Tolerance(
-        "pivot", "16", "16", "least pivot of the determinant off the circle, over eps, at which its phase is trusted"
-    ),
-    Tolerance("phase", "1.5", "1.5", "largest turn (rad) of that phase between two points"),
-    Tolerance("points", "200", "200", "most points on a circle off the unit circle"),
+    _both("rank", "3e-5", "pivot of the matrix at a root, over the first one, below which it counts as zero"),
+    _both("unreal", "0.02", "imaginary part of an eigenvalue above which a solution that shares a root is complex"),
+    _both("aberth", "24", "steps of Aberth's iteration for these eigenvalues: each at least doubles the digits"),
+    _both("mapped", "1e-6", "squared error with which the tangents map a null space; more in a continuum"),
+    _both("circle", "1e-3", "least radius of the circle in which the roots of a cluster are counted"),
+    _both("widest", "0.2", "and largest one"),
+    _both("clear", "30", "on that circle the polynomial exceeds its noise by this factor"),
+    _both("whole", "0.05", "largest error of that count, which is an integral, from a whole number"),
     Tolerance("double", "1e-5", "3e-3", "least gain of the Jacobian (lengths scaled) of a solution that counts once"),
     Tolerance(
         "twins", "0.03", "0.3", "distance (see `same`) up to which two singular solutions are halves of a double one"
     ),
-    Tolerance("steady", "3e-3", "3e-2", "least gain at which a solution survives the motion to a pose nearby"),
-    Tolerance(
-        "shape", "1e-2", "1e-2", "largest distance of a null vector from a product of powers of two half-angle tangents"
-    ),
-    Tolerance(
-        "close", "1e-3", "1e-3", "a solution belongs to the root it was refined from if the first error is below this"
-    ),
+    _both("steady", "3e-3", "least gain at which a solution survives the motion to a pose nearby"),
+    _both("shape", "1e-2", "largest distance of a null vector from a product of powers of two half-angle tangents"),
+    _both("close", "1e-3", "a solution belongs to the root it was refined from if the first error is below this"),
     Tolerance(
         "singular", "3e-6", "3e-3", "pivot of the Jacobian (lengths scaled) below which it is singular, see `same`"
     ),
-    Tolerance(
-        "narrowest", "1e-3", "1e-3", "an arc of the circle (tangent of a quarter of it) this narrow is not magnified"
-    ),
-    Tolerance("zones", "8", "12", "most arcs of the circle, itself included, in which roots are searched"),
-    Tolerance("wider", "0.02", "0.02", "an arc to be magnified exceeds the intervals of its roots by this angle (rad)"),
-    Tolerance("joined", "0.1", "0.1", "neighbouring intervals of roots with a smaller gap (rad) belong to one arc"),
-    Tolerance("narrower", "0.4", "0.6", "an arc is magnified if it is at most this share of the one around it"),
-    Tolerance("inside", "1.5", "1.5", "a root is left to an arc magnified later if it is inside so many half widths"),
-    Tolerance("steps", "6", "6", "most Newton steps for a solution; six times as many in a patient search"),
-    Tolerance("patience", "400", "400", "most Newton steps of all patient searches of an elimination"),
-    Tolerance("hopeless", "0.1", "0.1", "error of the pose after three Newton steps above which a search is given up"),
-    Tolerance(
-        "trig_done", "1.5e-10", "3e-06", "Newton step at which a root is final: the error left is of the step's square"
-    ),
-    Tolerance(
+    _both("narrowest", "1e-3", "an arc of the circle (tangent of a quarter of it) this narrow is not magnified"),
+    _both("zones", "8", "most arcs of the circle, itself included, in which roots are searched"),
+    _both("wider", "0.02", "an arc to be magnified exceeds the intervals of its roots by this angle (rad)"),
+    _both("joined", "0.1", "neighbouring intervals of roots with a smaller gap (rad) belong to one arc"),
+    _both("narrower", "0.4", "an arc is magnified if it is at most this share of the one around it"),
+    _both("inside", "1.5", "a root is left to an arc magnified later if it is inside so many half widths"),
+    _both("steps", "6", "most Newton steps for a solution; six times as many in a patient search"),
+    _both("patience", "400", "most Newton steps of all patient searches of an elimination"),
+    _both("hopeless", "0.1", "error of the pose after three Newton steps above which a search is given up"),
+    _both("trig_done", "1.5e-10", "Newton step at which a root is final: the error left is of the step's square"),
+    _both(
         "trig_narrowest",
-        "6.103515625e-05",
         "6.103515625e-05",
         "2^-14: an interval of roots narrower than this share of an arc is not split again, but magnified",
     ),
 )
-"""Additional tolerances of the elimination for six joints."""
+"""Additional tolerances of the elimination for six joints, which always computes in double. Two values differ where the
+errors of a target in single precision count."""
 
 EIGENVALUES = (
-    Tolerance("complex", "0.1", "0.1", "imaginary part (rad) of the kept angle up to which a root is tried"),
-    Tolerance("real", "1e-7", "1e-7", "and up to which it is real, so that it must have a solution"),
-    Tolerance("cluster", "1e-4", "1e-4", "roots (rad) that are nearer to each other are examined together"),
-    Tolerance("mixed", "1e-6", "1e-6", "singular value of their null vectors below which these are the same"),
+    _both("complex", "0.1", "imaginary part (rad) of the kept angle up to which a root is tried"),
+    _both("real", "1e-7", "and up to which it is real, so that it must have a solution"),
+    _both("cluster", "1e-4", "roots (rad) that are nearer to each other are examined together"),
+    _both("mixed", "1e-6", "singular value of their null vectors below which these are the same"),
 )
 """Tolerances of the elimination where it is evaluated in Python, with roots that are eigenvalues."""
 
 
 SEARCH = (
-    Tolerance(
-        "starts", "6", "6", "descents that begin at the reference and at fixed configurations, beside all branches"
-    ),
-    Tolerance("spread", "2.0", "2.0", "amplitude of the fixed configurations about the reference (rad or m)"),
-    Tolerance("descent_steps", "200", "200", "most steps of a descent, or of refining a solution of a nearby arm"),
-    Tolerance("descent_damping", "0.1", "0.1", "first damping of a descent, which begins far from a solution"),
-    Tolerance(
-        "steps", "12", "12", "most steps for a candidate: each halves the error at a double root, squares it elsewhere"
-    ),
-    Tolerance("damping", "0.01", "0.01", "first and least damping for a candidate, as a multiple of the error"),
-    Tolerance("less_damping", "0.2", "0.2", "factor on the damping after a step that has reduced the error"),
-    Tolerance("more_damping", "100", "100", "factor on the damping after several steps that have not"),
-    Tolerance(
-        "worse_steps", "3", "3", "so many steps in a row may increase the error: a curved valley is left and met again"
-    ),
-    Tolerance("most_damping", "1e6", "1e6", "damping above which steps are below rounding: the search ends"),
-    Tolerance("stuck", "0.999999999", "0.999999999", "ratio of errors above which damped steps have reached a minimum"),
-    Tolerance("diverged", "1e4", "1e4", "squared error (rad, reaches) above which a step is taken back"),
-    Tolerance(
-        "beyond", "1e6", "1e6", "squared error above which a solution is dropped even where inexact ones are kept"
-    ),
+    _both("starts", "6", "descents that begin at the reference and at fixed configurations, beside all branches"),
+    _both("spread", "2.0", "amplitude of the fixed configurations about the reference (rad or m)"),
+    _both("descent_steps", "200", "most steps of a descent, or of refining a solution of a nearby arm"),
+    _both("descent_damping", "0.1", "first damping of a descent, which begins far from a solution"),
+    _both("steps", "12", "most steps for a candidate: each halves the error at a double root, squares it elsewhere"),
+    _both("damping", "0.01", "first and least damping for a candidate, as a multiple of the error"),
+    _both("less_damping", "0.2", "factor on the damping after a step that has reduced the error"),
+    _both("more_damping", "100", "factor on the damping after several steps that have not"),
+    _both("worse_steps", "3", "so many steps in a row may increase the error: a curved valley is left and met again"),
+    _both("most_damping", "1e6", "damping above which steps are below rounding: the search ends"),
+    _both("stuck", "0.999999999", "ratio of errors above which damped steps have reached a minimum"),
+    _both("diverged", "1e4", "squared error (rad, reaches) above which a step is taken back"),
+    _both("beyond", "1e6", "squared error above which a solution is dropped even where inexact ones are kept"),
     Tolerance("coupled", "1e-4", "1e-2", "how far (rad, reaches) rows may be off their coupling and are refined on it"),
-    Tolerance(
-        "small_turn", "0.9", "0.9", "cosine of the rotation error above which its sine is used in place of the angle"
-    ),
-    Tolerance("newton", "0.01", "0.01", "longest Newton step on a root of a quartic that Aberth's iteration has found"),
-    Tolerance(
-        "path_steps", "16", "16", "of a path between two solutions with a free joint; each turns it by 0.2 rad or less"
-    ),
-    Tolerance("path_corrections", "4", "4", "most Gauss-Newton steps of the other joints after each of these steps"),
-    Tolerance(
-        "path_move", "0.5", "0.5", "largest move of a joint (rad, reaches) in a step of such a path; else it is broken"
-    ),
-    Tolerance(
+    _both("small_turn", "0.9", "cosine of the rotation error above which its sine is used in place of the angle"),
+    _both("newton", "0.01", "longest Newton step on a root of a quartic that Aberth's iteration has found"),
+    _both("path_steps", "16", "of a path between two solutions with a free joint; each turns it by 0.2 rad or less"),
+    _both("path_corrections", "4", "most Gauss-Newton steps of the other joints after each of these steps"),
+    _both("path_move", "0.5", "largest move of a joint (rad, reaches) in a step of such a path; else it is broken"),
+    _both(
         "standing",
-        "64",
         "64",
         "sum of moves, in errors of the target, up to which the joints beside a free one stand",
     ),
-    Tolerance(
+    _both(
         "reopened",
-        "16",
         "16",
         "largest squared error, in those of the target, of a solution with a free joint at its reference",
     ),
-    Tolerance(
+    _both(
         "limit_step",
-        "0.04908738521234052",
         "0.04908738521234052",
         "pi/64: by such steps (rad) a free joint leaves its reference until the others are inside their limits",
     ),
-    Tolerance("limit_steps", "128", "128", "of these steps a side: a whole turn"),
-    Tolerance(
-        "limit_dips", "8", "8", "so many minima of the excess over the limits between two steps are looked into a side"
-    ),
-    Tolerance("dip_steps", "24", "24", "of the ternary search for such a minimum: two steps shrink to 6e-6 rad"),
-    Tolerance("border_steps", "48", "48", "of the bisection for the value at a limit: down to rounding"),
-    Tolerance("band_2", "1e-3", "1e-3", "factor on `band` in the second attempt; nearby arms differ by 1e-6 to 1e-2"),
-    Tolerance("band_3", "1e-6", "1e-6", "factor on `band` in the third attempt"),
+    _both("limit_steps", "128", "of these steps a side: a whole turn"),
+    _both("limit_dips", "8", "so many minima of the excess over the limits between two steps are looked into a side"),
+    _both("dip_steps", "24", "of the ternary search for such a minimum: two steps shrink to 6e-6 rad"),
+    _both("border_steps", "48", "of the bisection for the value at a limit: down to rounding"),
+    _both("band_2", "1e-3", "factor on `band` in the second attempt; nearby arms differ by 1e-6 to 1e-2"),
+    _both("band_3", "1e-6", "factor on `band` in the third attempt"),
 )
 """Constants of the refinement of solutions, and of the search for the configuration nearest to an unreachable
 target."""
 
 
 NOMINAL = (
-    Tolerance("margin_slack", "50.0", "50.0", "a discriminant this far below zero, in deviations, may be positive"),
-    Tolerance("margin_least", "10.0", "10.0", "a direction this short, in deviations, decides no joint"),
-    Tolerance(
+    _both("margin_slack", "50.0", "a discriminant this far below zero, in deviations, may be positive"),
+    _both("margin_least", "10.0", "a direction this short, in deviations, decides no joint"),
+    _both(
         "margin_direction",
-        "0.05",
         "0.05",
         "nor one this short, whose errors in later equations the slack does not bear",
     ),
-    Tolerance("margin_inverse", "0.3", "0.3", "largest norm of the inverse Jacobian times the deviation"),
-    Tolerance("newton_turn", "0.5", "0.5", "largest norm of the inverse Jacobian times a Newton step"),
-    Tolerance("newton_steps", "5", "5", "at most: each squares the error"),
+    _both("margin_inverse", "0.3", "largest norm of the inverse Jacobian times the deviation"),
+    _both("newton_turn", "0.5", "largest norm of the inverse Jacobian times a Newton step"),
+    _both("newton_steps", "5", "at most: each squares the error"),
     Tolerance("newton_near", "1e-16", "1e-8", "squared error below which a step may be the last one"),
     Tolerance("newton_met", "1e-29", "1e-12", "squared error after it below which it was the last one"),
     Tolerance("distinct", "1e-4", "1e-3", "solutions (rad, m) that are nearer may be one"),

@@ -84,4 +84,4 @@ def table_of(name: str, kernel: str) -> np.ndarray:
     """The numbers of a constant table of a kernel."""
     text = (FOLDER / kernel).read_text(encoding="utf-8")
     body = re.search(rf"\b{name}(?:\[\d+\])+ = (\{{.*?\}});", text, re.DOTALL)[1]
-    return np.array([float(x) for x in re.findall(r"\(REAL\)(-?[\d.e+-]+)", body)])
+    return np.array([float(x) for x in re.findall(r"-?\d[\d.e+-]*", body)])

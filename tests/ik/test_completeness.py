@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -62,13 +64,13 @@ def test_float_says_where_it_may_lack_solutions():
     assert study.judge(configurations(study.turning, "special", 2 * FEW, 7)).lost == 0
 
 
-@pytest.mark.parametrize(("name", "most"), [("crx10ia", 0.11), ("puma560 0.001", 0.09), ("offset wrist", 0.02)])
-def test_float_proves_most_random_poses(name, most):
-    """The polynomial alone, whose noise in float hides close roots, proves 71 %, 66 % and 98 % of these."""
+@pytest.mark.parametrize("name", ["crx10ia", "puma560 0.001", "stanford 0.001"])
+def test_float_proves_random_poses(name):
+    """4 to 10 % of these stayed without proof while the elimination itself computed in float."""
     study = Study(dict(arms(0))[name], "float")
     loss = study.judge(configurations(study.turning, "random", 5 * FEW, 7))
     assert loss.lost == 0
-    assert loss.incomplete <= most * loss.poses
+    assert loss.incomplete <= 0.005 * loss.poses
 
 
 def test_float_counts_no_roots_on_the_seam_of_a_cluster_that_was_split():
@@ -77,12 +79,24 @@ def test_float_counts_no_roots_on_the_seam_of_a_cluster_that_was_split():
     assert study.judge(configurations(study.turning, "random", 10_000, 0)[5455:5456]).lost == 0
 
 
-def test_double_has_no_bound_off_the_unit_circle():
-    """It counts no continuum: silent losses at special poses of a CRX-10iA rose from 23 to 32 of 8000 with it."""
+def test_only_the_elimination_of_a_float_package_computes_in_double():
     spec = robot("crx10ia")
-    code = {real: "".join(emit(spec, plan(spec), real).files.values()) for real in ("double", "float")}
-    assert "6r_bound" not in code["double"]
-    assert "6r_bound" in code["float"]
+    source = emit(spec, plan(spec), "float").files["crx10ia_ik.c"]
+    assert re.findall(r"\bdouble \w+;", source) == ["double crx10ia_ik_real;"]
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_what_is_nearly_a_continuum_is_mostly_free_or_not_proved(real):
+    """The CRX-10iA with joint 3 within 1e-9 of -90 degrees: one in nine had 16 roots, 11 or 12 solutions and status OK.
+
+    Those that remain have as many singular solutions as simple roots, all of which meet the target.
+    """
+    study = Study(robot("crx10ia"), real)
+    q = special(3, {2: -h})
+    q[::2, 2] += 1e-9 * np.random.default_rng(4).uniform(-1.0, 1.0, len(q[::2]))
+    loss = study.judge(q)
+    assert loss.lost == 0
+    assert loss.silent <= 0.025 * POSES
 
 
 def test_python_and_c_agree_where_both_are_certain():
@@ -112,6 +126,7 @@ def test_no_solution_without_proof_is_not_called_out_of_reach(monkeypatch):
     """An elimination that knows nothing: the status is "incomplete", with a reason that does not claim anything."""
     monkeypatch.setattr("rrrgen.ik.interpreter.general_6r._roots", lambda e, roles, slide: [])
     monkeypatch.setattr("rrrgen.ik.interpreter.general_6r.General6R._complete", lambda self, roles: -1)
+    monkeypatch.setattr("rrrgen.ik.interpreter.general_6r.General6R._beyond", lambda self: False)
     T = np.eye(4)
     T[:3, 3] = 9.0
     found = load_solver(make("arm", ROWS["crx10ia"]), backend="numpy").solve(T)

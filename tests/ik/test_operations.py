@@ -31,7 +31,7 @@ struct Counted {
     double x;
     bool known;
     Counted(double v = 0) : x(v), known(true) {}
-    operator int() const { return (int)x; }
+    explicit operator int() const { return (int)x; }
 };
 static long mul, add, dv, rt, trig;
 static Counted made(double v, bool known, long &n) { Counted c(v); c.known = known; n += !known; return c; }
@@ -68,6 +68,7 @@ def prepared(spec, folder, body):
     files, M = emit(spec, plan(spec)).files, spec.name.upper()
     (folder / f"{spec.name}_ik.h").write_text(files[f"{spec.name}_ik.h"])
     text = COUNTING + f"#define {M}_REAL_DEFINED\ntypedef Counted {spec.name}_real;\n" + files[f"{spec.name}_ik.c"]
+    text = text.replace("typedef double", "typedef Counted")  # of an elimination
     (folder / "count.cpp").write_text(text + f"int main() {{ {body} }}")
     subprocess.run([COMPILER, "-w", "-std=c++11", "-o", "count", "count.cpp"], cwd=folder, check=True)
     done = subprocess.run([folder / "count"], cwd=folder, capture_output=True, text=True, check=True)

@@ -37,6 +37,7 @@ def calls(source):
         ("puma", True, "double", "gcc", ["-O2"]),
         ("puma", True, "float", "clang", ["-O2"]),
         ("general", False, "double", "clang", ["-O2"]),  # callees compiled into one caller do not share their space
+        ("general", False, "float", "gcc", ["-O2"]),  # the elimination is in double
         ("gantry", False, "float", "clang", ["-O3", "-march=native"]),  # short loops become long straight lines
         ("rrr", False, "double", "gcc", ["-O1"]),
     ],

@@ -8,6 +8,7 @@ import pytest
 from ik.checks import FK_ERROR
 from ik.robots import ROWS, reference, robot
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.ik.solutions.general_6r import longest_span, tables_of
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import INEXACT
 
@@ -104,6 +105,36 @@ def test_far_poses_have_a_reason_and_a_nearest_configuration(name):
         assert nearest.distance == pytest.approx(result.distance, rel=1e-3)
         reached = reference(ROWS[name], nearest.q)[0]
         assert np.linalg.norm(reached[:3, 3] - T[:3, 3]) <= result.distance * (1 + 1e-9)
+
+
+def test_the_span_of_general_arms_is_the_longest_there_is():
+    """The distance between a point of axis 1 and one of axis 6 never exceeds the bound, and nearly meets it."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        alpha = rng.choice([0.0, np.pi / 2, -np.pi / 2, 0.9, 1e-12], 6) if seed % 2 else rng.uniform(-np.pi, np.pi, 6)
+        a, d = rng.uniform(-1.0, 1.0, (2, 6)) * rng.integers(0, 2, (2, 6))
+        first, last, longest = longest_span(list(zip(np.cos(alpha), np.sin(alpha), a, d, strict=True)))
+        rows = [("R", *row, 0.0) for row in zip(alpha, a, d, strict=True)]
+        rows[5] = ("R", 0.0, 0.0, 0.0, 0.0)
+        T = reference(rows, rng.uniform(-np.pi, np.pi, (100_000, 6)))
+        spans = np.linalg.norm(T[:, :3, 3] + last * T[:, :3, 2] - [0.0, 0.0, first], axis=1)
+        assert spans.max() <= longest
+        assert spans.max() >= 0.98 * longest
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+@pytest.mark.parametrize("name", ["crx10ia", "jaco2"])
+def test_general_arms_prove_that_a_target_is_out_of_reach(name, backend):
+    """Without elimination: a target 0.1 % farther away than the longest reach has no solution."""
+    solver, rng = load_solver(robot(name), backend=backend), np.random.default_rng(5)
+    tables = tables_of(solver.plan.solving)
+    first, last, longest = (tables.length * x for x in tables.span)
+    tip = np.array([*solver.plan.solving.tip, [0, 0, 0, 1]])  # behind the axis of joint 6
+    for q in rng.uniform(-np.pi, np.pi, (5, 6)):
+        T, away = reference(ROWS[name], q)[0], rng.normal(size=3)
+        T[:3, 3] = [0.0, 0.0, first] + 1.001 * longest * away / np.linalg.norm(away) - last * T[:3, 2]
+        answer = solver.solve(T @ tip, limits=False)
+        assert (len(answer), answer.status) == (0, "unreachable")
 
 
 def test_closest_on_a_reachable_target_is_a_solution():

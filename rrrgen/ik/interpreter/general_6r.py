@@ -86,6 +86,9 @@ class General6R:
         a continuum has the flag FREE, and the free joint has its reference value if a path leads there.
         """
         here = -1
+        self.certain = self._beyond()
+        if self.certain:
+            return []
         for roles, _ in passes(self._tables, "double"):
             total, moved = self._complete(roles), roles[-1] > 0
             here = here if moved else total
@@ -107,7 +110,7 @@ class General6R:
         task, chain = self._task, self._task.chain
         free = np.abs(np.linalg.svd(_moving(task, row.q))[2][-1])
         j = [k for k in range(chain.n) if k != self._locked][int(np.argmax(free))]
-        goal = (2.0 * ELIMINATION["done"]) ** 2
+        goal = ELIMINATION["followed"] ** 2
 
         def moved(q: Sequence[float], by: float) -> list[float] | None:
             x = [*q[:j], q[j] + by, *q[j + 1 :]]
@@ -122,6 +125,14 @@ class General6R:
             q = None if q is None else moved(q, (wrapped(by) if chain.joints[j].revolute else by) / steps)
         row.q = row.q if q is None else q
         return True
+
+    def _beyond(self) -> bool:
+        """Whether the target is farther away than the arm can reach, so that it has no solution."""
+        if self._tables.span is None:
+            return False
+        first, last, longest = self._tables.span
+        distance = self._pose[:3, 3] + last * self._pose[:3, 2] - first * np.array([0.0, 0.0, 1.0])
+        return bool(np.linalg.norm(distance) > longest)
 
     def _weighed(self, gains: Sequence[float]) -> int:
         """Number of solutions, where a singular one counts twice unless its other half is listed as well."""

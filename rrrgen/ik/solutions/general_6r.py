@@ -27,7 +27,16 @@ from typing import TYPE_CHECKING
 from rrrgen.base.errors import DerivationError
 from rrrgen.ik.geometry.chain import Chain, Joint, Link
 from rrrgen.ik.recording.steps import Stage
-from rrrgen.ik.tolerances import LEAST_NOISE, MOST_NOISE, NOISE, NOISE_FACTORS, QUARTER
+from rrrgen.ik.tolerances import (
+    BEYOND_SPAN,
+    MOST_NOISE,
+    NOISE,
+    NOISE_FACTORS,
+    NOISE_OF_FLOAT,
+    QUARTER,
+    SPAN_LEAST,
+    SPAN_STEPS,
+)
 
 if TYPE_CHECKING:
     from rrrgen.ik.solutions.elimination import Elimination
@@ -51,7 +60,7 @@ class General6RTables:
 
     ``rows`` are (cos alpha, sin alpha, a, d), with lengths in units of ``length`` (m). ``eliminations`` holds one or
     two choices, best first. Joint ``slide`` (0 .. 5), if any, is prismatic; ``turn`` is the cosine and sine of its
-    theta.
+    theta. ``span`` bounds the targets, see :func:`longest_span`; None with a prismatic joint, which may go anywhere.
     """
 
     rows: tuple[tuple[float, float, float, float], ...]
@@ -59,6 +68,7 @@ class General6RTables:
     eliminations: tuple[Elimination, ...]
     slide: int | None = None
     turn: tuple[float, float] = (1.0, 0.0)
+    span: tuple[float, float, float] | None = None
 
 
 def general6r_tables(
@@ -88,7 +98,42 @@ def general6r_tables(
         )
     second = [e for e in choices if e.kept_joint != choices[0].kept_joint]
     rows = tuple((*cosine_and_sine(x), y / length, z / length) for x, y, z in zip(alpha, a, d, strict=True))
-    return General6RTables(rows, length, (choices[0], *second[:1]), slide, cosine_and_sine(theta))
+    span = longest_span(rows) if slide is None else None
+    return General6RTables(rows, length, (choices[0], *second[:1]), slide, cosine_and_sine(theta), span)
+
+
+def longest_span(rows: Sequence[tuple[float, float, float, float]]) -> tuple[float, float, float]:
+    """Bound the distance between a point of axis 1, fixed to the base, and one of axis 6, fixed to the last link.
+
+    Points P_1 .. P_6 on the axes of six revolute joints, P_i at s_i along z of axis i, are the corners of a line whose
+    sides have constant lengths, because axes i and i + 1 belong to one link:
+    |P_i P_i+1|^2 = a_i^2 + (sin(alpha_i) s_i+1)^2 + (d_i + cos(alpha_i) s_i+1 - s_i)^2. Returns s_1 and s_6 of the
+    shortest such line, in the units of ``rows``, and its length: a target with a longer distance P_1 P_6 is out of
+    reach. Any other points would bound it too, so that a rough minimum does: the squares of the sides, weighted by
+    their inverse lengths, are summed and minimized again and again.
+    """
+    s = [0.0] * 6
+
+    def sides() -> list[float]:
+        return [
+            math.hypot(a, sine * s[i + 1], d + cosine * s[i + 1] - s[i])
+            for i, (cosine, sine, a, d) in enumerate(rows[:5])
+        ]
+
+    for _ in range(SPAN_STEPS):
+        weights = [1.0 / (side + SPAN_LEAST) for side in sides()]
+        diagonal = [x + y + SPAN_LEAST for x, y in zip([*weights, 0.0], [0.0, *weights], strict=True)]
+        right = [w * row[3] for w, row in zip(weights, rows, strict=False)] + [0.0]
+        for i, (w, row) in enumerate(zip(weights, rows, strict=False)):  # tridiagonal: elimination of s_i
+            right[i + 1] -= w * row[0] * row[3]
+            factor = -row[0] * w / diagonal[i]
+            diagonal[i + 1] += factor * row[0] * w
+            right[i + 1] -= factor * right[i]
+        for i in range(5, -1, -1):
+            after = weights[i] * rows[i][0] * s[i + 1] if i < 5 else 0.0
+            s[i] = (right[i] + after) / diagonal[i]
+    s = [round(x, 6) + 0.0 for x in s]
+    return s[0], s[5], round(sum(sides()) * (1.0 + BEYOND_SPAN), 6)
 
 
 @cache
@@ -159,7 +204,9 @@ def passes(tables: General6RTables, real: str) -> list[tuple[tuple[int, ...], fl
 
     First the best elimination at the target, then the best and the second-best one at poses nearby. An entry is
     ((start, direction, kept, shifted, other, motion), noise) with the fields of :class:`Elimination`; ``motion``
-    numbers the small displacement to the pose nearby, 0 for the target itself. ``real`` is the C type.
+    numbers the small displacement to the pose nearby, 0 for the target itself. ``real`` is the type of the target:
+    that of a singular configuration, rounded to float, may have no solution, and is found among roots that are not
+    resolved at the noise of this rounding.
     """
     first, last = tables.eliminations[0], tables.eliminations[-1]
     from rrrgen.ik.solutions.elimination import shallowness
@@ -167,9 +214,9 @@ def passes(tables: General6RTables, real: str) -> list[tuple[tuple[int, ...], fl
     found: list[tuple[tuple[int, ...], float]] = []
     for motion, (choice, factor) in enumerate(zip((first, first, last), NOISE_FACTORS, strict=True)):
         roles = (choice.start, choice.direction, choice.kept, choice.shifted, choice.other, motion)
-        noise = min(NOISE * factor * shallowness(choice.depth), MOST_NOISE)
-        found.append((roles, max(LEAST_NOISE[real], noise)))
-    return found
+        found.append((roles, min(NOISE * factor * shallowness(choice.depth), MOST_NOISE)))
+    coarse = (found[0][0], NOISE_OF_FLOAT)
+    return [coarse, *found] if real == "float" and coarse[1] > found[0][1] else found
 
 
 def cosine_and_sine(angle: float) -> tuple[float, float]:

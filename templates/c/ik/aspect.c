@@ -6,26 +6,26 @@ LOCAL unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags)
 {
     REAL e[6];
     REAL J[6][JOINTS];
-    REAL a[6][10];
-    REAL det;
+    ik_real a[6][10];
+    ik_real det;
     int i;
     int j;
     (void)ik_error(T, q, e, J NONE_HELD);
     for (i = 0; i < 6; ++i) {
         for (j = 0; j < 10; ++j) {
-            a[i][j] = (REAL)0;
+            a[i][j] = 0.0;
         }
         for (j = 0; j < 6; ++j) {
 #if LOCKED_FIRST
-            a[i][j] = J[i][j + 1];
+            a[i][j] = (ik_real)J[i][j + 1];
 #else
-            a[i][j] = J[i][j];
+            a[i][j] = (ik_real)J[i][j];
 #endif
         }
     }
     det = ik_6r_lu(a, 6);
     for (i = 0; i < 6; ++i) {
-        *flags |= (FABS(a[i][i]) < (REAL)VALUE_6R_SINGULAR) ? (unsigned)IK_MULTIPLE : 0u;
+        *flags |= (fabs(a[i][i]) < VALUE_6R_SINGULAR) ? (unsigned)IK_MULTIPLE : 0u;
     }
-    return (det > (REAL)0) ? 0u : 1u;
+    return (det > 0.0) ? 0u : 1u;
 }

@@ -25,6 +25,7 @@
  *   INCOMPLETE           solutions may be missing: only a simpler arm close to this one could be solved
  *   GENERAL              the general six-joint solver is used: where it cannot prove that it has found all solutions, they may be
  *                        missing
+ *   NARROW               the real type is float; the general six-joint solver computes in double, its type ik_real
  *   NOMINAL_FIRST        the candidates of an arm nearby are refined first, and the general equations are for cases of doubt
  *   COUPLED              the joints are those of a mechanism, which its chain from base to tip follows: functions chain_...
  *   CHAIN_SLIDES, MIXED  that chain has a prismatic joint; the chain or the mechanism has one
@@ -47,7 +48,7 @@
  *   LOCKED_JOINT         index of the prescribed joint; LOCKED_OFFSET: "+ its offset"; LOCKED_LINK: inverse of the constant
  *                        transform between it and the other joints
  *   TRANSFORMS, FIXED, OFFSET_VALUES, LOWER, UPPER   constant transforms, offsets and limits of the joints
- *   DH, DH_TURN, DH_SLIDE, DH_BEFORE, DH_AFTER, DH_SHIFTS, FREE_K, LENGTH, PER_LENGTH, PASSES, PASS, PASS_NOISE
+ *   DH, DH_TURN, DH_SLIDE, DH_SPAN, DH_BEFORE, DH_AFTER, DH_SHIFTS, FREE_K, LENGTH, PER_LENGTH, PASSES, PASS, PASS_NOISE
  *                        tables of the general six-joint solver, described in general6r.c and candidates6r.c
  *   BAND, HELD, LOCK, REDUNDANCY, TARGET ..._PARAMETER, ..._FIRST, ..._K, NO_..., NONE_...
  *                        optional parameters and arguments, with the comma that separates them from their neighbours; empty
@@ -155,9 +156,11 @@ REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS][JOINT
 void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, REAL d[JOINTS]);
 REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAMETER);
 /* trig_roots.c, general6r.c, aspect.c */
-void ik_trig8_value(const REAL a[9], const REAL b[9], REAL u, REAL out[2]);
-int ik_trig_roots_8(REAL a[9], REAL b[9], REAL noise, REAL root[24][3], int mult[24]);
-REAL ik_6r_lu(REAL a[6][10], int n);
+#if GENERAL
+void ik_trig8_value(const ik_real a[9], const ik_real b[9], ik_real u, ik_real out[2]);
+int ik_trig_roots_8(ik_real a[9], ik_real b[9], ik_real noise, ik_real root[24][3], int mult[24]);
+ik_real ik_6r_lu(ik_real a[6][10], int n);
+#endif
 int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[16][6], unsigned flags[16], int *certain);
 unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags);
 /* candidates6r.c, or printed from the equations of the robot */

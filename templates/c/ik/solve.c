@@ -130,7 +130,11 @@ SHARED ik_status robot_inverse_kinematics(
     }
 #endif
 #if GENERAL && COMPANION
-    doubt |= (int)(out->count > known); /* the elimination lacks a solution of the arm nearby */
+    for (; known < out->count; ++known) { /* the elimination lacks a solution of the arm nearby, and not because it is singular */
+        unsigned singular = 0u;
+        (void)ik_aspect(T, out->q[known], &singular);
+        doubt |= (int)(singular == 0u);
+    }
 #endif
 #endif
     outside = (int)((ik_finish(TARGET_FIRST q_ref, options, out) == 0));

@@ -247,6 +247,11 @@ def literals(values: Iterable[float], dialect: Dialect) -> str:
     return "{" + ", ".join(f"({dialect.real_type}){float(v) + 0.0!r}" for v in values) + "}"
 
 
+def _doubles(values: Iterable[float]) -> str:
+    """Numbers as constants of the type double in braces: an initial value of an array."""
+    return "{" + ", ".join(repr(float(v) + 0.0) for v in values) + "}"
+
+
 def _dialect(dialect: Dialect) -> dict[str, str]:
     functions = ("sqrt", "fabs", "copysign", "sin", "cos", "floor", "ceil")
     words = {name.upper(): dialect.function(name) for name in functions}
@@ -336,16 +341,17 @@ def elimination(tables: General6RTables, dialect: Dialect) -> tuple[dict[str, bo
     """Options and replacement texts of the kernels ``trig_roots`` and ``general6r`` for one chain of six joints."""
     rows = passes(tables, dialect.real)
     words = {
-        "DH": table([literals(row, dialect) for row in tables.rows]),
-        "DH_TURN": literals(tables.turn, dialect),
+        "DH": table([_doubles(row) for row in tables.rows]),
+        "DH_TURN": _doubles(tables.turn),
         "DH_SLIDE": str(tables.slide),
+        "DH_SPAN": _doubles(tables.span or ()),
         "PASSES": str(len(rows)),
         "PASS": table(["{" + ", ".join(map(str, roles)) + "}" for roles, _ in rows]),
-        "PASS_NOISE": literals([noise for _, noise in rows], dialect),
+        "PASS_NOISE": _doubles(noise for _, noise in rows),
         "LENGTH": repr(tables.length),
         "PER_LENGTH": repr(1 / tables.length),
     }
-    return {"DH_SLIDES": tables.slide is not None, "BOUNDED": dialect.real == "float"}, words
+    return {"DH_SLIDES": tables.slide is not None, "NARROW": dialect.real == "float"}, words
 
 
 def _inverse(matrix: Matrix) -> list[float]:

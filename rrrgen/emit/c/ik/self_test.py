@@ -44,9 +44,8 @@ def selftest(spec: RobotSpec, real: str = "double") -> str:
         redundant=plan.locked is not None,
         answered="INCOMPLETE" if plan.incomplete else "OK",
         # general equations prove at run time that no solution is missing, which rounding may forbid beside singular
-        # configurations, and in single precision for a target out of reach
+        # configurations
         unproved=plan.general and not plan.incomplete,
-        unproved_far=plan.general and not plan.incomplete and real == "float",
         reach=chain.reach,
         away_from_reach=4e6 * chain.scale if "P" in chain.types else 3.0 * chain.reach,  # sliding joints go far
         revolute=", ".join(str(int(turns)) for turns in turning),
