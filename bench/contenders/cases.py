@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.references.numeric_robot import Array, Chain, chain_of, nominal_parameters
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot, chain_of, nominal_parameters
 
 if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
@@ -28,7 +28,7 @@ class Case:
     """One robot, its inertias and its states (N, 4 n): q, dq, ddq (or tau), e."""
 
     spec: RobotSpec
-    chain: Chain
+    chain: NumericRobot
     dense: Array
     file: Array | None
     states: Array

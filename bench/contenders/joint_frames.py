@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrrgen.verify.references.numeric_robot import Array, Chain, inertia_tensor
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot, inertia_tensor
 
 SNAP = 1e-14
 """Sines and cosines of fixed angles nearer than this to an integer are that integer."""
@@ -59,7 +59,7 @@ class JointFrames:
         return len(self.rows)
 
 
-def joint_frames(chain: Chain, phi: Array) -> JointFrames:
+def joint_frames(chain: NumericRobot, phi: Array) -> JointFrames:
     """``chain`` in joint frames, with standard parameters ``phi`` (n, 10) of its link frames; revolute joints only."""
     if not all(chain.revolute):
         raise ValueError("the hand-made rival is written for revolute joints")

@@ -20,7 +20,7 @@ import click
 
 from bench.measurements.ik_targets import Task, mixed
 from bench.templates import render
-from rrrgen.emit.c.ik.passes import PASSES, Pass
+from rrrgen.emit.c.ik.passes import PASSES, LoopPass
 from rrrgen.robot.file import bundled_names, load_spec
 
 TARGETS = 10_000
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str]) -> None:
             click.echo(compared(robot, Path(folder), after, Path(place)))
 
 
-def write(robot: str, folder: Path, passes: Sequence[Pass] = PASSES) -> None:
+def write(robot: str, folder: Path, passes: Sequence[LoopPass] = PASSES) -> None:
     """Write the inverse kinematics of a bundled robot, planned anew."""
     from rrrgen.emit.c.ik.files import emit
     from rrrgen.ik.classify import plan_chain

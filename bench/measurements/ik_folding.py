@@ -19,7 +19,7 @@ from unittest.mock import patch
 import click
 
 from bench.measurements.ik_change import compared, write
-from rrrgen.ik.recording.scalar import Pool, Scalar
+from rrrgen.ik.recording.scalar import Pool, SolverScalar
 from rrrgen.program import Builder, Op, Port, Value
 from rrrgen.program.builder import Scalar as Recorded
 from rrrgen.robot.file import bundled_names
@@ -32,16 +32,16 @@ class BuilderPool(Pool):
         super().__init__()
         self._builder = Builder()
         self._values: dict[int, Value] = {}
-        self._made: dict[int, Scalar] = {}
+        self._made: dict[int, SolverScalar] = {}
 
-    def of(self, x: Scalar | float) -> Scalar:
+    def of(self, x: SolverScalar | float) -> SolverScalar:
         """``x`` as a node."""
         node = super().of(x)
         if node.is_const:
             self._values.setdefault(id(node), Fraction(node.value))
         return node
 
-    def var(self, text: str, level: int = 0) -> Scalar:
+    def var(self, text: str, level: int = 0) -> SolverScalar:
         """A variable, which is an input of the builder."""
         node = super().var(text, level)
         if id(node) not in self._values:
@@ -49,33 +49,35 @@ class BuilderPool(Pool):
             self._values[id(node)], self._made[value.index] = value, node
         return node
 
-    def add(self, x: Scalar, y: Scalar) -> Scalar:
+    def add(self, x: SolverScalar, y: SolverScalar) -> SolverScalar:
         """The sum."""
         return self._read(self._builder.add(self._values[id(x)], self._values[id(y)]))
 
-    def sub(self, x: Scalar, y: Scalar) -> Scalar:
+    def sub(self, x: SolverScalar, y: SolverScalar) -> SolverScalar:
         """The difference."""
         return self._read(self._builder.sub(self._values[id(x)], self._values[id(y)]))
 
-    def mul(self, x: Scalar, y: Scalar) -> Scalar:
+    def mul(self, x: SolverScalar, y: SolverScalar) -> SolverScalar:
         """The product."""
         return self._read(self._builder.mul(self._values[id(x)], self._values[id(y)]))
 
-    def div(self, x: Scalar, y: Scalar) -> Scalar:
+    def div(self, x: SolverScalar, y: SolverScalar) -> SolverScalar:
         """The quotient."""
         return self._read(self._builder.div(self._values[id(x)], self._values[id(y)]))
 
-    def neg(self, x: Scalar) -> Scalar:
+    def neg(self, x: SolverScalar) -> SolverScalar:
         """The negative."""
         return self._read(self._builder.neg(self._values[id(x)]))
 
-    def _node(self, op: Op, args: tuple[Scalar, ...], *, value: float = 0.0, text: str = "", level: int = 0) -> Scalar:
+    def _node(
+        self, op: Op, args: tuple[SolverScalar, ...], *, value: float = 0.0, text: str = "", level: int = 0
+    ) -> SolverScalar:
         """A root, absolute value or selection, recorded by the builder too."""
         if not args:
             return super()._node(op, args, value=value, text=text, level=level)
         return self._read(getattr(self._builder, op.value)(*(self._values[id(arg)] for arg in args)))
 
-    def _read(self, value: Value) -> Scalar:
+    def _read(self, value: Value) -> SolverScalar:
         """The scalar of what the builder recorded."""
         if not isinstance(value, Recorded):
             return self._constant(Fraction(value))
@@ -83,11 +85,11 @@ class BuilderPool(Pool):
             node = self._builder.nodes[value.index]
             if node.op is Op.CONST:
                 return self._constant(Fraction(node.number))
-            made = Scalar(self, node.op, tuple(self._read(Recorded(self._builder, arg)) for arg in node.args))
+            made = SolverScalar(self, node.op, tuple(self._read(Recorded(self._builder, arg)) for arg in node.args))
             self._made[value.index], self._values[id(made)] = made, value
         return self._made[value.index]
 
-    def _constant(self, value: Fraction) -> Scalar:
+    def _constant(self, value: Fraction) -> SolverScalar:
         node = super()._node(
             Op.CONST, (), value=float(value), text="" if Fraction(float(value)) == value else str(value)
         )

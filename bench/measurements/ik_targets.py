@@ -18,7 +18,7 @@ from rrrgen.ik.geometry.chain import numeric_chain
 from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
 from rrrgen.robot.file import load_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.references.numeric_robot import Array, Chain, chain_of
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot, chain_of
 
 Indices = NDArray[np.intp]
 
@@ -37,7 +37,7 @@ class Task:
     """What the inverse kinematics of a robot solves, by the references of the verification."""
 
     plan: SolverPlan
-    chain: Chain
+    chain: NumericRobot
     model: NewtonEuler
     revolute: NDArray[np.bool_]
     reach: float

@@ -18,7 +18,7 @@ from bench.measurements.race import Driver, Effort
 from bench.templates import render
 from bench.toolchain import Toolchain
 from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.references.numeric_robot import Array, Chain, chain_of
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot, chain_of
 
 if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
@@ -129,7 +129,7 @@ def _reference_sources() -> dict[str, str]:
     return header_and_sources(derived, identify(spec), Dialect("rrr", "double"), sincos_strategy("inline"))
 
 
-def _plain(chain: Chain) -> bool:
+def _plain(chain: NumericRobot) -> bool:
     """Standard rows without offsets of angles, base and tool: all that other solvers take."""
     fixed = np.array_equal(chain.base, np.eye(4)) and np.array_equal(chain.tool, np.eye(4))
     return chain.convention == "standard" and not np.any(chain.theta) and fixed

@@ -16,7 +16,7 @@ from bench.contenders.cases import Case
 from bench.contenders.contender import DisagreementError
 from bench.measurements.race import TOLERANCE
 from bench.toolchain import Toolchain, run
-from rrrgen.verify.references.numeric_robot import Array, Chain
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -93,7 +93,7 @@ def _pinocchio_calls(case: Case, state: tuple[Array, ...]) -> dict[str, Callable
     return {PIN: lambda: pin.rnea(model, data, *state)}
 
 
-def pinocchio_model(chain: Chain, phi: Array) -> Any:
+def pinocchio_model(chain: NumericRobot, phi: Array) -> Any:
     """A chain of revolute joints as ``pinocchio.Model``."""
     import pinocchio as pin
 

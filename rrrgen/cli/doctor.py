@@ -32,7 +32,7 @@ WIDEST = ("avx512f", "avx2", "asimd", "neon", "sse2")
 
 
 @dataclass(frozen=True)
-class Finding:
+class DoctorLine:
     """One line of the report: the ``name`` of what was looked for, what was ``found``, whether that is usable (``ok``).
 
     ``use`` says what it is good for, or how to get it.
@@ -65,7 +65,7 @@ def doctor(as_json: bool) -> int:
     return 0 if compiler.ok else 5
 
 
-def _print(findings: Sequence[Finding]) -> None:
+def _print(findings: Sequence[DoctorLine]) -> None:
     width = max(len(finding.name) for finding in findings)
     indent = " " * (width + 10)
     columns = max(terminal_width() or 100, width + 40)
@@ -79,18 +79,18 @@ def _print(findings: Sequence[Finding]) -> None:
             say(indent + click.style(line, dim=True))
 
 
-def _system() -> Iterator[Finding]:
+def _system() -> Iterator[DoctorLine]:
     from rrrgen.emit.c.compilers import processor
 
     python = f"{platform.python_version()} on {platform.system()} {platform.machine()}"
-    yield Finding("rrrgen", VERSION, True, "")
-    yield Finding("Python", python, True, "")
+    yield DoctorLine("rrrgen", VERSION, True, "")
+    yield DoctorLine("Python", python, True, "")
     features = processor().split()
     vectors = next((name for name in WIDEST if name in features), "no vector instructions reported")
-    yield Finding("processor", f"{os.cpu_count()} cores, {vectors}", True, "")
+    yield DoctorLine("processor", f"{os.cpu_count()} cores, {vectors}", True, "")
 
 
-def _compiler() -> Finding:
+def _compiler() -> DoctorLine:
     """Test the C compiler that rrrgen uses at run time: compile, load and call a small function."""
     from rrrgen.base.errors import RrrgenError
     from rrrgen.emit.c.compilers import find_compiler
@@ -102,15 +102,15 @@ def _compiler() -> Finding:
         _, library = build_extension(PROBE, "double probe(double x);", "probe")
         works = library.probe(1.5) == 3.0
     except RrrgenError as error:
-        return Finding("C compiler", str(error), False, f"needed for {use}")
-    return Finding("C compiler", f"{compiler.command[0]}: {_version(compiler.version_command())}", works, use)
+        return DoctorLine("C compiler", str(error), False, f"needed for {use}")
+    return DoctorLine("C compiler", f"{compiler.command[0]}: {_version(compiler.version_command())}", works, use)
 
 
-def _tools() -> Iterator[Finding]:
+def _tools() -> Iterator[DoctorLine]:
     for program, use in TOOLS.items():
         path = shutil.which(program)
         found = "not found" if path is None else _version([path, "--version"])
-        yield Finding(program, found, path is not None, use)
+        yield DoctorLine(program, found, path is not None, use)
 
 
 def _version(command: list[str]) -> str:
@@ -123,7 +123,7 @@ def _version(command: list[str]) -> str:
     return lines[0] if lines else "says no version"
 
 
-def _extras() -> Iterator[Finding]:
+def _extras() -> Iterator[DoctorLine]:
     from rrrgen.base.errors import EXTRAS, USES, installed
 
     for extra, use in USES.items():
@@ -132,7 +132,7 @@ def _extras() -> Iterator[Finding]:
         there = ", ".join(f"{module} {_distribution(module)}".strip() for module in modules if module not in missing)
         lacking = f"without {', '.join(missing)}; pip install 'rrrgen[{extra}]'"
         found = there if not missing else f"{there}; {lacking}" if there else lacking
-        yield Finding(f"extra {extra}", found, not missing, use)
+        yield DoctorLine(f"extra {extra}", found, not missing, use)
 
 
 def _distribution(module: str) -> str:
@@ -143,7 +143,7 @@ def _distribution(module: str) -> str:
         return ""
 
 
-def _cache() -> Finding:
+def _cache() -> DoctorLine:
     from rrrgen.base.cache import cache_directory
     from rrrgen.base.errors import StorageError
 
@@ -152,5 +152,5 @@ def _cache() -> Finding:
         directory = cache_directory()
         sizes = [file.stat().st_size for file in directory.rglob("*") if file.is_file()]
     except (OSError, StorageError) as error:
-        return Finding("cache", str(error), False, use)
-    return Finding("cache", f"{directory}: {len(sizes)} files, {sum(sizes) / 1e6:.0f} MB", True, use)
+        return DoctorLine("cache", str(error), False, use)
+    return DoctorLine("cache", f"{directory}: {len(sizes)} files, {sum(sizes) / 1e6:.0f} MB", True, use)

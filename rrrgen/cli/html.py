@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.emit.html.scene import Illustration, Motion
+    from rrrgen.emit.html.scene import Illustration, PlayedMotion
     from rrrgen.emit.html.tables import Verification
     from rrrgen.robot.spec import RobotSpec
     from rrrgen.verify.report import Report
@@ -33,7 +33,7 @@ def write_html(
     file: Path,
     model: DerivedModel,
     report: Report | None = None,
-    motions: Sequence[Motion] = (),
+    motions: Sequence[PlayedMotion] = (),
     figures: Sequence[Illustration] = (),
 ) -> None:
     """Write the HTML report of ``model`` to ``file``, with the closed forms of the usual functions."""
@@ -60,7 +60,7 @@ def write_html(
 
 def verification(report: Report) -> Verification:
     """What the HTML page of a robot says of the verification ``report``."""
-    from rrrgen.emit.html.tables import Table, Verification
+    from rrrgen.emit.html.tables import HtmlTable, Verification
 
     rows, failed = [], []
     for k, row in enumerate(report.rows):
@@ -70,11 +70,11 @@ def verification(report: Report) -> Verification:
         if not row.ok:
             failed.append(k)
     headings = ("function", "reference", "parameters", "states", "max. relative difference", "tolerance", "verdict")
-    table = Table(headings, tuple(rows), frozenset({3, 4, 5}), frozenset(failed))
+    table = HtmlTable(headings, tuple(rows), frozenset({3, 4, 5}), frozenset(failed))
     return Verification(table, report.ok, report.samples, report.seed, report.skipped)
 
 
-def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[Motion]:
+def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[PlayedMotion]:
     """The motions of trajectories (.json of `rrrgen experiment excite`) and of recordings or their mapping files.
 
     Raises InputError for a file that is neither, or that belongs to another robot.
@@ -82,27 +82,27 @@ def read_motions(files: Iterable[Path], spec: RobotSpec) -> list[Motion]:
     return [_trajectory(file) if file.suffix == ".json" else _recording(file, spec) for file in files]
 
 
-def _trajectory(file: Path) -> Motion:
+def _trajectory(file: Path) -> PlayedMotion:
     import numpy as np
 
-    from rrrgen.emit.html.scene import Motion
+    from rrrgen.emit.html.scene import PlayedMotion
     from rrrgen.lab.design.fourier_series import read_trajectory
     from rrrgen.lab.design.friction_motion import read_friction_motion
 
     series = read_friction_motion(file) or read_trajectory(file)
     t = np.linspace(0.0, series.period, max(2, round(FRAMES_PER_SECOND * series.period) + 1))
-    return Motion(f"Trajectory {_short(file)}", t, series.evaluate(t)[0])
+    return PlayedMotion(f"Trajectory {_short(file)}", t, series.evaluate(t)[0])
 
 
-def _recording(file: Path, spec: RobotSpec) -> Motion:
-    from rrrgen.emit.html.scene import Motion
+def _recording(file: Path, spec: RobotSpec) -> PlayedMotion:
+    from rrrgen.emit.html.scene import PlayedMotion
     from rrrgen.lab.data.recordings import check_robot, load_stream, open_log
     from rrrgen.lab.data.uniform_stream import LogStream
 
     mapping = open_log(file)
     check_robot(mapping, spec)
     log = load_stream(LogStream(mapping), [joint.name for joint in spec.joints])
-    return Motion(f"Recording {_short(file)}", log.t, log.q)
+    return PlayedMotion(f"Recording {_short(file)}", log.t, log.q)
 
 
 def _short(file: Path) -> str:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from rrrgen.derive.derived_model import Derivation, DerivedModel, ParametrizedRobot
     from rrrgen.emit.latex import Form
-    from rrrgen.emit.latex.inverse_kinematics import ClosedForm as InverseForm
+    from rrrgen.emit.latex.inverse_kinematics import SolverForm as InverseForm
     from rrrgen.program import Program
     from rrrgen.robot.spec import JointSpec, RobotSpec
 
@@ -416,7 +416,7 @@ def _as_latex(robot: ParametrizedRobot, forms: Mapping[str, Form], inverse: Inve
     """The closed forms in LaTeX, preceded by the definitions of the base parameters if they contain any."""
     from rrrgen.derive.parameters.listing import listing
     from rrrgen.emit.latex import latex, latex_base_parameters
-    from rrrgen.emit.latex.inverse_kinematics import ClosedForm as InverseForm
+    from rrrgen.emit.latex.inverse_kinematics import SolverForm as InverseForm
 
     used = {symbol.name for form in forms.values() for symbol in form.free_symbols}
     defined = any(p.name in used for p in robot.base_parameters)

@@ -19,7 +19,7 @@ from rrrgen.emit import Real
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.c.language import Dialect, Trig, nonfinite_function, sincos_strategy
 from rrrgen.emit.controller.differential_ik import differential_ik_files
-from rrrgen.emit.interface import Check
+from rrrgen.emit.interface import SelfTestCheck
 from rrrgen.emit.printing import columns
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.emit.targets.interface import UnitCode
@@ -158,7 +158,7 @@ def unit_code(
     return UnitCode(unit_files(unit, real), described(unit, real), python)
 
 
-def unit_check(unit: Unit) -> Check:
+def unit_check(unit: Unit) -> SelfTestCheck:
     """The self-test of the unit: every fault in every mode, with its status, phase and recovery."""
     robot = unit.model.spec.name.removesuffix("_any_gravity")
     followed = {name for mode in MODES if mode.name in unit.modes for name in mode.reference}
@@ -173,7 +173,7 @@ def unit_check(unit: Unit) -> Check:
         tip_reference="T_d" in followed,
         filtered=unit.filtered,
     )
-    return Check("controller", f"{robot}_controller.h", text, digested=True)
+    return SelfTestCheck("controller", f"{robot}_controller.h", text, digested=True)
 
 
 def described(unit: Unit, real: Real, laid: Structs | None = None) -> dict[str, Any]:

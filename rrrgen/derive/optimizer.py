@@ -12,7 +12,7 @@ from rrrgen.derive.derived_model import Derivation, DerivedModel, RecordedModel
 from rrrgen.derive.functions.table import FUNCTIONS, TABLE, combine, with_sources
 from rrrgen.program import Builder, Op, Program, Role, Value, nominal_name, specialization
 from rrrgen.program.guard import guarded
-from rrrgen.program.passes.cheapest import Cheapest, Choice, Log
+from rrrgen.program.passes.cheapest import Cheapest, Choice, PassLog
 from rrrgen.program.passes.folding import Fold
 from rrrgen.program.passes.interface import PassReport
 from rrrgen.program.passes.rewriting import CutSet
@@ -188,7 +188,7 @@ class Optimizer:
         if FUNCTIONS[name].differentiated and special in made:
             ways = [made[special], Fold(recorded.nominal)(made[name])]
             trials = [Choice(0, None), Choice(1, None), Choice(1, CutSet.LOCAL)]
-            made[special] = as_nominal(self.cheapest(ways, special, Log(), trials)[0], name, made[name].summary)
+            made[special] = as_nominal(self.cheapest(ways, special, PassLog(), trials)[0], name, made[name].summary)
         return made
 
     def _function_by_function(self, recorded: RecordedModel, jobs: int, tell: Tell | None) -> dict[str, _Optimized]:
@@ -204,7 +204,7 @@ class Optimizer:
         """Optimize the functions ``names`` in order: each may be derived from those before it."""
         found: dict[str, _Optimized] = {}
         for name in names:
-            log = Log()
+            log = PassLog()
             variants = recorded.alternatives[name]
             if (source := self._source(name, found)) is not None:
                 variants = (*variants, combine(name, recorded.derivation.recording(), [source]))
@@ -223,7 +223,7 @@ class Optimizer:
         return source.program
 
     def _specialized(
-        self, recorded: RecordedModel, variants: Sequence[Program], choice: Choice, best: Program, log: Log
+        self, recorded: RecordedModel, variants: Sequence[Program], choice: Choice, best: Program, log: PassLog
     ) -> Program | None:
         """Replace the base parameters and drive inertias of ``best`` by the numbers of the robot file, and optimize.
 

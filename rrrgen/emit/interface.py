@@ -34,7 +34,7 @@ class Text(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Check:
+class SelfTestCheck:
     """A part of the self-test for functions that are not printed from programs.
 
     ``text`` is the C of ``static int <function>(void)``, which reports and returns 1 after a failure, 0 otherwise, and

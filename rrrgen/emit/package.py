@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
     from rrrgen.emit.c.language import Trig
-    from rrrgen.emit.interface import Backend, Check
+    from rrrgen.emit.interface import Backend, SelfTestCheck
     from rrrgen.robot.identity import Identity
     from rrrgen.robot.spec import RobotSpec
 
@@ -33,7 +33,7 @@ def emit(
     any_gravity: DerivedModel | None = None,
     tell: Tell | None = None,
     further: Mapping[str, str] | None = None,
-    checks: Sequence[Check] = (),
+    checks: Sequence[SelfTestCheck] = (),
 ) -> dict[str, Contents]:
     """Print a derived model as the files that ``rrrgen generate`` writes: relative path -> contents; writes nothing.
 
@@ -136,7 +136,7 @@ OWN = 2
 
 
 def _backends(
-    spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[str], checks: Sequence[Check]
+    spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[str], checks: Sequence[SelfTestCheck]
 ) -> list[Backend]:
     """The backends for C and CasADi, then those for ``languages``."""
     from rrrgen.emit.c.robot_files import CBackend
@@ -153,17 +153,19 @@ def _further_backend(language: str) -> Backend:
     return backend
 
 
-def _beside(spec: RobotSpec, real: Real, checks: Sequence[Check]) -> tuple[dict[str, str], Sequence[Check]]:
+def _beside(
+    spec: RobotSpec, real: Real, checks: Sequence[SelfTestCheck]
+) -> tuple[dict[str, str], Sequence[SelfTestCheck]]:
     """The C files of the inverse kinematics, and all checks of the self-test other than those of the model.
 
     The latter are the given ``checks`` and the one of the inverse kinematics.
     """
     from rrrgen.emit.c.ik.files import sources
     from rrrgen.emit.c.ik.self_test import selftest
-    from rrrgen.emit.interface import Check
+    from rrrgen.emit.interface import SelfTestCheck
 
     text = selftest(spec, real)
-    own = [Check("inverse_kinematics", f"{spec.name}_ik.h", text)] if text else []
+    own = [SelfTestCheck("inverse_kinematics", f"{spec.name}_ik.h", text)] if text else []
     return sources(spec, real), [*checks, *own]
 
 

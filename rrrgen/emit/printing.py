@@ -122,7 +122,7 @@ _LONGEST = 88  # characters of one expression; with the declaration in front a l
 
 def print_body(program: Program, target: FunctionTarget) -> list[str]:
     """The statements of a function as lines without indentation; the last ones report the status, if there is any."""
-    return _Body(program, target).lines
+    return _FunctionBody(program, target).lines
 
 
 class Statements:
@@ -266,7 +266,7 @@ class Statements:
         return Text(f"{first}*{right.within(UNARY)}", PRODUCT)
 
 
-class _Body(Statements):
+class _FunctionBody(Statements):
     """A whole function: outputs are written as soon as they are known, which keeps few values alive at a time."""
 
     def __init__(self, program: Program, target: FunctionTarget) -> None:

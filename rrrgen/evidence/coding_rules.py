@@ -107,7 +107,7 @@ LONGEST_STRAIGHT_LINE = 600
 """Lines up to which a file of straight-line functions is checked: on longer ones cppcheck takes minutes to hours."""
 
 
-class Finding(NamedTuple):
+class RuleFinding(NamedTuple):
     """A finding of the checker: file, line, and the number of the rule, such as "10.3"."""
 
     file: str
@@ -138,7 +138,7 @@ def checked_files(files: Mapping[str, Contents]) -> list[str]:
     ]
 
 
-def findings(directory: Path, sources: Iterable[str]) -> list[Finding]:
+def findings(directory: Path, sources: Iterable[str]) -> list[RuleFinding]:
     """What cppcheck's MISRA checker finds in the ``sources`` below ``directory``, in order and without repetitions."""
     with tempfile.TemporaryDirectory() as build:  # the checker's files for rules about several sources
         command = [
@@ -154,10 +154,10 @@ def findings(directory: Path, sources: Iterable[str]) -> list[Finding]:
         ]
         done = subprocess.run(command, cwd=directory, capture_output=True, text=True, check=False)
     rows = re.findall(r"^(.*)\|(\d+)\|misra-c2012-(\d+\.\d+)$", done.stderr, re.MULTILINE)
-    return sorted({Finding(file, int(line), rule) for file, line, rule in rows})
+    return sorted({RuleFinding(file, int(line), rule) for file, line, rule in rows})
 
 
-def coding_rules_entry(found: Iterable[Finding], sources: Iterable[str]) -> dict[str, Any]:
+def coding_rules_entry(found: Iterable[RuleFinding], sources: Iterable[str]) -> dict[str, Any]:
     """The entry ``coding_rules`` of the certificate: one row for each rule, with its category and what holds."""
     counts = Counter(each.rule for each in found)
     rows = []

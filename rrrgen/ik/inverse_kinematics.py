@@ -21,7 +21,7 @@ from rrrgen.ik.result_layout import (
     reasons_of,
     status_texts,
 )
-from rrrgen.ik.results import Answer, Engine, IKBatch, IKResult, batch_of
+from rrrgen.ik.results import Answer, IKBatch, IKResult, SolverEngine, batch_of
 from rrrgen.ik.run_time_tool import plan_with_tool
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ class InverseKinematics:
         name: the name of the robot, for messages.
     """
 
-    def __init__(self, plan: SolverPlan, engine: Engine, name: str) -> None:
+    def __init__(self, plan: SolverPlan, engine: SolverEngine, name: str) -> None:
         self.plan = plan
         self.labels = labels(plan)
         self.max_solutions = most_rows(plan)

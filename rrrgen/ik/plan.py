@@ -9,7 +9,7 @@ from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
 from rrrgen.ik.geometry.loop import Loop, close, commuted, lock, straightened
 from rrrgen.ik.geometry.rigid_transforms import Crossing, Vector, minus, rigid, rotate, transposed
-from rrrgen.ik.recording.builder import Builder, Turn
+from rrrgen.ik.recording.builder import DerivationBuilder, Turn
 from rrrgen.ik.recording.recorder import Recorder
 from rrrgen.ik.recording.scalar import Pool
 from rrrgen.ik.recording.solver import Solver
@@ -179,7 +179,7 @@ def _exact(x: Any) -> Any:
     return x if isinstance(x, sp.Basic) else sp.Rational(repr(float(x)))
 
 
-def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:
+def derive(b: DerivationBuilder, plan: SolverPlan, chain: Chain | None = None) -> None:
     """Derive the equations of ``plan`` on the builder ``b``, with the exact numbers of ``chain`` if it is given."""
     solving = chain or plan.solving
     reach = plan.solving.reach
@@ -196,7 +196,9 @@ def derive(b: Builder, plan: SolverPlan, chain: Chain | None = None) -> None:
         _derive_loop(b, plan, solving_loop(b, solving, plan.locked, plan.commute), reach)
 
 
-def solving_loop(b: Builder, chain: Chain, locked: int | None, commute: tuple[int, int] | None = None) -> Loop:
+def solving_loop(
+    b: DerivationBuilder, chain: Chain, locked: int | None, commute: tuple[int, int] | None = None
+) -> Loop:
     """Build the loop that is solved: the chain closed by the target, without the prescribed joint ``locked``.
 
     ``commute``: index of a prismatic joint to exchange with a neighbour of parallel axis, and the direction (+1 or -1).
@@ -212,7 +214,7 @@ def solving_loop(b: Builder, chain: Chain, locked: int | None, commute: tuple[in
     return moved
 
 
-def _derive_loop(b: Builder, plan: SolverPlan, loop: Loop, reach: float) -> None:
+def _derive_loop(b: DerivationBuilder, plan: SolverPlan, loop: Loop, reach: float) -> None:
     if plan.family == "spherical":
         derive_spherical(b, loop, plan.first, reach)
     elif plan.family == "parallel":
@@ -227,7 +229,7 @@ def _derive_loop(b: Builder, plan: SolverPlan, loop: Loop, reach: float) -> None
         raise InternalError(f"no equations for the family {plan.family}")
 
 
-def derive_position(b: Builder, chain: Chain, reach: float, last_link: Matrix | None = None) -> None:
+def derive_position(b: DerivationBuilder, chain: Chain, reach: float, last_link: Matrix | None = None) -> None:
     """Derive three joints from the position p of the tip: base J1 L1 J2 L2 J3 tip = p. ``reach`` is in m.
 
     With a ``last_link``, the tip is the tool that the builder has as an input, carried by that transform.

@@ -72,7 +72,7 @@ class Answer:
     distance: float
 
 
-class Engine(Protocol):
+class SolverEngine(Protocol):
     """Interface of an inverse kinematics engine; targets are positions or poses whose shapes are already checked."""
 
     def answer(

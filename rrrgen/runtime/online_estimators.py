@@ -13,9 +13,9 @@ from rrrgen.emit import Real
 from rrrgen.emit.controller.online_estimators import (
     NEGLIGIBLE,
     EstimatorSettings,
+    EstimatorTuning,
     Kind,
     Regression,
-    Tuning,
     estimator_files,
     regression,
 )
@@ -95,7 +95,7 @@ class NumpyLeastSquares:
 
     dtype = np.float64
 
-    def __init__(self, setting: Regression, settings: Tuning) -> None:
+    def __init__(self, setting: Regression, settings: EstimatorTuning) -> None:
         self.rows, self.settings = setting.rows, settings
         self.p = np.array(settings.start, dtype=float)
         self.P = np.diag(np.square(np.array(settings.spread, dtype=float)))
@@ -147,7 +147,7 @@ class NumpyGradient:
 
     dtype = np.float64
 
-    def __init__(self, setting: Regression, settings: Tuning) -> None:
+    def __init__(self, setting: Regression, settings: EstimatorTuning) -> None:
         self.program, self.settings = setting.gradient, settings
         self.p = np.array(settings.start, dtype=float)
 

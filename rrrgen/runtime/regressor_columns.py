@@ -18,7 +18,7 @@ true speeds and needs no such threshold; there only sgn(0) = 0.
 """
 
 
-class Term(Protocol):
+class ColumnTerm(Protocol):
     """The parts of a drive term that determine its column: its ``kind`` and its direction ``w`` (n,)."""
 
     @property
@@ -27,7 +27,7 @@ class Term(Protocol):
     def direction(self) -> tuple[Any, ...]: ...  # noqa: D102
 
 
-def drive_columns(terms: Sequence[Term], dq: Array, ddq: Array) -> Array:
+def drive_columns(terms: Sequence[ColumnTerm], dq: Array, ddq: Array) -> Array:
     """The columns ``w f(w dq, w ddq)`` (..., n, len(terms)) of ``terms`` at ``dq`` and ``ddq``, (..., n) each.
 
     ``f`` is the acceleration, the speed, its sign (zero up to :data:`STANDSTILL`) or 1, by the kind of the term.

@@ -16,7 +16,7 @@ from rrrgen.verify.references.friction_laws import changed, has_load, has_state,
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, BaseState, NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, motor_loads, motor_speeds
 from rrrgen.verify.report import Collector, Tolerances, rate, size
-from rrrgen.verify.subject import SPEED, Parameters, States, draw_states
+from rrrgen.verify.subject import SPEED, InertialParameters, States, draw_states
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -86,7 +86,7 @@ def draw_base(count: int, rng: np.random.Generator) -> BaseState:
 
 
 def check_floating_base(
-    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
     """Compare the dynamics on a floating base with the reference, and the base parameters with the rank of its rows."""
     if not model.spec.floating_base:
@@ -259,7 +259,7 @@ def _identification_columns(model: Model, K: Array, s: States, extra: Array) -> 
 
 
 def check_dynamics(
-    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
     """Compare torques, mass matrix, Coriolis and gravity terms, forward dynamics and energies with the reference."""
     check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
@@ -295,7 +295,7 @@ def check_dynamics(
 
 
 def _check_forward_dynamics(
-    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
     """Check that accelerations of the forward dynamics reproduce the torques, and that an indefinite M is reported."""
     tau, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.mass_matrix(s.q)
@@ -320,7 +320,7 @@ def _nominal_beta(model: Model) -> Array:
 
 
 def _check_energy(
-    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
     """Compare kinetic energy, and potential energy relative to its value at q = 0."""
     check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)

@@ -22,9 +22,9 @@ from rrrgen.verify.identities import (
 from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
 from rrrgen.verify.references.libraries import LIBRARIES, ReferenceUnavailableError
 from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.references.numeric_robot import Chain, chain_of
+from rrrgen.verify.references.numeric_robot import NumericRobot, chain_of
 from rrrgen.verify.report import DOUBLE, SINGLE, Collector, Report, Tolerances
-from rrrgen.verify.subject import Parameters, SplitCalls, States, draw_states, parameter_sets
+from rrrgen.verify.subject import InertialParameters, SplitCalls, States, draw_states, parameter_sets
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -108,8 +108,8 @@ def _answers_in_single(model: Model, states: States) -> bool:
 def _check_library(
     name: str,
     model: Model,
-    chain: Chain,
-    parameters: Parameters,
+    chain: NumericRobot,
+    parameters: InertialParameters,
     s: States,
     tolerances: Tolerances,
     rows: Collector,

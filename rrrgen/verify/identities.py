@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.references.numeric_robot import Array, Chain, centre_and_tensor
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot, centre_and_tensor
 from rrrgen.verify.report import STENCIL, Check, Collector, Row, Tolerances, curvature, rate, size
-from rrrgen.verify.subject import Parameters, States, random_parameters
+from rrrgen.verify.subject import InertialParameters, States, random_parameters
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -66,7 +66,7 @@ def _answers_wrongly(ask: Ask, s: States, M: Array, k: int) -> bool:
 
 
 def check_derivatives(
-    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
     """Compare the derivatives of tau, and those of ddq multiplied by M.
 
@@ -140,7 +140,7 @@ def _batch(*parts: Array) -> list[Array]:
 def _check_inverse(
     model: Model,
     ne: NewtonEuler,
-    parameters: Parameters,
+    parameters: InertialParameters,
     s: States,
     known: _Torques,
     tolerances: Tolerances,
@@ -163,7 +163,7 @@ def _check_inverse(
 def _check_forward(
     model: Model,
     ne: NewtonEuler,
-    parameters: Parameters,
+    parameters: InertialParameters,
     s: States,
     known: _Torques,
     tolerances: Tolerances,
@@ -192,7 +192,7 @@ def _check_forward(
 
 
 def check_second_derivatives(
-    model: Model, ne: NewtonEuler, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
     """Compare second derivatives along one random direction of (q, dq, ddq) at each state with second differences.
 
@@ -264,7 +264,12 @@ class _ModelTerms:
 
 
 def check_identities(
-    model: Model, chain: Chain, parameters: Parameters, s: States, tolerances: Tolerances, rows: Collector
+    model: Model,
+    chain: NumericRobot,
+    parameters: InertialParameters,
+    s: States,
+    tolerances: Tolerances,
+    rows: Collector,
 ) -> None:
     """Check identities between the functions of the model at the states ``s``.
 
@@ -288,8 +293,8 @@ def check_identities(
 
 def _check_sums(
     model: Model,
-    chain: Chain,
-    parameters: Parameters,
+    chain: NumericRobot,
+    parameters: InertialParameters,
     s: States,
     own: _ModelTerms,
     tolerances: Tolerances,
@@ -324,7 +329,7 @@ def _check_sums(
 
 
 def _check_rates(
-    model: Model, parameters: Parameters, s: States, own: _ModelTerms, tolerances: Tolerances, rows: Collector
+    model: Model, parameters: InertialParameters, s: States, own: _ModelTerms, tolerances: Tolerances, rows: Collector
 ) -> None:
     """Check that dM/dt - 2C is skew-symmetric and that the energy changes by the power: d(K + U)/dt = tau . dq.
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.verify.references.numeric_robot import Array, Chain
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot
 from rrrgen.verify.report import Collector, Row
 from rrrgen.verify.subject import STROKE
 
@@ -39,10 +39,10 @@ APART = 1e-5
 Tell = Callable[[int, int, str], None]
 
 
-class Arm:
+class BatchKinematics:
     """Forward kinematics and the geometric Jacobian of a chain, for batches of configurations (N, n)."""
 
-    def __init__(self, chain: Chain, *, position: bool, redundant: bool = False) -> None:
+    def __init__(self, chain: NumericRobot, *, position: bool, redundant: bool = False) -> None:
         self._moving = chain.n - redundant
         self.revolute, self.n, path = np.array(chain.angles), chain.n, chain.path(chain.tip)
         around = chain.around_joints()
@@ -125,7 +125,7 @@ class Arm:
 
 
 def check_inverse_kinematics(
-    model: Any, chain: Chain, samples: int, rng: np.random.Generator, rows: Collector, tell: Tell | None = None
+    model: Any, chain: NumericRobot, samples: int, rng: np.random.Generator, rows: Collector, tell: Tell | None = None
 ) -> None:
     """Check the solutions of the solver at random, singular and unreachable targets.
 
@@ -142,7 +142,7 @@ def check_inverse_kinematics(
     except Exception as error:  # an unexpected error is a failed check
         rows.rows.append(_row("no solver", OWN_CHAIN, samples, np.inf, 0.0, f"{type(error).__name__}: {error}"))
         return
-    arm = Arm(chain, position=solver.plan.task == "position", redundant=solver.plan.locked is not None)
+    arm = BatchKinematics(chain, position=solver.plan.task == "position", redundant=solver.plan.locked is not None)
     checks = _Checks(solver, arm, rng, rows)
     try:
         checks.at_random(samples)
@@ -158,7 +158,7 @@ def _row(what: str, reference: str, samples: int, difference: float, tolerance: 
 
 
 class _Checks:
-    def __init__(self, solver: Any, arm: Arm, rng: np.random.Generator, rows: Collector) -> None:
+    def __init__(self, solver: Any, arm: BatchKinematics, rng: np.random.Generator, rows: Collector) -> None:
         self.solver, self.arm, self.rng, self.rows = solver, arm, rng, rows
 
     def _add(self, *entry: Any) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rrrgen.verify.references.numeric_robot import Array, Chain, is_physical, nominal_parameters
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot, is_physical, nominal_parameters
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -76,7 +76,7 @@ class States:
         return States(*(part.astype(dtype).astype(np.float64) for part in (self.q, self.dq, self.ddq, self.e)))
 
 
-def draw_states(chain: Chain, count: int, rng: np.random.Generator) -> States:
+def draw_states(chain: NumericRobot, count: int, rng: np.random.Generator) -> States:
     """Draw ``count`` random states with positions over the whole range of every joint."""
     span = np.where(chain.angles, ANGLE_RANGE, STROKE)
     shape = (count, chain.n)
@@ -89,7 +89,7 @@ def draw_states(chain: Chain, count: int, rng: np.random.Generator) -> States:
 
 
 @dataclass(frozen=True)
-class Parameters:
+class InertialParameters:
     """One set of inertial parameters: standard ones for the references, base ones for the model.
 
     They are ``phi`` (n, 10) and ``beta`` (b,); ``beta`` is None where the model uses its own nominal base parameters.
@@ -119,11 +119,11 @@ def random_parameters(n: int, rng: np.random.Generator) -> Array:
     return rows
 
 
-def parameter_sets(model: Model, rng: np.random.Generator) -> tuple[Parameters, ...]:
+def parameter_sets(model: Model, rng: np.random.Generator) -> tuple[InertialParameters, ...]:
     """Parameter sets to compare with: the nominal ones if the robot file has links, and a random physical set."""
     phi = random_parameters(len(model.spec.rows), rng)
-    sets = [Parameters("random", phi, np.asarray(model.base_projection) @ phi.ravel())]
+    sets = [InertialParameters("random", phi, np.asarray(model.base_projection) @ phi.ravel())]
     nominal = nominal_parameters(model.spec)
     if nominal is not None:
-        sets.insert(0, Parameters("nominal", nominal, None))
+        sets.insert(0, InertialParameters("nominal", nominal, None))
     return tuple(sets)

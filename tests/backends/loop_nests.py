@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from rrrgen.emit.c.ik.costs import SolverOperations
 from rrrgen.emit.c.ik.kernels import KernelDialect
-from rrrgen.emit.c.ik.loop_nest import ARC, Arc, Leaf, Loop, LoopNest, Statement
+from rrrgen.emit.c.ik.loop_nest import ARC, ArcTangent, Leaf, LoopNest, RootLoop, Statement
 from rrrgen.emit.c.ik.statements import printed
 from rrrgen.emit.c.language import CTarget, LibmSinCos
-from rrrgen.ik.recording.scalar import Pool, Scalar
+from rrrgen.ik.recording.scalar import Pool, SolverScalar
 
-TWO, FOUR = Loop("i", "n", 2, 0), Loop("j", "m", 4, 1)
+TWO, FOUR = RootLoop("i", "n", 2, 0), RootLoop("j", "m", 4, 1)
 
 
 def text(nest: LoopNest) -> list[str]:
@@ -30,10 +30,10 @@ def opened(pool: Pool, depth: int, index: int, name: str) -> Statement:
     return Statement(depth, (f"if ({{0}} == 0) {{ failed({index}); {{stop}}}}",), (pool.var(name),), opens=index)
 
 
-def arc(pool: Pool, depth: int, name: str, cosine: Scalar, sine: Scalar) -> Statement:
+def arc(pool: Pool, depth: int, name: str, cosine: SolverScalar, sine: SolverScalar) -> Statement:
     angle = pool.var(name)
-    return Statement(depth, (ARC,), (cosine, sine), (angle,), calls=("arc",), arc=Arc(angle, "{0}", "{1}"))
+    return Statement(depth, (ARC,), (cosine, sine), (angle,), calls=("arc",), arc=ArcTangent(angle, "{0}", "{1}"))
 
 
-def leaf(depth: int, error: Scalar, *joints: tuple[int, Scalar]) -> Leaf:
+def leaf(depth: int, error: SolverScalar, *joints: tuple[int, SolverScalar]) -> Leaf:
     return Leaf(depth, joints, "0u", "0u", error)

@@ -3,10 +3,10 @@
 import pytest
 
 from backends.loop_nests import arc, counted, leaf, opened, text
-from rrrgen.emit.c.ik.loop_nest import ARC, Arc, Flip, Loop, LoopNest, Statement, TakeArcsTogether
+from rrrgen.emit.c.ik.loop_nest import ARC, ArcTangent, Flip, LoopNest, RootLoop, Statement, TakeArcsTogether
 from rrrgen.ik.recording.scalar import Pool
 
-LOOPS = (Loop("i1", "n1", 2, 0), Loop("i2", "n2", 4, 1))
+LOOPS = (RootLoop("i1", "n1", 2, 0), RootLoop("i2", "n2", 4, 1))
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_an_angle_has_as_many_slots_as_the_loops_that_it_depends_on_have_passes(
     c = pool.var("c") + sum(pool.var(loop) for loop in loops)
     nest = two_choices(pool, c, pool.var("s"))
     count = Statement(0, ("const int n2 = 4;",), (), (pool.var("n2"),))
-    nest = LoopNest((LOOPS[0], Loop("i2", "n2", 4, 0)), (nest.items[0], count, *nest.items[2:]))
+    nest = LoopNest((LOOPS[0], RootLoop("i2", "n2", 4, 0)), (nest.items[0], count, *nest.items[2:]))
     assert counted(nest).atan2 == 8
     assert counted(TakeArcsTogether()(nest)).atan2 == slots
 
@@ -110,7 +110,7 @@ def test_a_flip_between_two_arcs_takes_the_slot_of_either(pool):
 def test_an_arc_within_a_statement_is_stored_in_its_place(pool):
     q = pool.var("q1")
     lines = ("REAL c = {0};", ARC, "if (c < 0) {", f"    {ARC}", "}")
-    whole = Statement(0, lines, (pool.var("x"),), (q,), calls=("unit", "arc"), arc=Arc(q, "c", "-s"))
+    whole = Statement(0, lines, (pool.var("x"),), (q,), calls=("unit", "arc"), arc=ArcTangent(q, "c", "-s"))
     nest = LoopNest((), (whole, leaf(0, pool.var("e"), (0, q))))
     assert text(nest)[:5] == [
         "REAL c = x;",

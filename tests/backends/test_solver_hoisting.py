@@ -3,7 +3,7 @@
 import pytest
 
 from backends.loop_nests import counted, leaf, opened, text
-from rrrgen.emit.c.ik.loop_nest import Hoist, Loop, LoopNest, Statement
+from rrrgen.emit.c.ik.loop_nest import Hoist, LoopNest, RootLoop, Statement
 from rrrgen.ik.recording.scalar import Pool
 
 
@@ -28,7 +28,7 @@ def two_choices(pool, second):
         opened(pool, 1, 1, "m"),
         leaf(2, pool.var("v") * pool.var("j") + a * a),
     )
-    return LoopNest((Loop("i", "n", 2, 0), Loop("j", "m", 4, 1)), items)
+    return LoopNest((RootLoop("i", "n", 2, 0), RootLoop("j", "m", 4, 1)), items)
 
 
 def test_an_equation_that_does_not_need_a_root_is_solved_outside_its_loop(pool):
@@ -63,7 +63,7 @@ def test_an_equation_in_a_root_stays_inside_its_loop(pool):
 def test_the_parts_of_a_value_are_computed_where_each_is_known(pool):
     a, b, i = pool.var("a"), pool.var("b"), pool.var("i")
     value = (a * b + i) * (a * b)
-    nest = LoopNest((Loop("i", "n", 2, 0),), (leaf(1, value),))
+    nest = LoopNest((RootLoop("i", "n", 2, 0),), (leaf(1, value),))
     assert counted(nest).as_dict()["mul"] == 2 * 2
     hoisted = Hoist()(nest)
     assert text(hoisted)[0] == "const REAL t1 = a*b;"
@@ -78,10 +78,10 @@ def test_a_variable_changed_in_place_stays_beside_the_statement_that_changes_it(
         Statement(1, ("change(&k, {0});",), (i * a, k)),
         leaf(1, k),
     )
-    hoisted = Hoist()(LoopNest((Loop("i", "n", 2, 0),), items))
+    hoisted = Hoist()(LoopNest((RootLoop("i", "n", 2, 0),), items))
     assert [item.depth for item in hoisted.items] == [1, 1, 1]
 
 
 def test_the_end_of_the_innermost_loop_stays(pool):
-    hoisted = Hoist()(LoopNest((Loop("i", "n", 2, 0),), (leaf(1, pool.var("a")),)))
+    hoisted = Hoist()(LoopNest((RootLoop("i", "n", 2, 0),), (leaf(1, pool.var("a")),)))
     assert hoisted.items[-1].depth == 1

@@ -10,7 +10,7 @@ import pytest
 
 from rrrgen.base.parallel import without_collection
 from rrrgen.derive import derive_model, prepare
-from rrrgen.derive.functions.quantities import Quantity
+from rrrgen.derive.functions.quantities import ArgumentKind
 from rrrgen.derive.functions.table import FUNCTIONS, GROUPS, TABLE, exists, recorders
 from rrrgen.program import Role
 from rrrgen.robot.file import load_spec, loads_spec
@@ -99,4 +99,4 @@ def test_arguments_have_meaning_and_unit(function):
 
 def test_a_quantity_without_a_unit_is_refused():
     with pytest.raises(ValueError, match="kp has no unit"):
-        Quantity("kp", "n", "", "gains")
+        ArgumentKind("kp", "n", "", "gains")

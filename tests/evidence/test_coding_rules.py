@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from rrrgen.cli.main import cli
 from rrrgen.evidence import coding_rules
-from rrrgen.evidence.coding_rules import DEVIATIONS, RULES, Finding, category, coding_rules_entry, findings
+from rrrgen.evidence.coding_rules import DEVIATIONS, RULES, RuleFinding, category, coding_rules_entry, findings
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 
 STRAIGHT_LINE = ("_derivatives.c", "_friction.c")
@@ -60,7 +60,7 @@ def test_a_broken_rule_is_found(tmp_path):
 
 
 def test_the_table_has_a_row_for_every_rule():
-    entry = coding_rules_entry([Finding("a.c", 3, "15.5"), Finding("a.c", 7, "10.3")], ["a.c"])
+    entry = coding_rules_entry([RuleFinding("a.c", 3, "15.5"), RuleFinding("a.c", 7, "10.3")], ["a.c"])
     rows = {row[0]: row[1:] for row in entry["rows"]}
     assert tuple(rows) == RULES
     assert len(RULES) == 156

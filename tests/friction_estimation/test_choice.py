@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from rrrgen.lab.friction.candidate_laws import candidates
-from rrrgen.lab.friction.choice import Score, choose
+from rrrgen.lab.friction.choice import LawScore, choose
 from rrrgen.lab.friction.estimation import LawEstimate, notes, reported
 
 BLOCKS = np.repeat(np.arange(10), 5)
 
 
 def score(law, parameters, losses, bic=0.0):
-    return Score(law, parameters, float(np.sqrt(np.mean(losses))), bic, losses)
+    return LawScore(law, parameters, float(np.sqrt(np.mean(losses))), bic, losses)
 
 
 def test_a_clear_gain_in_a_few_blocks_counts():
@@ -53,7 +53,7 @@ def test_of_equally_many_parameters_the_criterion_decides():
 )
 def test_models_that_are_the_same_and_a_poor_fit_are_named(gravity, law, theta, held_out, told):
     law, theta = candidates(gravity)[law], np.array(theta)
-    values, rating = reported(law, theta, 1e-3), Score(law.name, len(theta), held_out, 0.0, np.ones(1))
+    values, rating = reported(law, theta, 1e-3), LawScore(law.name, len(theta), held_out, 0.0, np.ones(1))
     chosen = LawEstimate(law, law.settled(theta), values, dict.fromkeys(values, 1e-3), rating, values, 0.01)
     found = notes(chosen, SimpleNamespace(speed=1.0))
     assert [part in note for part, note in zip(told, found, strict=True)] == [True] * len(told), found

@@ -20,7 +20,7 @@ from ik.test_mechanisms import TEXTS
 from rrrgen.base.errors import InternalError
 from rrrgen.cli.main import run as rrrgen
 from rrrgen.emit.c.ik.files import sources
-from rrrgen.emit.c.ik.kernels import Settings, specialize
+from rrrgen.emit.c.ik.kernels import KernelSettings, specialize
 from rrrgen.ik.classify import plan
 from rrrgen.ik.tolerances import runtime
 from rrrgen.robot.file import loads_spec
@@ -474,7 +474,7 @@ def test_a_joint_on_a_common_axis_is_found_loose(searching):
 
 # -- the step from a kernel to the code of a robot ---------------------------------------------------------------------
 
-SETTINGS = Settings(
+SETTINGS = KernelSettings(
     options={"WIDE": True, "DEEP": False},
     words={"REAL": "arm_real", "SQRT": "sqrtf", "FREE": "2u", "EXTRA": ", 0u", "FIRST": "T,", "NOTHING": ""},
     prefixes={"ik_": "arm_ik_", "IK_": "ARM_IK_"},

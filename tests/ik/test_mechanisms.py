@@ -16,7 +16,7 @@ from rrrgen.derive import derive
 from rrrgen.emit.c.ik.files import sources
 from rrrgen.emit.c.ik.self_test import selftest
 from rrrgen.emit.c.robot_files import CBackend
-from rrrgen.emit.interface import Check
+from rrrgen.emit.interface import SelfTestCheck
 from rrrgen.emit.latex.inverse_kinematics import closed_form
 from rrrgen.ik.classify import plan
 from rrrgen.ik.geometry.mechanism import solved_chain
@@ -294,7 +294,7 @@ def test_the_self_test_of_a_mechanism_passes_under_the_sanitizers(tmp_path):
     compiler("gcc")
     spec = loads_spec(MECHANISM)
     model = derive(spec)
-    checks = [Check("inverse_kinematics", "linkage_ik.h", selftest(spec, "float"))]
+    checks = [SelfTestCheck("inverse_kinematics", "linkage_ik.h", selftest(spec, "float"))]
     backend = CBackend(beside=lambda: (sources(spec, "float"), checks))
     folder = write(backend.files(model, IDENTITY, "float"), tmp_path)
     done = run(compile_all(folder, ["gcc", *C99, *SANITIZERS]))

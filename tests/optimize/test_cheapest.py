@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 
 from optimize.programs import ARITHMETIC, programs, recorded, same_values
-from rrrgen.program.passes.cheapest import Cheapest, Choice, Log, Weights
+from rrrgen.program.passes.cheapest import Cheapest, Choice, PassLog, Weights
 
 cost = Weights()
 cheapest = Cheapest()
@@ -13,7 +13,7 @@ cheapest = Cheapest()
 
 @given(programs())
 def test_the_choice_never_costs_more(program):
-    log = Log()
+    log = PassLog()
     best, choice = cheapest([program], "random", log)
     assert cost(best)[0] <= cost(program)[0]
     assert choice.variant == 0
@@ -26,7 +26,7 @@ def test_the_choice_never_costs_more(program):
 @given(programs(ARITHMETIC), programs(ARITHMETIC))
 def test_the_choice_takes_the_cheapest_way(one, two):
     trials = [Choice(0, None), Choice(1, None)]
-    best, choice = cheapest([one, two], "random", Log(), trials)
+    best, choice = cheapest([one, two], "random", PassLog(), trials)
     assert choice == trials[int(cost(two) < cost(one))]
     assert cost(best)[0] <= min(cost(one)[0], cost(two)[0])
 
@@ -42,5 +42,5 @@ def test_the_weights_are_options():
     angle = recorded(lambda b, q, dq, beta: [b.sin(q[0])])
     free = Weights(sincos=0)
     assert free(angle) < free(cheap)
-    _, choice = Cheapest(cost=free)([cheap, angle], "f", Log(), [Choice(0, None), Choice(1, None)])
+    _, choice = Cheapest(cost=free)([cheap, angle], "f", PassLog(), [Choice(0, None), Choice(1, None)])
     assert choice == Choice(1, None)

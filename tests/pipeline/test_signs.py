@@ -15,7 +15,7 @@ import rrrgen
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_link, random_robot, to_yaml, transform
 from rrrgen.derive import derive
-from rrrgen.lab.calibrate.geometry import Entry, geometry_of
+from rrrgen.lab.calibrate.geometry import GeometryEntry, geometry_of
 from rrrgen.lab.calibrate.robot_file import calibrated_spec
 from rrrgen.robot.file import dumps, load_spec, loads_spec
 from rrrgen.runtime.inverse_kinematics import load_solver, load_tool_solver
@@ -103,9 +103,14 @@ def test_a_calibrated_robot_keeps_signs_and_link_frames(convention, beta):
     q = np.random.default_rng(3).uniform(-2, 2, (6, 3))
     expected = np.array([oracle.forward_kinematics(robot, x) for x in q])
     np.testing.assert_allclose(geometry.forward(q), expected, atol=1e-12)
-    entries = [Entry("row", "theta", 1), Entry("row", "alpha", 0), Entry("row", "d", 2), Entry("tool", "x", 0)]
+    entries = [
+        GeometryEntry("row", "theta", 1),
+        GeometryEntry("row", "alpha", 0),
+        GeometryEntry("row", "d", 2),
+        GeometryEntry("tool", "x", 0),
+    ]
     if beta:
-        entries.append(Entry("row", "beta", 1))
+        entries.append(GeometryEntry("row", "beta", 1))
     moved = geometry.moved(entries, np.full(len(entries), 2e-3))
     told = loads_spec(dumps(calibrated_spec(spec, moved, "test")))
     np.testing.assert_allclose(geometry_of(told).forward(q), moved.forward(q), atol=1e-10)

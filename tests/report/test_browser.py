@@ -19,7 +19,7 @@ from pipeline.optimized import bundled
 from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms import closed_form
 from rrrgen.emit.html import html_report
-from rrrgen.emit.html.scene import Illustration, Motion
+from rrrgen.emit.html.scene import Illustration, PlayedMotion
 from rrrgen.ik.geometry.chain import numeric_chain
 from rrrgen.program import evaluate
 
@@ -118,8 +118,10 @@ FRAME = '<iframe src="FILE" style="display:block;border:0;width:WIDTHpx;height:9
 def page() -> str:
     model = bundled("ur10e")
     forms = {name: closed_form(prepare(model.spec), name).readable() for name in ("forward_kinematics", "gravity")}
-    recording = Motion("recording " + 60 * "x", np.array([0.0, 1.0, 3.0]), np.array([np.zeros(6), np.ones(6), PLAYED]))
-    trajectory = Motion("trajectory", np.array([0.0, 2.0]), np.array([np.zeros(6), PLAYED]))
+    recording = PlayedMotion(
+        "recording " + 60 * "x", np.array([0.0, 1.0, 3.0]), np.array([np.zeros(6), np.ones(6), PLAYED])
+    )
+    trajectory = PlayedMotion("trajectory", np.array([0.0, 2.0]), np.array([np.zeros(6), PLAYED]))
     drawing = f"<svg xmlns='http://www.w3.org/2000/svg' width='{DRAWN}' height='90'/>"
     figure = Illustration("a plot", f"data:image/svg+xml,{quote(drawing)}", DRAWN)
     motions = [recording, trajectory]

@@ -26,7 +26,7 @@ from rrrgen.derive.closed_forms import closed_form
 from rrrgen.derive.functions.table import recorders
 from rrrgen.emit.html import html_report
 from rrrgen.emit.html.mathml import MathmlMarkup
-from rrrgen.emit.html.scene import POSES, Illustration, Motion, scene
+from rrrgen.emit.html.scene import POSES, Illustration, PlayedMotion, scene
 from rrrgen.emit.html.sketch import HEIGHT, WIDTH, frame_sketch, zero_pose
 from rrrgen.emit.html.tables import dh_exact, dh_numbers, stated
 from rrrgen.emit.latex import Walk, latex
@@ -161,7 +161,7 @@ def test_hostile_names_stay_text() -> None:
         source=hostile,
         joints=(replace(spec.joints[0], name=hostile), *spec.joints[1:]),
     )
-    motion = Motion(hostile, np.array([0.0, 1.0]), np.zeros((2, 3)))
+    motion = PlayedMotion(hostile, np.array([0.0, 1.0]), np.zeros((2, 3)))
     figure = Illustration(hostile, "data:image/png;base64,AA==")
     plain = read(
         html_report(bundled("rrr"), {}, motions=[replace(motion, name="m")], figures=[replace(figure, caption="f")])

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import InputError
-from rrrgen.emit.html.scene import LARGEST_DRAWING, SAMPLES, Motion, illustrations
+from rrrgen.emit.html.scene import LARGEST_DRAWING, SAMPLES, PlayedMotion, illustrations
 
 
 def test_long_motions_are_thinned_and_keep_both_ends() -> None:
     t = 5.0 + np.arange(40_001) / 1000
-    data = Motion("long", t, np.stack([np.sin(t), t], axis=1)).as_data(2)
+    data = PlayedMotion("long", t, np.stack([np.sin(t), t], axis=1)).as_data(2)
     assert len(data["t"]) == len(data["q"]) == SAMPLES
     assert data["t"][0] == 0.0
     assert data["t"][-1] == 40.0
@@ -34,7 +34,7 @@ def test_long_motions_are_thinned_and_keep_both_ends() -> None:
 )
 def test_what_cannot_be_played_is_refused(t: list[float], q: np.ndarray, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Motion("broken", np.array(t), q).as_data(2)
+        PlayedMotion("broken", np.array(t), q).as_data(2)
 
 
 def test_figures_are_embedded_large_drawings_as_pixels(tmp_path: Path) -> None:

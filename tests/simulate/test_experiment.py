@@ -110,23 +110,23 @@ def test_computed_torque_with_the_true_model_tracks_where_pd_lags(model, motion)
 
 def test_backward_difference_is_half_a_sample_late(model, motion) -> None:
     difference = BackwardDifference(TS)
-    from rrrgen.lab.plant.controllers import Reference
+    from rrrgen.lab.plant.controllers import ReferenceMotion
 
     t = np.arange(50) * TS
     q, dq, ddq = motion.evaluate(t)
-    difference.start(q[0], Reference(q[0], dq[0], ddq[0]))
-    seen = np.array([difference.update(q[k], Reference(q[k], dq[k], ddq[k]))[1] for k in range(50)])
+    difference.start(q[0], ReferenceMotion(q[0], dq[0], ddq[0]))
+    seen = np.array([difference.update(q[k], ReferenceMotion(q[k], dq[k], ddq[k]))[1] for k in range(50)])
     expected = motion.derivative(t - TS / 2, 1)
     assert np.abs(seen[1:] - expected[1:]).max() < 1e-5 * np.abs(expected).max()
 
 
 def test_the_filter_reproduces_a_deviation_without_noise() -> None:
     """Constant acceleration of the deviation is inside the model: the filter converges to it exactly."""
-    from rrrgen.lab.plant.controllers import Reference
+    from rrrgen.lab.plant.controllers import ReferenceMotion
 
     m = kalman_matrices(TS, 1e-6, 1e4)
     watcher = DeviationFilter(m.E, m.k)
-    zero = Reference(np.zeros(2), np.zeros(2), np.zeros(2))
+    zero = ReferenceMotion(np.zeros(2), np.zeros(2), np.zeros(2))
     t = np.arange(4000) * TS
     e = np.column_stack([0.1 + 0.5 * t**2, -0.2 * t])
     watcher.start(e[0], zero)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rrrgen.lab.data.kalman import kalman_matrices
-from rrrgen.lab.plant.controllers import BackwardDifference, DeviationFilter, Reference
+from rrrgen.lab.plant.controllers import BackwardDifference, DeviationFilter, ReferenceMotion
 from rrrgen.lab.plant.loop_margin import SampledArm, torque_noise
 from rrrgen.lab.plant.plant import FlexibleBase, FlexibleJoints
 
@@ -22,7 +22,7 @@ def growth(masses, kp, kd, observer, delay: int, samples: int = 4000) -> float:
     """Growth per sample of a deviation, by running the observer itself against the exact steps of ``M ddq = tau``."""
     n = len(kp)
     e, de = np.full(n, 1e-3) * np.arange(1, n + 1), np.zeros(n)
-    zero = Reference(np.zeros(n), np.zeros(n), np.zeros(n))
+    zero = ReferenceMotion(np.zeros(n), np.zeros(n), np.zeros(n))
     waiting = [np.zeros(n)] * delay
     observer.start(e, zero)
     sizes, inverse = [], np.linalg.inv(masses)

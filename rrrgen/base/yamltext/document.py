@@ -36,7 +36,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Scalar:
+class ScalarNode:
     """One scalar value, with the text that the user typed.
 
     ``quoted`` is true if the value stood in quotes; ``inset`` is the number of characters between ``place`` and the
@@ -70,7 +70,7 @@ class MappingNode:
     entries: list[tuple[Node, Node]] = field(default_factory=list)
 
 
-Node: TypeAlias = Scalar | SequenceNode | MappingNode
+Node: TypeAlias = ScalarNode | SequenceNode | MappingNode
 
 
 class FaultList:
@@ -111,7 +111,7 @@ class FaultList:
             return Fault(self.file, 0, 0, message, "", hint, severity)
         place = where if isinstance(where, Place) else where.place
         column = place.column
-        if isinstance(where, Scalar) and offset <= len(where.text) and "\n" not in where.text:
+        if isinstance(where, ScalarNode) and offset <= len(where.text) and "\n" not in where.text:
             column += where.inset + offset
         line = self.lines[place.line - 1] if 0 < place.line <= len(self.lines) else ""
         return Fault(self.file, place.line, min(column, len(line) + 1), message, line, hint, severity)
@@ -272,7 +272,7 @@ class _Composer:
         quoted = event.style in ("'", '"', "|", ">")
         one_line = event.start_mark.line == event.end_mark.line
         text = self.encodable(event.value, place)
-        return Scalar(text, place, quoted, int(event.style in ("'", '"') and one_line))
+        return ScalarNode(text, place, quoted, int(event.style in ("'", '"') and one_line))
 
     def encodable(self, text: str, place: Place) -> str:
         r"""Join surrogate pairs such as ``"\ud83e\udd16"`` into characters; an unpaired surrogate is a fault."""
@@ -288,7 +288,7 @@ class _Composer:
 
 def describe(node: Node) -> str:
     """Describe a node in a message: ``'its text'``, ``nothing``, ``a list`` or ``a mapping``."""
-    if isinstance(node, Scalar):
+    if isinstance(node, ScalarNode):
         return "nothing" if node.is_null else f"'{shorten(node.text)}'"
     return "a list" if isinstance(node, SequenceNode) else "a mapping"
 

@@ -69,7 +69,7 @@ class Name:
 
 
 @dataclass(frozen=True)
-class Value:
+class ParsedValue:
     """A parsed value, before its unit is applied.
 
     - ``expr``: the exact expression, without ``unit``.
@@ -93,7 +93,7 @@ class Value:
     decimals: int | None = None
 
 
-def parse_expression(text: str, names: Mapping[str, Name] | None = None, units: bool = True) -> Value:
+def parse_expression(text: str, names: Mapping[str, Name] | None = None, units: bool = True) -> ParsedValue:
     """Parse one value: an expression in the declared ``names``, followed by at most one unit (none if ``units`` is
     False).
 
@@ -109,7 +109,7 @@ def parse_expression(text: str, names: Mapping[str, Name] | None = None, units: 
     if unit is not None:
         _check_unit_reach(text, body, unit, tree, walker)
     plain = re.fullmatch(r"\s*[+-]?\s*" + _NUMBER.pattern + r"\s*", body)
-    return Value(
+    return ParsedValue(
         expr=term.expr,
         unit=unit,
         dimension=term.dimension,

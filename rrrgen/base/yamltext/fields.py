@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, NamedTuple, TypeVar
 
-from rrrgen.base.yamltext.document import FaultList, MappingNode, Node, Scalar, SequenceNode, describe, shorten
+from rrrgen.base.yamltext.document import FaultList, MappingNode, Node, ScalarNode, SequenceNode, describe, shorten
 from rrrgen.base.yamltext.signal_units import read_quantity
 from rrrgen.base.yamltext.suggestions import comma_advice, did_you_mean, key_cut_by_comma, nearest, number_cut_by_comma
 
@@ -97,7 +97,7 @@ class Format:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def read_entries(node: Node, what: str, faults: FaultList) -> dict[str, tuple[Scalar, Node]] | None:
+def read_entries(node: Node, what: str, faults: FaultList) -> dict[str, tuple[ScalarNode, Node]] | None:
     """The entries of a mapping as key text -> (key node, value node); a fault and None if ``node`` is not a mapping.
 
     Duplicate keys and keys that are not plain words are faults; the first of several equal keys is kept.
@@ -107,9 +107,9 @@ def read_entries(node: Node, what: str, faults: FaultList) -> dict[str, tuple[Sc
             node, f"{what} is {describe(node)}, not a mapping", "write {key: value, ...} or indented key: value"
         )
         return None
-    entries: dict[str, tuple[Scalar, Node]] = {}
+    entries: dict[str, tuple[ScalarNode, Node]] = {}
     for place, (key, value) in enumerate(node.entries):
-        if not isinstance(key, Scalar):
+        if not isinstance(key, ScalarNode):
             faults.error(key, f"{describe(key)} as a key of {what}", "keys are plain words")
         elif number := key_cut_by_comma(node, place):
             faults.error(key, f"unknown key '{shorten(key.text)}' in {what}", comma_advice(number))
@@ -139,7 +139,7 @@ def read_section(node: Node, section: str, what: str, faults: FaultList, form: F
             if meant is not None and table[meant].required and meant not in entries:
                 entries[meant] = (key, value)
                 values[meant] = value
-        elif isinstance(value, Scalar) and value.is_null and table[name].kind != "mapping":
+        elif isinstance(value, ScalarNode) and value.is_null and table[name].kind != "mapping":
             faults.error(key, f"'{name}' has no value", table[name].meaning)
         else:
             values[name] = value
@@ -177,7 +177,7 @@ def _required_hint(key: Key, form: Format) -> str:
 
 def read_text(node: Node, what: str, faults: FaultList) -> str:
     """The stripped text of a scalar; a fault and an empty string for a list or mapping."""
-    if isinstance(node, Scalar):
+    if isinstance(node, ScalarNode):
         return "" if node.is_null else node.text.strip()
     faults.error(node, f"{what} is {describe(node)}, not text", "put the text in quotes")
     return ""
@@ -185,9 +185,9 @@ def read_text(node: Node, what: str, faults: FaultList) -> str:
 
 def read_choice(node: Node, key: Key, faults: FaultList) -> str | None:
     """One of the words in ``key.choices``; a fault and None for anything else."""
-    if isinstance(node, Scalar) and node.text in key.choices:
+    if isinstance(node, ScalarNode) and node.text in key.choices:
         return node.text
-    word = node.text if isinstance(node, Scalar) else ""
+    word = node.text if isinstance(node, ScalarNode) else ""
     hint = did_you_mean(word, key.choices) if word else ""
     allowed = "allowed is " if len(key.choices) == 1 else "allowed are "
     hint = f"{hint} {allowed}{', '.join(key.choices)}".strip()
@@ -228,7 +228,7 @@ def _decimal_commas(items: list[Node], surplus: int) -> str:
     tight = [
         number if right.place.column == left.place.column + len(left.text) + 1 else None
         for number, (left, right) in zip(cut, pairs, strict=True)
-        if isinstance(left, Scalar)
+        if isinstance(left, ScalarNode)
     ]
     meant = [number for number in tight if number]
     if len(meant) == surplus:
@@ -273,7 +273,7 @@ class Reader:
             if name not in allowed:
                 hint = self.elsewhere.get(name) or hint_for(name, allowed)
                 self.faults.error(key, f"unknown key '{name}' in {what}", hint)
-            elif isinstance(value, Scalar) and value.is_null:
+            elif isinstance(value, ScalarNode) and value.is_null:
                 self.faults.error(key, f"'{name}' has no value")
             else:
                 found[name] = value
@@ -291,7 +291,7 @@ class Reader:
 
     def text(self, node: Node, what: str) -> str:
         """The text of a scalar; a fault and an empty string otherwise."""
-        if isinstance(node, Scalar) and not node.is_null:
+        if isinstance(node, ScalarNode) and not node.is_null:
             return node.text
         self.faults.error(node, f"{what} is {describe(node)}, not a text")
         return ""

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar, describe
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, describe
 from rrrgen.base.yamltext.suggestions import did_you_mean
 
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
@@ -43,7 +43,7 @@ def unit_name(unit: str, table: Mapping[str, float]) -> str | None:
 
 def read_unit(node: Node, what: str, table: Mapping[str, float], faults: FaultList) -> str | None:
     """The key of ``table`` that the node names; a fault and None if it names none."""
-    if not isinstance(node, Scalar) or node.is_null:
+    if not isinstance(node, ScalarNode) or node.is_null:
         faults.error(node, f"{what} is {describe(node)}, not a unit", f"allowed are {', '.join(table)}")
         return None
     name = unit_name(node.text, table)
@@ -61,7 +61,7 @@ def read_quantity(node: Node, what: str, table: Mapping[str, float], bare: str, 
     """
     from rrrgen.base.yamltext.expressions import ExpressionError, parse_expression
 
-    if not isinstance(node, Scalar) or node.is_null:
+    if not isinstance(node, ScalarNode) or node.is_null:
         faults.error(node, f"{what} is {describe(node)}, not a value", f"a number in {bare}, or with a unit")
         return None
     text, factor = node.text, table.get(bare, 1.0)

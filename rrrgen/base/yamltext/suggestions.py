@@ -6,7 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable, Mapping
 
-from rrrgen.base.yamltext.document import MappingNode, Node, Scalar
+from rrrgen.base.yamltext.document import MappingNode, Node, ScalarNode
 
 TYPOGRAPHIC = {
     **dict.fromkeys("\N{MINUS SIGN}\N{HYPHEN}\N{NON-BREAKING HYPHEN}\N{EN DASH}\N{EM DASH}", ("minus sign", "-")),
@@ -88,7 +88,7 @@ def number_cut_by_comma(whole: Node, rest: Node) -> str | None:
     ``whole`` and ``rest`` are neighbours in a flow list or mapping; returns None unless both look like halves of one
     number.
     """
-    if not (isinstance(whole, Scalar) and isinstance(rest, Scalar)):
+    if not (isinstance(whole, ScalarNode) and isinstance(rest, ScalarNode)):
         return None
     if not _WHOLE.fullmatch(whole.text.strip()) or not _DIGITS.fullmatch(rest.text.strip()):
         return None
@@ -101,7 +101,7 @@ def key_cut_by_comma(mapping: MappingNode, place: int) -> str | None:
     Returns ``2.5`` in that example, None for an ordinary key.
     """
     key, value = mapping.entries[place]
-    if place == 0 or not (isinstance(value, Scalar) and value.is_null):
+    if place == 0 or not (isinstance(value, ScalarNode) and value.is_null):
         return None
     return number_cut_by_comma(mapping.entries[place - 1][1], key)
 

@@ -162,7 +162,7 @@ def _times(x: Sequence[Any], y: Sequence[Any]) -> Vector:
     return [u * v for u, v in zip(x, y, strict=True)]
 
 
-class _Loop:
+class _TrackingLaw:
     """The common part of the tracking laws: inputs, errors e and e', PID feedback, integral action, torque limits."""
 
     def __init__(self, r: Recording, gains: Sequence[str], further: Sequence[str] = ()) -> None:
@@ -221,7 +221,7 @@ def pd_gravity(r: Recording) -> Program:
     ``tau = kp e + kd e' + ki z + g(q) + f(dq_d)``, (n,), limited to ``tau_max``; also returned is the state z (n,) of
     the integral action for the next tick.
     """
-    loop = _Loop(r, PID)
+    loop = _TrackingLaw(r, PID)
     chain = r.chain_in_gravity("dq", *DESIRED)
     feedback = loop.feedback()
     tau = add(feedback, composite.gravity(chain, r.inertias()))
@@ -237,7 +237,7 @@ def feedforward(r: Recording) -> Program:
     ``tau = M(q_d) ddq_d + c(q_d, dq_d) + g(q_d) + kp e + kd e' + ki z + f(dq_d)``, (n,), limited to ``tau_max``; also
     returned is the state z (n,) of the integral action for the next tick.
     """
-    loop = _Loop(r, PID)
+    loop = _TrackingLaw(r, PID)
     chain = r.chain_at(loop.q_d, "dq", *DESIRED)
     feedback = loop.feedback()
     model = newton_euler.inverse_dynamics(chain, loop.dq_d, loop.ddq_d, r.inertias(), block_frames_first(chain))
@@ -254,7 +254,7 @@ def computed_torque(r: Recording) -> Program:
     ``tau = M(q) (ddq_d + kp e + kd e' + ki z) + c(q, dq) + g(q) + f(dq_d)``, (n,), limited to ``tau_max``; also
     returned is the state z (n,) of the integral action for the next tick.
     """
-    loop = _Loop(r, PID)
+    loop = _TrackingLaw(r, PID)
     chain = r.chain_in_gravity("dq", *DESIRED)
     a = add(loop.ddq_d, loop.feedback())
     model = newton_euler.inverse_dynamics(chain, loop.dq, a, r.inertias(), block_frames_first(chain))
@@ -272,7 +272,7 @@ def slotine_li(r: Recording) -> Program:
     ``s = dq - v`` and the gains lam and k (n,). Outputs are tau (n,), limited to ``tau_max``, and the base parameters
     (b,) adapted for the next tick.
     """
-    loop = _Loop(r, ("lam", "k"))
+    loop = _TrackingLaw(r, ("lam", "k"))
     b, lam = r.builder, loop.gains["lam"]
     v, a = add(loop.dq_d, _times(lam, loop.e)), add(loop.ddq_d, _times(lam, loop.de))
     s = subtract(loop.dq, v)

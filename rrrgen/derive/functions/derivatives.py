@@ -30,7 +30,7 @@ from typing import Any
 
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
-from rrrgen.derive.recursions.coriolis import Body, Composition, compose, generalized_forces, joint_force
+from rrrgen.derive.recursions.coriolis import CompositeBody, Composition, compose, generalized_forces, joint_force
 from rrrgen.derive.recursions.linear_algebra import (
     Matrix,
     Vector,
@@ -206,7 +206,9 @@ def _in_block(joint: ChainJoint, motion: LinkMotion, wrench: Wrench) -> Wrench:
     return (rotate_z(joint.c, joint.s, F), rotate_z(joint.c, joint.s, N)) if motion.in_link_frame else wrench
 
 
-def _derivative_wrench(revolute: bool, body: Body, zdot: Vector, axis: Vector, lift: Vector, total: Wrench) -> Wrench:
+def _derivative_wrench(
+    revolute: bool, body: CompositeBody, zdot: Vector, axis: Vector, lift: Vector, total: Wrench
+) -> Wrench:
     """Derivative by q_j of the inertial wrench of all bodies beyond joint j, at the origin of joint j.
 
     It is the wrench of the acceleration field K_j (see the module) acting on the mass of the composite ``body``, plus

@@ -22,7 +22,7 @@ from rrrgen.derive.functions.operational_space import limited
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions import newton_euler
-from rrrgen.derive.recursions.linear_algebra import Factors, Vector, add, factorize, status_at, subtract
+from rrrgen.derive.recursions.linear_algebra import LDLFactors, Vector, add, factorize, status_at, subtract
 from rrrgen.program import Builder, Port, Program, Role, Value
 from rrrgen.program.differentiation import Tangent, is_zero, record, tangents
 
@@ -135,7 +135,7 @@ def elastic_inverse_dynamics(r: Recording, links: Program) -> Program:
     )
 
 
-def _solver(r: Recording, links: Program, q: Vector, dq: Vector) -> tuple[Factors, Vector]:
+def _solver(r: Recording, links: Program, q: Vector, dq: Vector) -> tuple[LDLFactors, Vector]:
     """The factors of the mass matrix M of the links, and the torques h = c + g (n,) of the links."""
     chain = r.chain_in_gravity("dq")
     factors = factorize(r.builder, composite.mass_matrix(chain, r.inertias()), tips_first=r.branches)

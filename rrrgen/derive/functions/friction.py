@@ -156,7 +156,7 @@ class RunTimeFriction:
         loads = _loads(self.recording, surfaces, load)
 
         def torque(surface: Surface) -> Any:
-            ops = b if self.widths is None else _Smooth(b, self.widths[surfaces.index(surface)])
+            ops = b if self.widths is None else _SmoothFunctions(b, self.widths[surfaces.index(surface)])
             at = loads.get(surface, 0)
             return _given(ops, surface, along(surface.direction, dq), self.values[surface], at)
 
@@ -202,7 +202,7 @@ def smooth_friction(r: Recording) -> Program:
 
 
 @dataclass(frozen=True)
-class _Smooth:
+class _SmoothFunctions:
     """The functions sign, exp and tanh that friction laws call, recorded; sign(x) is replaced by tanh(x / width)."""
 
     builder: Builder

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 
-from rrrgen.derive.functions.quantities import QUANTITIES, Quantity
+from rrrgen.derive.functions.quantities import QUANTITIES, ArgumentKind
 
 
 class Needs(Enum):
@@ -47,7 +47,7 @@ class ModelFunction:
     summary: str
     takes: str
     returns: str
-    where: tuple[Quantity, ...] = ()
+    where: tuple[ArgumentKind, ...] = ()
     record: str = ""
     combine: str = ""
     of: tuple[str, ...] = ()
@@ -69,13 +69,13 @@ class ModelFunction:
         return joints > self.more_joints_than and not 0 < self.most_joints < joints
 
     @cached_property
-    def arguments(self) -> tuple[Quantity, ...]:
+    def arguments(self) -> tuple[ArgumentKind, ...]:
         """The arguments in Python, in order."""
         known = QUANTITIES | {quantity.name: quantity for quantity in self.where}
         return tuple(known[name] for name in self.takes.split() if name != "*")
 
     @property
-    def keywords(self) -> tuple[Quantity, ...]:
+    def keywords(self) -> tuple[ArgumentKind, ...]:
         """Those among the arguments that are given by keyword."""
         names = self.takes.split()
         return self.arguments[names.index("*") :] if "*" in names else ()

@@ -81,7 +81,7 @@ GAINS = ("kp", "kd", "ki")
 
 
 @dataclass(frozen=True)
-class _Task:
+class _ControlledTask:
     """The controlled quantity: the pose of the tip (6 rows of the Jacobian) or its position (the first 3)."""
 
     prefix: str
@@ -112,11 +112,11 @@ def tip_moves(spec: RobotSpec) -> tuple[bool, bool]:
     return any(moved[:3]), any(moved[3:])
 
 
-POSE = _Task("", 6, "pose", "m s, rad s")
-POSITION = _Task("position_", 3, "position", "m s")
+POSE = _ControlledTask("", 6, "pose", "m s, rad s")
+POSITION = _ControlledTask("position_", 3, "position", "m s")
 
 
-def operational_space(task: _Task) -> Recorder:
+def operational_space(task: _ControlledTask) -> Recorder:
     """Make a recorder of one tick of operational-space control of the tip (Khatib 1987).
 
     Outputs are the torques (n,), limited to ``tau_max``, the state z of the integral action for the next tick, and the

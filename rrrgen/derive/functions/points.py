@@ -23,7 +23,7 @@ from rrrgen.derive.functions.kinematics import BASE, jacobian_port, pose_port
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import kinematics
 from rrrgen.derive.recursions.linear_algebra import (
-    Factors,
+    LDLFactors,
     Matrix,
     Vector,
     add,
@@ -205,7 +205,7 @@ def tool_target(r: Recording) -> Program:
 
 
 @dataclass(frozen=True)
-class _Task:
+class _PrescribedTask:
     """The quantity that a task prescribes: the pose of the tip (6 rows of the Jacobian) or its position (3 rows).
 
     ``prefix`` begins the names of the functions, ``words`` names the quantity in emitted files.
@@ -216,15 +216,15 @@ class _Task:
     words: str
 
 
-POSE = _Task("", 6, "pose")
-POSITION = _Task("position_", 3, "position")
+POSE = _PrescribedTask("", 6, "pose")
+POSITION = _PrescribedTask("position_", 3, "position")
 
 
 def _singular(output: int) -> Status:
     return Status.of(output, "singular", "the configuration is singular", "the rows of the Jacobian lose rank")
 
 
-def _gram(r: Recording, J: Matrix, damping: Any = 0) -> Factors:
+def _gram(r: Recording, J: Matrix, damping: Any = 0) -> LDLFactors:
     """The factors of ``J J' + damping^2 1``, or of ``J' J`` for fewer columns than rows."""
     A = J if len(J) <= r.n else transpose(J)
     square = damping * damping
@@ -232,7 +232,7 @@ def _gram(r: Recording, J: Matrix, damping: Any = 0) -> Factors:
     return factorize(r.builder, G)
 
 
-def manipulability(task: _Task) -> Recorder:
+def manipulability(task: _PrescribedTask) -> Recorder:
     """Make a recorder of the manipulability w and its gradient (n,); the status is 1, both 0, where J loses rank."""
 
     def record(r: Recording) -> Program:
@@ -285,7 +285,7 @@ def _rate(columns: Sequence[Vector], weights: Sequence[Vector], k: int, count: i
     return total
 
 
-def nullspace(task: _Task) -> Recorder:
+def nullspace(task: _PrescribedTask) -> Recorder:
     """Make a recorder of the null-space projector ``N = 1 - J' (J J' + damping^2 1)^-1 J`` (n, n).
 
     For damping = 0, N maps joint velocities to those that do not move the tip.

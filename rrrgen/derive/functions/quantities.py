@@ -8,7 +8,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ArgumentKind:
     """An argument of model functions, before the number of joints and their kinds are known.
 
     ``shape`` holds sizes separated by spaces, "" for a scalar: numbers, or n for the number of joints, b for that of
@@ -48,18 +48,18 @@ class Quantity:
 
 
 _SHARED = (
-    Quantity("q", "n", "rad | m", "joint positions"),
-    Quantity("dq", "n", "rad/s | m/s", "joint velocities"),
-    Quantity("ddq", "n", "rad/s^2 | m/s^2", "joint accelerations"),
-    Quantity("tau", "n", "N m | N", "joint torques"),
-    Quantity("e", "n", "any", "the vector"),
-    Quantity("v", "n", "rad/s | m/s", "reference velocities"),
-    Quantity("a", "n", "rad/s^2 | m/s^2", "reference accelerations"),
-    Quantity("q_d", "n", "rad | m", "desired positions"),
-    Quantity("dq_d", "n", "rad/s | m/s", "desired velocities"),
-    Quantity("ddq_d", "n", "rad/s^2 | m/s^2", "desired accelerations"),
-    Quantity("beta", "b", "SI", "base parameters", constant=True, from_file="those of the robot file"),
-    Quantity(
+    ArgumentKind("q", "n", "rad | m", "joint positions"),
+    ArgumentKind("dq", "n", "rad/s | m/s", "joint velocities"),
+    ArgumentKind("ddq", "n", "rad/s^2 | m/s^2", "joint accelerations"),
+    ArgumentKind("tau", "n", "N m | N", "joint torques"),
+    ArgumentKind("e", "n", "any", "the vector"),
+    ArgumentKind("v", "n", "rad/s | m/s", "reference velocities"),
+    ArgumentKind("a", "n", "rad/s^2 | m/s^2", "reference accelerations"),
+    ArgumentKind("q_d", "n", "rad | m", "desired positions"),
+    ArgumentKind("dq_d", "n", "rad/s | m/s", "desired velocities"),
+    ArgumentKind("ddq_d", "n", "rad/s^2 | m/s^2", "desired accelerations"),
+    ArgumentKind("beta", "b", "SI", "base parameters", constant=True, from_file="those of the robot file"),
+    ArgumentKind(
         "covariance",
         "n n",
         "(N m)^2 | N^2",
@@ -67,31 +67,33 @@ _SHARED = (
         note=", of ``contact-thresholds``",
         constant=True,
     ),
-    Quantity("d3q_d", "n", "rad/s^3 | m/s^3", "desired third derivatives"),
-    Quantity("d4q_d", "n", "rad/s^4 | m/s^4", "desired fourth derivatives"),
-    Quantity(
+    ArgumentKind("d3q_d", "n", "rad/s^3 | m/s^3", "desired third derivatives"),
+    ArgumentKind("d4q_d", "n", "rad/s^4 | m/s^4", "desired fourth derivatives"),
+    ArgumentKind(
         "damping",
         "",
         "1",
         "share, such as 0.01, of the mean diagonal entry of J inv(M) J' below which its pivots are damped",
     ),
-    Quantity("dtheta", "n", "rad/s | m/s", "measured velocities of the rotors"),
-    Quantity("friction", "k", "SI", "friction parameters", constant=True, from_file="those of the robot file"),
-    Quantity(
+    ArgumentKind("dtheta", "n", "rad/s | m/s", "measured velocities of the rotors"),
+    ArgumentKind("friction", "k", "SI", "friction parameters", constant=True, from_file="those of the robot file"),
+    ArgumentKind(
         "gravity", "3", "m/s^2", "acceleration of gravity in the base frame", constant=True, from_file="the file's"
     ),
-    Quantity("Ia", "n", "kg m^2 | kg", "drive inertias", constant=True, from_file="those of the robot file"),
-    Quantity("J", "6 n", "m, 1", "Jacobian of the tip or of the point where it acts", note=", linear rows first"),
-    Quantity("kd", "n", "N m s/rad | N s/m", "gains of the velocity error", constant=True),
-    Quantity("ki", "n", "N m/(rad s) | N/(m s)", "gains of the integral", note="; zero for none", constant=True),
-    Quantity("kp", "n", "N m/rad | N/m", "gains of the position error", constant=True),
-    Quantity("mass", "", "kg", "mass of the body"),
-    Quantity("orientation", "4", "1", "orientation of the base in the world", note=": the unit quaternion x, y, z, w"),
-    Quantity("point", "3", "m", "the point in that frame"),
-    Quantity("q_0", "n", "rad | m", "positions at the start"),
-    Quantity("q_1", "n", "rad | m", "positions at the end"),
-    Quantity("r", "n", "N m | N", "estimated torques of the environment", note=", of :meth:`momentum_observer`"),
-    Quantity(
+    ArgumentKind("Ia", "n", "kg m^2 | kg", "drive inertias", constant=True, from_file="those of the robot file"),
+    ArgumentKind("J", "6 n", "m, 1", "Jacobian of the tip or of the point where it acts", note=", linear rows first"),
+    ArgumentKind("kd", "n", "N m s/rad | N s/m", "gains of the velocity error", constant=True),
+    ArgumentKind("ki", "n", "N m/(rad s) | N/(m s)", "gains of the integral", note="; zero for none", constant=True),
+    ArgumentKind("kp", "n", "N m/rad | N/m", "gains of the position error", constant=True),
+    ArgumentKind("mass", "", "kg", "mass of the body"),
+    ArgumentKind(
+        "orientation", "4", "1", "orientation of the base in the world", note=": the unit quaternion x, y, z, w"
+    ),
+    ArgumentKind("point", "3", "m", "the point in that frame"),
+    ArgumentKind("q_0", "n", "rad | m", "positions at the start"),
+    ArgumentKind("q_1", "n", "rad | m", "positions at the end"),
+    ArgumentKind("r", "n", "N m | N", "estimated torques of the environment", note=", of :meth:`momentum_observer`"),
+    ArgumentKind(
         "rotor_inertia",
         "n",
         "kg m^2 | kg",
@@ -99,7 +101,7 @@ _SHARED = (
         constant=True,
         from_file="those of the robot file",
     ),
-    Quantity(
+    ArgumentKind(
         "stiffness",
         "n",
         "N m/rad | N/m",
@@ -108,13 +110,15 @@ _SHARED = (
         constant=True,
         from_file="those of the robot file",
     ),
-    Quantity("T", "4 4", "1, m", "pose of the frame"),
-    Quantity("T_d", "4 4", "1, m", "desired pose of the tip in the base frame"),
-    Quantity("tau_0", "n", "N m | N", "torques of a second task that must not move the tip", note="; zero for none"),
-    Quantity(
+    ArgumentKind("T", "4 4", "1, m", "pose of the frame"),
+    ArgumentKind("T_d", "4 4", "1, m", "desired pose of the tip in the base frame"),
+    ArgumentKind(
+        "tau_0", "n", "N m | N", "torques of a second task that must not move the tip", note="; zero for none"
+    ),
+    ArgumentKind(
         "tau_add", "n", "N m | N", "torques to add before the limits", note=", such as friction at the desired speeds"
     ),
-    Quantity(
+    ArgumentKind(
         "tau_load",
         "n",
         "N m | N",
@@ -122,7 +126,7 @@ _SHARED = (
         note="; needed where a law depends on the load",
         optional=True,
     ),
-    Quantity(
+    ArgumentKind(
         "tau_max",
         "n",
         "N m | N",
@@ -131,22 +135,22 @@ _SHARED = (
         constant=True,
         from_file="the limits of the robot file",
     ),
-    Quantity("theta", "n", "rad | m", "measured positions of the rotors, seen at the joints"),
-    Quantity("tool", "4 4", "1, m", "pose of the tool in the last link frame", constant=True, rigid=True),
-    Quantity("Ts", "", "s", "the period"),
-    Quantity(
+    ArgumentKind("theta", "n", "rad | m", "measured positions of the rotors, seen at the joints"),
+    ArgumentKind("tool", "4 4", "1, m", "pose of the tool in the last link frame", constant=True, rigid=True),
+    ArgumentKind("Ts", "", "s", "the period"),
+    ArgumentKind(
         "twist", "6", "m/s, rad/s", "velocity of the base origin, then angular velocity of the base", note=", base axes"
     ),
-    Quantity(
+    ArgumentKind(
         "twist_rate",
         "6",
         "m/s^2, rad/s^2",
         "time derivatives of the components of the twist",
         note="; the base origin is accelerated by ``dv/dt + omega x v``",
     ),
-    Quantity("V_d", "6", "m/s, rad/s", "desired velocity of the tip", note=", base frame"),
-    Quantity("weights", "n", "any", "the weights"),
-    Quantity(
+    ArgumentKind("V_d", "6", "m/s, rad/s", "desired velocity of the tip", note=", base frame"),
+    ArgumentKind("weights", "n", "any", "the weights"),
+    ArgumentKind(
         "width",
         "s",
         "rad/s | m/s",
@@ -155,8 +159,8 @@ _SHARED = (
         constant=True,
         spread=True,
     ),
-    Quantity("wrench", "6", "N, N m", "force, then moment about the base origin, on the base", note=", base axes"),
-    Quantity(
+    ArgumentKind("wrench", "6", "N, N m", "force, then moment about the base origin, on the base", note=", base axes"),
+    ArgumentKind(
         "z", "n", "rad s | m s", "state of the integral", note="; zero at the start, then ``z_next`` of the last tick"
     ),
 )
@@ -164,6 +168,6 @@ QUANTITIES = {quantity.name: quantity for quantity in _SHARED}
 """Quantities that several functions take, by name."""
 
 
-def like(name: str, **changes: Any) -> Quantity:
+def like(name: str, **changes: Any) -> ArgumentKind:
     """The quantity ``name`` of :data:`QUANTITIES` with the fields ``changes``."""
     return replace(QUANTITIES[name], **changes)

@@ -33,7 +33,7 @@ from rrrgen.derive.recursions.linear_algebra import Matrix, dot, flat, rows, sta
 from rrrgen.program import Builder, Port, Program, Role, Value, count_operations
 from rrrgen.program.builder import replay
 from rrrgen.program.differentiation import Tangent, jacobian, pull_back, record, tangents
-from rrrgen.program.passes.cheapest import Cheapest, Log
+from rrrgen.program.passes.cheapest import Cheapest, PassLog
 
 STATE = (Role.POSITION, Role.VELOCITY, Role.ACCELERATION)
 """The inputs of inverse dynamics by which it is differentiated, in the order of the Hessian's blocks."""
@@ -247,7 +247,7 @@ def _storage(letter: str, last: str) -> str:
 
 
 def _cheapest(*ways: Program) -> Program:
-    return Cheapest()(ways, ways[0].name, Log())[0]
+    return Cheapest()(ways, ways[0].name, PassLog())[0]
 
 
 def _with_inputs_of(program: Program) -> tuple[Builder, list[Sequence[Value]]]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive.functions.model_function import ModelFunction, Needs
-from rrrgen.derive.functions.quantities import Quantity, like
+from rrrgen.derive.functions.quantities import ArgumentKind, like
 from rrrgen.program import Op, Program
 
 if TYPE_CHECKING:
@@ -249,7 +249,7 @@ TABLE = (
         "model",
         "Base parameters ``beta = K phi`` of given links; in C and CasADi ``base_parameters``.",
         takes="phi",
-        where=(Quantity("phi", "10n", "SI", "standard parameters of all links"),),
+        where=(ArgumentKind("phi", "10n", "SI", "standard parameters of all links"),),
         returns="beta, (..., b), in SI units.",
         record=f"{PARAMETERS}:BASE_PARAMETERS",
         by_hand=True,
@@ -260,14 +260,14 @@ TABLE = (
         "Base parameters of the robot with a body fixed to its last link, to be passed as ``beta`` to other methods.",
         takes="mass com inertia * beta",
         where=(
-            Quantity(
+            ArgumentKind(
                 "com",
                 "3",
                 "m",
                 "its centre of mass",
                 note=", in the frame of the last link, ``link_frames(q)[-1]``, which is the one before the tool",
             ),
-            Quantity(
+            ArgumentKind(
                 "inertia",
                 "3 3",
                 "kg m^2",
@@ -290,15 +290,15 @@ TABLE = (
         "Base parameters of the robot with a body fixed to its last link; the body is described in its own frame.",
         takes="mass com inertia frame * beta",
         where=(
-            Quantity("com", "3", "m", "its centre of mass", note=", in its own frame"),
-            Quantity(
+            ArgumentKind("com", "3", "m", "its centre of mass", note=", in its own frame"),
+            ArgumentKind(
                 "inertia",
                 "3 3",
                 "kg m^2",
                 "its inertia tensor about that centre",
                 note=", in the axes of its own frame; None for a point mass",
             ),
-            Quantity("frame", "4 4", "1, m", "pose of its frame in the last link"),
+            ArgumentKind("frame", "4 4", "1, m", "pose of its frame in the last link"),
             like("beta", meaning="base parameters without the body"),
         ),
         returns="beta_loaded, (..., b), in SI units.",
@@ -337,14 +337,14 @@ TABLE = (
         "Velocity and acceleration of a point that is fixed to a frame.",
         takes="T V A point",
         where=(
-            Quantity(
+            ArgumentKind(
                 "V",
                 "6",
                 "m/s, rad/s",
                 "its velocity",
                 note=", linear part first, such as ``link_velocities(q, dq)[..., i, :]``",
             ),
-            Quantity(
+            ArgumentKind(
                 "A",
                 "6",
                 "m/s^2, rad/s^2",
@@ -363,7 +363,7 @@ TABLE = (
         takes="J F",
         where=(
             like("J", meaning="Jacobian of the frame or point at which the wrench acts", note=""),
-            Quantity("F", "6", "N, N m", "force and moment about that point", note=", in base axes"),
+            ArgumentKind("F", "6", "N, N m", "force and moment about that point", note=", in base axes"),
         ),
         returns="tau, (..., n), N m or N.",
         record=f"{POINTS}:wrench_torques",
@@ -422,7 +422,7 @@ TABLE = (
         "Projection ``N = 1 - J' (J J' + damping^2 1)^-1 J`` on joint motions that keep the pose of the tip.",
         takes="q damping",
         where=(
-            Quantity(
+            ArgumentKind(
                 "damping",
                 "",
                 "SI",
@@ -446,7 +446,7 @@ TABLE = (
         "Projection N on joint motions that keep the position of the tip, while its orientation may change.",
         takes="q damping",
         where=(
-            Quantity(
+            ArgumentKind(
                 "damping",
                 "",
                 "m | 1",
@@ -533,15 +533,15 @@ TABLE = (
         "Passivity-based tracking with adaptation of the base parameters (Slotine and Li 1987).",
         takes="q dq q_d dq_d ddq_d lam k beta * width gamma beta_min beta_max Ts gravity Ia friction tau_max",
         where=(
-            Quantity("lam", "n", "1/s", "bandwidth of the error on s = 0", constant=True),
-            Quantity("k", "n", "N m s/rad | N s/m", "gains of s", constant=True),
+            ArgumentKind("lam", "n", "1/s", "bandwidth of the error on s = 0", constant=True),
+            ArgumentKind("k", "n", "N m s/rad | N s/m", "gains of s", constant=True),
             like(
                 "beta",
                 note=": at the start an estimate, then ``beta_next`` of the last tick",
                 constant=False,
                 from_file="",
             ),
-            Quantity(
+            ArgumentKind(
                 "gamma",
                 "b",
                 "(unit of beta)^2/J",
@@ -550,8 +550,8 @@ TABLE = (
                 constant=True,
                 for_drives=0.0,
             ),
-            Quantity("beta_min", "b", "SI", "lower bounds of beta", constant=True, for_drives=-math.inf),
-            Quantity("beta_max", "b", "SI", "upper bounds of beta", constant=True, for_drives=math.inf),
+            ArgumentKind("beta_min", "b", "SI", "lower bounds of beta", constant=True, for_drives=-math.inf),
+            ArgumentKind("beta_max", "b", "SI", "upper bounds of beta", constant=True, for_drives=math.inf),
         ),
         returns="The named tuple (tau, beta_next), (..., n) and (..., b).",
         record=f"{LAWS}:slotine_li",
@@ -569,8 +569,10 @@ TABLE = (
         "Impedance control of the tip, ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``.",
         takes="q dq T_d V_d stiffness damping * gravity beta tau_max",
         where=(
-            Quantity("stiffness", "6", "N/m, N m/rad", "spring along and about the axes of the base", constant=True),
-            Quantity("damping", "6", "N s/m, N m s/rad", "damper along and about these axes", constant=True),
+            ArgumentKind(
+                "stiffness", "6", "N/m, N m/rad", "spring along and about the axes of the base", constant=True
+            ),
+            ArgumentKind("damping", "6", "N s/m, N m s/rad", "damper along and about these axes", constant=True),
         ),
         returns="tau, (..., n), N m or N, within ``tau_max``.",
         record=f"{LAWS}:impedance",
@@ -585,7 +587,7 @@ TABLE = (
         "Operational-space control of the pose of the tip (Khatib 1987), damped near singular configurations.",
         takes="q dq T_d V_d A_d kp kd ki z tau_0 damping * tau_add Ts gravity beta Ia tau_max",
         where=(
-            Quantity("A_d", "6", "m/s^2, rad/s^2", "desired acceleration of the tip", note=", base frame"),
+            ArgumentKind("A_d", "6", "m/s^2, rad/s^2", "desired acceleration of the tip", note=", base frame"),
             like("kp", shape="6", unit="1/s^2", meaning="gains of the error of the tip"),
             like("kd", shape="6", unit="1/s", meaning="gains of the error of its velocity"),
             like("ki", shape="6", unit="1/s^3"),
@@ -615,9 +617,9 @@ TABLE = (
         "Operational-space control of the position of the tip (Khatib 1987), damped near singular configurations.",
         takes="q dq p_d V_d A_d kp kd ki z tau_0 damping * tau_add Ts gravity beta Ia tau_max",
         where=(
-            Quantity("p_d", "3", "m", "desired position of the tip in the base frame"),
+            ArgumentKind("p_d", "3", "m", "desired position of the tip in the base frame"),
             like("V_d", shape="3", unit="m/s"),
-            Quantity("A_d", "3", "m/s^2", "desired acceleration of the tip", note=", base frame"),
+            ArgumentKind("A_d", "3", "m/s^2", "desired acceleration of the tip", note=", base frame"),
             like("kp", shape="3", unit="1/s^2", meaning="gains of the error of the tip"),
             like("kd", shape="3", unit="1/s", meaning="gains of the error of its velocity"),
             like("ki", shape="3", unit="1/s^3"),
@@ -658,10 +660,10 @@ TABLE = (
         takes="q dq tau * width p_last u_last r_last gain Ts gravity beta Ia friction",
         where=(
             like("tau", meaning="torques applied since the last tick"),
-            Quantity("p_last", "n", "N m s | N s", "momentum at the last tick"),
-            Quantity("u_last", "n", "N m | N", "torques u at the last tick"),
-            Quantity("r_last", "n", "N m | N", "estimate of the last tick", note="; zero at the start"),
-            Quantity("gain", "", "1/s", "pole of the observer"),
+            ArgumentKind("p_last", "n", "N m s | N s", "momentum at the last tick"),
+            ArgumentKind("u_last", "n", "N m | N", "torques u at the last tick"),
+            ArgumentKind("r_last", "n", "N m | N", "estimate of the last tick", note="; zero at the start"),
+            ArgumentKind("gain", "", "1/s", "pole of the observer"),
         ),
         returns="The named tuple (r, p, u), (..., n) each: the estimate, and the state for the next tick.",
         record=f"{OBSERVERS}:momentum_observer",
@@ -675,10 +677,10 @@ TABLE = (
         "One period of contact detection: compare estimated external torques and their changes with thresholds.",
         takes="r r_last change_last gain Ts threshold change_threshold",
         where=(
-            Quantity("r_last", "n", "N m | N", "those of the last tick", note="; zero at the start"),
-            Quantity("change_last", "n", "N m | N", "change of the last tick", note="; zero at the start"),
-            Quantity("gain", "", "1/s", "pole of the momentum observer"),
-            Quantity(
+            ArgumentKind("r_last", "n", "N m | N", "those of the last tick", note="; zero at the start"),
+            ArgumentKind("change_last", "n", "N m | N", "change of the last tick", note="; zero at the start"),
+            ArgumentKind("gain", "", "1/s", "pole of the momentum observer"),
+            ArgumentKind(
                 "threshold",
                 "n",
                 "N m | N",
@@ -686,7 +688,7 @@ TABLE = (
                 note=", of ``contact-thresholds``; inf for none",
                 constant=True,
             ),
-            Quantity(
+            ArgumentKind(
                 "change_threshold",
                 "n",
                 "N m | N",
@@ -764,7 +766,7 @@ TABLE = (
             like("theta", meaning="positions of the rotors, seen at the joints"),
             like("dtheta", meaning="velocities of the rotors"),
             like("tau", meaning="torques on the rotors, friction subtracted"),
-            Quantity(
+            ArgumentKind(
                 "damping",
                 "n",
                 "N m s/rad | N s/m",
@@ -791,8 +793,8 @@ TABLE = (
             like("q", meaning="positions of the links"),
             like("dq", meaning="their velocities"),
             like("ddq", meaning="their accelerations"),
-            Quantity("d3q", "n", "rad/s^3 | m/s^3", "their third derivatives"),
-            Quantity("d4q", "n", "rad/s^4 | m/s^4", "their fourth derivatives"),
+            ArgumentKind("d3q", "n", "rad/s^3 | m/s^3", "their third derivatives"),
+            ArgumentKind("d4q", "n", "rad/s^4 | m/s^4", "their fourth derivatives"),
         ),
         returns="The named tuple (tau, theta, dtheta), (..., n) each: torques, N m or N, positions and "
         "velocities of rotors.",
@@ -829,7 +831,7 @@ TABLE = (
             like("q", meaning="measured positions of the links"),
             like("dq", meaning="measured velocities of the links"),
             like("q_d", meaning="desired positions of the links"),
-            Quantity("w", "n", "rad/s", "bandwidths of the loops", constant=True),
+            ArgumentKind("w", "n", "rad/s", "bandwidths of the loops", constant=True),
         ),
         returns="The torques to apply, (..., n), N m or N. The status, (...), is 1 where the mass matrix is "
         "not positive definite.",
@@ -848,8 +850,8 @@ TABLE = (
         "Joint torques along a path, linear in u = d2s/dt2 and x = (ds/dt)^2: ``tau = a u + b x + g``.",
         takes="q q_s q_ss beta * Ia gravity",
         where=(
-            Quantity("q_s", "n", "rad per unit of s | m per unit of s", "their derivatives dq/ds"),
-            Quantity("q_ss", "n", "rad per unit of s^2 | m per unit of s^2", "their second derivatives d2q/ds2"),
+            ArgumentKind("q_s", "n", "rad per unit of s | m per unit of s", "their derivatives dq/ds"),
+            ArgumentKind("q_ss", "n", "rad per unit of s^2 | m per unit of s^2", "their second derivatives d2q/ds2"),
         ),
         returns="The named tuple (a, b, g), (..., n) each, N m or N per unit of u, of x, and N m or N.",
         record=f"{PATHS}:path_dynamics",
@@ -862,12 +864,14 @@ TABLE = (
         "Motion at the time t along quintic polynomials that connect two states (position, velocity, acceleration).",
         takes="t T q_0 dq_0 ddq_0 q_1 dq_1 ddq_1",
         where=(
-            Quantity("t", "", "s", "time since the start", note="; before 0 and after T the nearer end is returned"),
+            ArgumentKind(
+                "t", "", "s", "time since the start", note="; before 0 and after T the nearer end is returned"
+            ),
             like("T", shape="", unit="s", meaning="duration"),
-            Quantity("dq_0", "n", "rad/s | m/s", "velocities at the start"),
-            Quantity("ddq_0", "n", "rad/s^2 | m/s^2", "accelerations at the start"),
-            Quantity("dq_1", "n", "rad/s | m/s", "velocities at the end"),
-            Quantity("ddq_1", "n", "rad/s^2 | m/s^2", "accelerations at the end"),
+            ArgumentKind("dq_0", "n", "rad/s | m/s", "velocities at the start"),
+            ArgumentKind("ddq_0", "n", "rad/s^2 | m/s^2", "accelerations at the start"),
+            ArgumentKind("dq_1", "n", "rad/s | m/s", "velocities at the end"),
+            ArgumentKind("ddq_1", "n", "rad/s^2 | m/s^2", "accelerations at the end"),
         ),
         returns="The named tuple (q_d, dq_d, ddq_d), (..., n) each.",
         record=f"{MOTIONS}:quintic",
@@ -881,9 +885,9 @@ TABLE = (
         "Fastest straight motion in joint space with trapezoidal speed and all joints in phase, at the time t.",
         takes="t q_0 q_1 dq_max ddq_max",
         where=(
-            Quantity("t", "", "s", "time since the start"),
-            Quantity("dq_max", "n", "rad/s | m/s", "largest speeds", note="; positive", constant=True),
-            Quantity("ddq_max", "n", "rad/s^2 | m/s^2", "largest accelerations", note="; positive", constant=True),
+            ArgumentKind("t", "", "s", "time since the start"),
+            ArgumentKind("dq_max", "n", "rad/s | m/s", "largest speeds", note="; positive", constant=True),
+            ArgumentKind("ddq_max", "n", "rad/s^2 | m/s^2", "largest accelerations", note="; positive", constant=True),
         ),
         returns="The named tuple (q_d, dq_d, ddq_d, T): (..., n) each, and the duration, (...), s.",
         record=f"{MOTIONS}:trapezoidal",
@@ -924,7 +928,7 @@ TABLE = (
         takes="q dq ddq weights direction beta * Ia gravity",
         where=(
             like("weights", meaning="weights of the torques", note=", such as the multipliers of a solver"),
-            Quantity("direction", "3n", "any", "the direction", note=": changes of q, then of dq, then of ddq"),
+            ArgumentKind("direction", "3n", "any", "the direction", note=": changes of q, then of dq, then of ddq"),
         ),
         returns="``H direction``, (..., 3 n), in SI units times the units of weights and direction. H is never formed.",
         combine=f"{SECOND}:inverse_dynamics_hessian_product",
@@ -1053,7 +1057,7 @@ TABLE = (
         "One period of the friction laws with a state, exact for constant dq: the next state and the torques.",
         takes="dq z Ts tau_load",
         where=(
-            Quantity(
+            ArgumentKind(
                 "z",
                 "s",
                 "rad | m",

@@ -428,7 +428,7 @@ def _unit_row(width: int, position: int) -> list[Any]:
     return [int(k == position) for k in range(width)]
 
 
-class _Linear:
+class _LinearForm:
     """A linear form in the 10 n standard parameters, with addition and multiplication by a constant."""
 
     __slots__ = ("row",)
@@ -436,21 +436,21 @@ class _Linear:
     def __init__(self, row: list[Any]) -> None:
         self.row = row
 
-    def __add__(self, other: Any) -> _Linear:
-        if not isinstance(other, _Linear):
+    def __add__(self, other: Any) -> _LinearForm:
+        if not isinstance(other, _LinearForm):
             return self  # a structural zero
-        return _Linear([x + y for x, y in zip(self.row, other.row, strict=True)])
+        return _LinearForm([x + y for x, y in zip(self.row, other.row, strict=True)])
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> _Linear:
-        return self + (-other if isinstance(other, _Linear) else 0)
+    def __sub__(self, other: Any) -> _LinearForm:
+        return self + (-other if isinstance(other, _LinearForm) else 0)
 
-    def __neg__(self) -> _Linear:
-        return _Linear([-x for x in self.row])
+    def __neg__(self) -> _LinearForm:
+        return _LinearForm([-x for x in self.row])
 
     def __mul__(self, factor: Any) -> Any:
-        return _Linear([factor * x for x in self.row]) if factor else 0
+        return _LinearForm([factor * x for x in self.row]) if factor else 0
 
     __rmul__ = __mul__
 
@@ -458,9 +458,9 @@ class _Linear:
 def _regroup(model: RobotModel, ring: PolynomialRing) -> dict[Parameter, list[Any]]:
     """Express every candidate as coefficients (10 n,) of the standard parameters, after both regrouping rules."""
     width = 10 * model.links
-    phi = [[_Linear(_unit_row(width, 10 * i + k)) for k in range(10)] for i in range(model.links)]
+    phi = [[_LinearForm(_unit_row(width, 10 * i + k)) for k in range(10)] for i in range(model.links)]
     values = regroup(model, partial(exact_placement, ring), phi)
-    return {c: value.row if isinstance(value, _Linear) else [0] * width for c, value in values.items()}
+    return {c: value.row if isinstance(value, _LinearForm) else [0] * width for c, value in values.items()}
 
 
 def regroup(

@@ -110,7 +110,7 @@ class Dyad:
 
 
 @dataclass(frozen=True)
-class Body:
+class CompositeBody:
     """The composite body of a joint: pseudo-inertia ``J``, ``dyad``, and ``zdot`` (3,), the rate of the joint axis."""
 
     J: PseudoInertia
@@ -145,7 +145,7 @@ class Composition:
     """
 
     chain: Chain
-    bodies: tuple[Body, ...]
+    bodies: tuple[CompositeBody, ...]
     shifted_wrenches: tuple[dict[int, ShiftedWrench], ...]
 
     def mass_matrix(self) -> Matrix:
@@ -193,7 +193,7 @@ def compose(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia], 
     ]
     dyads = _dyads(chain, inertias, motion, joint_offsets, factor)
     bodies = tuple(
-        Body(J, dyad, scale(factor, [velocity.block_omega[1], -velocity.block_omega[0], 0]))
+        CompositeBody(J, dyad, scale(factor, [velocity.block_omega[1], -velocity.block_omega[0], 0]))
         for J, dyad, velocity in zip(composites(chain, inertias), dyads, motion, strict=True)
     )
     return Composition(
@@ -278,7 +278,7 @@ def _link_dyad(J: PseudoInertia, omega: Vector) -> Dyad:
 
 
 def _shifted_wrenches(
-    chain: Chain, j: int, body: Body, joint_offsets: Sequence[JointOffset]
+    chain: Chain, j: int, body: CompositeBody, joint_offsets: Sequence[JointOffset]
 ) -> dict[int, ShiftedWrench]:
     F, N = unit_wrench(chain.joints[j].revolute, body.J)
     A, P = body.dyad.A, body.dyad.P
@@ -302,7 +302,7 @@ def _shifted_to_previous(chain: Chain, i: int, joint_offset: JointOffset, shifte
     return ShiftedWrench(F, N, rotate_z(before.c, before.s, W))
 
 
-def _rate_wrench(revolute: bool, body: Body) -> tuple[Vector, Vector]:
+def _rate_wrench(revolute: bool, body: CompositeBody) -> tuple[Vector, Vector]:
     """Force and moment (3,) about the origin of joint j of the field dJ_j/dt on the composite body of joint j."""
     J, (A, P), zdot = body.J, (body.dyad.A, body.dyad.P), body.zdot
     h = [J.hx, J.hy, J.hz]

@@ -31,7 +31,7 @@ Rows = list[list[Value]]
 
 
 @dataclass(frozen=True)
-class Factors:
+class LDLFactors:
     """The factorization ``M = L D L'`` of a symmetric matrix: L (unit lower triangular), D and its reciprocals.
 
     ``status`` is 1 if a pivot is not positive; the factors are then finite but meaningless from that pivot on. With an
@@ -92,7 +92,7 @@ class Factors:
         return X
 
 
-def factorize(builder: Builder, M: Rows, *, tips_first: bool = False) -> Factors:
+def factorize(builder: Builder, M: Rows, *, tips_first: bool = False) -> LDLFactors:
     """The factors L, D of the symmetric matrix ``M`` (n, n), recorded into ``builder``.
 
     ``tips_first`` eliminates the last joint first: in the mass matrix of a tree, whose entries between branches are
@@ -126,7 +126,7 @@ def factorize(builder: Builder, M: Rows, *, tips_first: bool = False) -> Factors
     status: Value = 0
     for margin in reversed(margins):
         status = b.select(margin, status, 1)
-    return Factors(b, L, pivots, reciprocals, status)
+    return LDLFactors(b, L, pivots, reciprocals, status)
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from rrrgen.emit.c.language import Dialect, LibmSinCos, SinCos, Trig, nonfinite_
 from rrrgen.emit.c.path_timing import timing_files
 from rrrgen.emit.c.stack import STACK_RULE
 from rrrgen.emit.description import facts, large_angles, programs_of, title
-from rrrgen.emit.interface import Check
+from rrrgen.emit.interface import SelfTestCheck
 from rrrgen.emit.printing import columns, mathematics, wrapped
 from rrrgen.program import Failure, Op, Program, count_operations, nominal_name
 from rrrgen.robot.identity import Identity
@@ -223,7 +223,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
 Files = dict[str, str]
 
 
-def _nothing() -> tuple[Files, Sequence[Check]]:
+def _nothing() -> tuple[Files, Sequence[SelfTestCheck]]:
     return {}, ()
 
 
@@ -236,7 +236,7 @@ class CBackend:
     """
 
     trig: Trig = "inline"
-    beside: Callable[[], tuple[Files, Sequence[Check]]] = _nothing
+    beside: Callable[[], tuple[Files, Sequence[SelfTestCheck]]] = _nothing
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
         """Print all files: ``<name>.h``, ``<name>.c`` with further sources, and ``<name>_selftest.c``."""

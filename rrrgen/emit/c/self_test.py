@@ -17,7 +17,7 @@ from rrrgen.base.templates import render
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.emit.c.header_comments import function_name
 from rrrgen.emit.c.language import Dialect
-from rrrgen.emit.interface import Check
+from rrrgen.emit.interface import SelfTestCheck
 from rrrgen.program import REFUSED, Domain, Op, Port, Program, Role, evaluate_floats, specialization
 from rrrgen.robot.identity import Identity
 from rrrgen.robot.model.inertial_parameters import standard_parameters
@@ -94,7 +94,9 @@ class Golden:
     arithmetic: bool  # no function of the C library but the square root: the bits are the same everywhere
 
 
-def selftest(model: DerivedModel, identity: Identity, dialect: Dialect, checks: Sequence[Check] = ()) -> dict[str, str]:
+def selftest(
+    model: DerivedModel, identity: Identity, dialect: Dialect, checks: Sequence[SelfTestCheck] = ()
+) -> dict[str, str]:
     """Print ``<name>_selftest.c``, a program that prints a line per check and exits with 0, or with 1 if one fails.
 
     ``checks`` test functions that have headers of their own, such as the inverse kinematics.

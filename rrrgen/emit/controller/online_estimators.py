@@ -342,11 +342,11 @@ class EstimatorSettings:
     gain: float | None = None
     rest: float = DEFAULT_REST
 
-    def completed(self, regression: Regression) -> Tuning:
+    def completed(self, regression: Regression) -> EstimatorTuning:
         """These settings with every default filled in; raises :class:`InputError` that lists all invalid ones."""
         p, n = len(regression.names), regression.joints
         typical = max((abs(value) for value in regression.nominal or ()), default=0.0) or 1.0
-        found = Tuning(
+        found = EstimatorTuning(
             start=self.start if self.start is not None else regression.nominal or (0.0,) * p,
             spread=self.spread if self.spread is not None else (DEFAULT_SPREAD * typical,) * p,
             noise=self.noise
@@ -363,7 +363,7 @@ class EstimatorSettings:
 
 
 @dataclass(frozen=True)
-class Tuning:
+class EstimatorTuning:
     """Complete settings of an online estimator; the fields are those of :class:`EstimatorSettings`.
 
     Only ``gain`` may be None, because recursive least squares has none.
@@ -428,7 +428,7 @@ def estimator_files(regression: Regression, kind: Kind, settings: EstimatorSetti
     )
 
 
-def _values(regression: Regression, kind: Kind, chosen: Tuning, dialect: Dialect) -> dict[str, object]:
+def _values(regression: Regression, kind: Kind, chosen: EstimatorTuning, dialect: Dialect) -> dict[str, object]:
     """Values of the variables in the C templates of the estimator ``kind``, by name."""
 
     def literal(value: float) -> str:

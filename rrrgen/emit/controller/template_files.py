@@ -11,7 +11,7 @@ from rrrgen.emit.c.ik.tool_input import tool_solver_check, tool_solver_files
 from rrrgen.emit.c.language import Trig, sincos_strategy
 from rrrgen.emit.controller.differential_ik import differential_ik_files
 from rrrgen.emit.controller.fourier_series import fourier_series_files
-from rrrgen.emit.interface import Check
+from rrrgen.emit.interface import SelfTestCheck
 
 if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
@@ -29,12 +29,14 @@ def files_beside(spec: RobotSpec, real: Real, groups: Iterable[str], trig: Trig 
     return files
 
 
-def checks_beside(spec: RobotSpec, groups: Iterable[str]) -> tuple[Check, ...]:
+def checks_beside(spec: RobotSpec, groups: Iterable[str]) -> tuple[SelfTestCheck, ...]:
     """Self-tests of the C functions of :func:`files_beside`, for the emitted ``groups``."""
     brought = {"control": "differential_ik", "trajectory": "fourier"}
     wanted, robot = set(groups), spec.name
     checks = [
-        Check(name, f"{robot}_{name}.h", render(f"c/{name}_selftest.c.j2", p=robot, M=robot.upper()), digested=True)
+        SelfTestCheck(
+            name, f"{robot}_{name}.h", render(f"c/{name}_selftest.c.j2", p=robot, M=robot.upper()), digested=True
+        )
         for group, name in brought.items()
         if group in wanted
     ]

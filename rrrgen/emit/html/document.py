@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.emit.html.scene import Illustration, Motion
+    from rrrgen.emit.html.scene import Illustration, PlayedMotion
 
 
 def html_report(
@@ -31,7 +31,7 @@ def html_report(
     closed_forms: Mapping[str, Form],
     verification: tables.Verification | None = None,
     notice: str = "",
-    motions: Sequence[Motion] = (),
+    motions: Sequence[PlayedMotion] = (),
     figures: Sequence[Illustration] = (),
 ) -> str:
     """Write a self-contained HTML page about the robot of ``model`` and return its text.

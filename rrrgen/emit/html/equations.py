@@ -12,7 +12,7 @@ from rrrgen.emit.html.mathml import Line, MathmlMarkup, definition, display, equ
 from rrrgen.emit.latex import Form, Walk, lay_out
 
 if TYPE_CHECKING:
-    from rrrgen.emit.latex.inverse_kinematics import ClosedForm
+    from rrrgen.emit.latex.inverse_kinematics import SolverForm
     from rrrgen.robot.spec import RobotSpec
 
 
@@ -65,6 +65,6 @@ def inverse_kinematics(spec: RobotSpec) -> dict[str, object]:
     }
 
 
-def _steps(form: ClosedForm) -> list[Line]:
+def _steps(form: SolverForm) -> list[Line]:
     walk = Walk(MathmlMarkup(), short_trig=False)
     return [step(each.symbol, each.expression, each.either, each.note, walk) for each in form.steps]

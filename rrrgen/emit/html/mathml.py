@@ -7,7 +7,7 @@ from html import escape
 
 import sympy as sp
 
-from rrrgen.emit.latex import GREEK, Equation, Notation, Quantity, Walk, break_sum, notation
+from rrrgen.emit.latex import GREEK, Notation, PrintedEquation, QuantityNotation, Walk, break_sum, notation
 
 _BOLD_CAPITALS, _BOLD_SMALL, _BOLD_GREEK = 0x1D468, 0x1D482, 0x1D736
 _DOTS = {1: "˙", 2: "¨"}
@@ -168,7 +168,7 @@ def _folding_angle(value: sp.Expr, walk: Walk, sign: str = "") -> str:
     )
 
 
-def equation(about: Quantity, written: Equation, walk: Walk) -> Line:
+def equation(about: QuantityNotation, written: PrintedEquation, walk: Walk) -> Line:
     """The line of one equation of a closed form."""
     left = _left(about, written)
     if isinstance(written.value, sp.MatrixBase):
@@ -185,7 +185,7 @@ def matrix(value: sp.MatrixBase, walk: Walk) -> str:
     return f'<mtable class="matrix">{rows}</mtable>'
 
 
-def _left(about: Quantity, equation: Equation) -> str:
+def _left(about: QuantityNotation, equation: PrintedEquation) -> str:
     parts = notation(equation.letter)
     letter = bold(parts.base)
     below = (*parts.subscript, *(str(index) for index in equation.indices))

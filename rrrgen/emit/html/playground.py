@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from rrrgen.base.errors import DerivationError, Fault, InputError
-from rrrgen.base.yamltext.document import FaultList, MappingNode, Node, Scalar, SequenceNode, parse_document
+from rrrgen.base.yamltext.document import FaultList, MappingNode, Node, ScalarNode, SequenceNode, parse_document
 
 if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
@@ -60,7 +60,7 @@ def _table(text: str) -> tuple[list[dict[str, Any]], dict[str, str]]:
     except InputError:
         return [], {}
     units = {
-        key: value.text for key, value in _entries(_entries(root).get("units")).items() if isinstance(value, Scalar)
+        key: value.text for key, value in _entries(_entries(root).get("units")).items() if isinstance(value, ScalarNode)
     }
     joints = _entries(root).get("joints")
     rows = joints.items if isinstance(joints, SequenceNode) else []
@@ -70,11 +70,11 @@ def _table(text: str) -> tuple[list[dict[str, Any]], dict[str, str]]:
 def _entries(node: Node | None) -> dict[str, Node]:
     if not isinstance(node, MappingNode):
         return {}
-    return {key.text: value for key, value in node.entries if isinstance(key, Scalar)}
+    return {key.text: value for key, value in node.entries if isinstance(key, ScalarNode)}
 
 
 def _cell(node: Node | None) -> dict[str, Any] | None:
-    if not isinstance(node, Scalar) or "\n" in node.text:
+    if not isinstance(node, ScalarNode) or "\n" in node.text:
         return None
     place = node.place
     return {"text": node.text, "line": place.line, "column": place.column + node.inset}

@@ -41,7 +41,7 @@ LARGEST_DRAWING = 400_000
 
 
 @dataclass(frozen=True)
-class Motion:
+class PlayedMotion:
     """A motion to be played: ``name``, instants ``t`` (N,) in s, and joint positions ``q`` (N, n) in rad or m."""
 
     name: str

@@ -22,7 +22,7 @@ Transform = tuple[tuple[float, float, float, float], ...]
 
 
 @dataclass(frozen=True)
-class Stage:
+class SketchFrame:
     """Frame i in the zero pose, the joint that moves it, and the path along the link to its origin.
 
     ``axis`` is a point on the joint axis and its direction; ``path`` the corner points of the DH displacements from the
@@ -35,13 +35,13 @@ class Stage:
     path: tuple[Point, ...]
 
 
-def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
-    """Compute the zero pose (q = 0, nominal parameters): base frame, one :class:`Stage` per DH row, tip frame.
+def zero_pose(spec: RobotSpec) -> tuple[Transform, list[SketchFrame], Transform]:
+    """Compute the zero pose (q = 0, nominal parameters): base frame, one :class:`SketchFrame` per DH row, tip frame.
 
     All are given in the base frame of the robot file.
     """
     base = _numbers(spec, spec.base)
-    stages: list[Stage] = []
+    stages: list[SketchFrame] = []
     for row, parent in zip(dh_rows(spec, nominal=True), spec.parents, strict=True):
         T = base if parent < 0 else stages[parent].frame
         placed = _times(_rotation_z(float(row.gamma)), _shift(0.0, 0.0, float(row.b)))
@@ -56,7 +56,7 @@ def zero_pose(spec: RobotSpec) -> tuple[Transform, list[Stage], Transform]:
             T = _times(T, step)
             corners.append(origin(T))
         path = tuple(p for k, p in enumerate(corners) if k == 0 or p != corners[k - 1])
-        stages.append(Stage(T, row.revolute, (origin(start), column(start, 2)), path))
+        stages.append(SketchFrame(T, row.revolute, (origin(start), column(start, 2)), path))
     return base, stages, _times(stages[spec.tip_row].frame, _numbers(spec, spec.tool))
 
 
@@ -215,14 +215,14 @@ def _ground(view: View, place: Point) -> str:
     return "\n".join([_line((x - 28, y + 6), (x + 28, y + 6), "ground"), *hatches])
 
 
-def _axis(view: View, stage: Stage) -> str:
+def _axis(view: View, stage: SketchFrame) -> str:
     """The joint axis as a dash-dotted line, longer on its positive side."""
     x, y = view.at(stage.axis[0])
     dx, dy = _screen(stage.axis[1])
     return _line((x - 26 * dx, y - 26 * dy), (x + _REACH * dx, y + _REACH * dy), "axis")
 
 
-def _joint(view: View, stage: Stage) -> str:
+def _joint(view: View, stage: SketchFrame) -> str:
     x, y = view.at(stage.axis[0])
     if stage.revolute:
         return f'<circle class="joint" cx="{_px(x)}" cy="{_px(y)}" r="6"/>'
@@ -248,7 +248,7 @@ def _frame_labels(view: View, frames: Sequence[tuple[str, Transform]]) -> list[L
     return [(names, (x - 9, y + 20), "frame") for names, (x, y) in _merged(places)]
 
 
-def _variable_labels(view: View, stages: Sequence[Stage], names: Sequence[str]) -> list[Label]:
+def _variable_labels(view: View, stages: Sequence[SketchFrame], names: Sequence[str]) -> list[Label]:
     """Make the labels with the joint variables, beside the positive ends of the joint axes."""
     places = []
     for name, stage in zip(names, stages, strict=True):

@@ -28,7 +28,7 @@ DECIMALS = 12  # of the entries of the zero pose; rounding errors of cosines, su
 
 
 @dataclass(frozen=True)
-class Table:
+class HtmlTable:
     """Headings and rows; ``numeric`` columns are aligned to the right, ``failed`` rows are marked."""
 
     headings: tuple[str, ...]
@@ -45,7 +45,7 @@ class Verification:
     reason).
     """
 
-    table: Table
+    table: HtmlTable
     ok: bool
     samples: int
     seed: int
@@ -64,7 +64,7 @@ def unit(text: str) -> str:
     return text.replace("^2", "²").replace("^3", "³").replace(" ", "\u00a0")
 
 
-def dh_exact(spec: RobotSpec, walk: Walk) -> Table:
+def dh_exact(spec: RobotSpec, walk: Walk) -> HtmlTable:
     """The table of Denavit-Hartenberg parameters as in the robot file, with named parameters."""
     rows = []
     q = sp.Matrix([sp.Symbol(f"q{k}", real=True) for k in range(1, spec.n + 1)])
@@ -77,7 +77,7 @@ def dh_exact(spec: RobotSpec, walk: Walk) -> Table:
         rows.append((str(i), joint.name, joint.type, *_carrier(spec, i - 1), *cells))
     carried = () if spec.mechanism is None else ("on",)
     placed = ("γ", "b") if spec.has_placements else ()
-    return Table(("i", "joint", "type", *carried, *placed, "α", "a", "d", "θ"), tuple(rows), frozenset({0}))
+    return HtmlTable(("i", "joint", "type", *carried, *placed, "α", "a", "d", "θ"), tuple(rows), frozenset({0}))
 
 
 def _carrier(spec: RobotSpec, i: int) -> tuple[str, ...]:
@@ -87,7 +87,7 @@ def _carrier(spec: RobotSpec, i: int) -> tuple[str, ...]:
     return (spec.rows[spec.parents[i]].name if spec.parents[i] >= 0 else "base",)
 
 
-def dh_numbers(spec: RobotSpec, in_degrees: bool) -> Table:
+def dh_numbers(spec: RobotSpec, in_degrees: bool) -> HtmlTable:
     """The Denavit-Hartenberg table at nominal parameters, in rad and m or in degrees and mm."""
     angle, length = (degrees, 1000.0) if in_degrees else (float, 1.0)
     rows = []
@@ -104,7 +104,7 @@ def dh_numbers(spec: RobotSpec, in_degrees: bool) -> Table:
     units = ("°", "mm") if in_degrees else ("rad", "m")
     placed = (f"γ [{units[0]}]", f"b [{units[1]}]") if spec.has_placements else ()
     headings = ("i", *placed, f"α [{units[0]}]", f"a [{units[1]}]", f"d [{units[1]}]", f"θ [{units[0]}]")
-    return Table(headings, tuple(rows), frozenset(range(len(headings))))
+    return HtmlTable(headings, tuple(rows), frozenset(range(len(headings))))
 
 
 def _with_variable(q: str, offset: str) -> str:
@@ -113,7 +113,7 @@ def _with_variable(q: str, offset: str) -> str:
     return f"{q} − {offset[1:]}" if offset.startswith("−") else f"{q} + {offset}"
 
 
-def stated(spec: RobotSpec) -> list[tuple[str, Table]]:
+def stated(spec: RobotSpec) -> list[tuple[str, HtmlTable]]:
     """Tables by title of what the robot file states beside the Denavit-Hartenberg table.
 
     Values are in SI units and in other usual ones, such as degrees and mm.
@@ -126,7 +126,7 @@ def stated(spec: RobotSpec) -> list[tuple[str, Table]]:
             (name, *("" if each == "-" else unit(each).replace("-", "−") for each in row)) for name, *row in rows
         )
         headings = first if headed else ("",) * len(first)
-        found.append((title.replace("^2", "²"), Table(headings, cells)))
+        found.append((title.replace("^2", "²"), HtmlTable(headings, cells)))
     return found
 
 
@@ -138,17 +138,17 @@ def typeset(text: str) -> Markup:
     return Markup(re.sub(r"\b(m[xyz]?|[xyz])i\b", r"<i>\1<sub>i</sub></i>", text))
 
 
-def drives(spec: RobotSpec) -> tuple[Table, Table] | None:
+def drives(spec: RobotSpec) -> tuple[HtmlTable, HtmlTable] | None:
     """The tables of coupled drives, or None: joint speeds as sums of drive speeds, and the motors of the robot file."""
     if spec.drives is None:
         return None
     equations = tuple((equation.replace("-", "−"),) for equation in coupling_equations(spec))
     shafts = {motor.name: motor_facts(motor).replace("^2", "²").replace("-", "−") for motor in spec.drives.motors}
-    speeds = Table(("speed of the joint from those of the drives",), equations)
-    return speeds, Table(("motor", "at its shaft"), tuple(shafts.items()))
+    speeds = HtmlTable(("speed of the joint from those of the drives",), equations)
+    return speeds, HtmlTable(("motor", "at its shaft"), tuple(shafts.items()))
 
 
-def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
+def base_parameters(parameters: ParameterListing, walk: Walk) -> HtmlTable:
     """The table of base parameters: name, expression, unit and, with link data, nominal value."""
     rows = []
     for k, parameter in enumerate(parameters.rows):
@@ -157,13 +157,13 @@ def base_parameters(parameters: ParameterListing, walk: Walk) -> Table:
         rows.append((str(k + 1), symbol, *value, unit(parameter.unit), Markup(folding(parameter.expression, walk))))
     nominal = ("nominal value",) if rows and len(rows[0]) == 5 else ()
     right = frozenset({0, 2}) if nominal else frozenset({0})
-    return Table(("", "parameter", *nominal, "unit", "expression"), tuple(rows), right)
+    return HtmlTable(("", "parameter", *nominal, "unit", "expression"), tuple(rows), right)
 
 
-def regrouping(model: DerivedModel) -> Table:
+def regrouping(model: DerivedModel) -> HtmlTable:
     """The table of regrouping: how each standard parameter enters the base parameters, and why."""
     rows = tuple((item.parameter, _formula(item.formula), item.reason) for item in model.regrouping)
-    return Table(("standard parameter", "regrouped into", "reason"), rows)
+    return HtmlTable(("standard parameter", "regrouped into", "reason"), rows)
 
 
 def _formula(text: str) -> str:
@@ -174,10 +174,10 @@ def _formula(text: str) -> str:
 _COUNTS = ("total", "multiplications", "additions", "divisions", "roots", "sine and cosine pairs", "other")
 
 
-def operations(model: DerivedModel) -> Table:
+def operations(model: DerivedModel) -> HtmlTable:
     """The table of operation counts per evaluation of every function."""
     rows = tuple((name, *_counts(count_operations(program))) for name, program in model.programs.items())
-    return Table(("function", *_COUNTS), rows, frozenset(range(1, len(_COUNTS) + 1)))
+    return HtmlTable(("function", *_COUNTS), rows, frozenset(range(1, len(_COUNTS) + 1)))
 
 
 def _counts(count: OperationCount) -> tuple[str, ...]:
@@ -185,10 +185,10 @@ def _counts(count: OperationCount) -> tuple[str, ...]:
     return tuple(str(value) for value in values)
 
 
-def passes(model: DerivedModel) -> Table:
+def passes(model: DerivedModel) -> HtmlTable:
     """The table of optimization passes: operations before and after."""
     rows = tuple((p.function, p.name, str(p.before.total), str(p.after.total)) for p in model.passes)
-    return Table(("function", "pass", "operations before", "after"), rows, frozenset({2, 3}))
+    return HtmlTable(("function", "pass", "operations before", "after"), rows, frozenset({2, 3}))
 
 
 def pose(rows: Sequence[Sequence[float]]) -> str:

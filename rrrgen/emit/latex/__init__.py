@@ -2,8 +2,8 @@
 
 from rrrgen.emit.latex.equations import (
     Display,
-    Equation,
     Form,
+    PrintedEquation,
     break_sum,
     latex,
     latex_base_parameters,
@@ -13,16 +13,16 @@ from rrrgen.emit.latex.equations import (
     plain_expression,
     trig_abbreviates,
 )
-from rrrgen.emit.latex.formulas import GREEK, Markup, Notation, Quantity, Walk, notation, quantity
+from rrrgen.emit.latex.formulas import GREEK, Markup, Notation, QuantityNotation, Walk, notation, quantity
 
 __all__ = [
     "GREEK",
     "Display",
-    "Equation",
     "Form",
     "Markup",
     "Notation",
-    "Quantity",
+    "PrintedEquation",
+    "QuantityNotation",
     "Walk",
     "break_sum",
     "latex",

@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, TypeAlias
 import sympy as sp
 
 from rrrgen.derive.closed_forms import LETTER, SharedForm
-from rrrgen.emit.latex.formulas import LatexMarkup, Notation, Quantity, TextMarkup, Walk, join_terms, notation, quantity
+from rrrgen.emit.latex.formulas import (
+    LatexMarkup,
+    Notation,
+    QuantityNotation,
+    TextMarkup,
+    Walk,
+    join_terms,
+    notation,
+    quantity,
+)
 
 if TYPE_CHECKING:
     from rrrgen.derive.parameters.listing import ParameterListing
@@ -31,7 +40,7 @@ CSE_LIMIT = 400  # operations of a quantity beyond which common subexpressions g
 
 
 @dataclass(frozen=True)
-class Equation:
+class PrintedEquation:
     """One printed equation, ``letter[indices] = value``; without indices the value may be a matrix."""
 
     letter: str
@@ -47,10 +56,10 @@ class Display:
     """
 
     name: str
-    quantity: Quantity
+    quantity: QuantityNotation
     shape: tuple[int, int]
     definitions: tuple[tuple[sp.Symbol, sp.Expr], ...]
-    equations: tuple[Equation, ...]
+    equations: tuple[PrintedEquation, ...]
     remarks: tuple[str, ...]
 
 
@@ -79,10 +88,10 @@ def _display(name: str, value: Form, cse_limit: int) -> Display:
     function, place = _place(name)
     about = quantity(function)
     if place or not isinstance(value, sp.MatrixBase):
-        return Display(name, about, (1, 1), definitions, (Equation(about.letter, place, entries[0]),), ())
+        return Display(name, about, (1, 1), definitions, (PrintedEquation(about.letter, place, entries[0]),), ())
     short = max((int(sp.count_ops(entry)) for entry in entries), default=0) <= ENTRY_LIMIT
     if short and matrix.cols <= COLUMNS_LIMIT:
-        return Display(name, about, matrix.shape, definitions, (Equation(about.letter, (), matrix),), ())
+        return Display(name, about, matrix.shape, definitions, (PrintedEquation(about.letter, (), matrix),), ())
     equations, remarks = _entrywise(about.letter, matrix)
     return Display(name, about, matrix.shape, definitions, equations, remarks)
 
@@ -118,7 +127,7 @@ def _parts(form: Form) -> list[sp.Basic]:
     return [form.matrix, *(value for _, value in form.definitions)] if isinstance(form, SharedForm) else [form]
 
 
-def _entrywise(letter: str, matrix: sp.MatrixBase) -> tuple[tuple[Equation, ...], tuple[str, ...]]:
+def _entrywise(letter: str, matrix: sp.MatrixBase) -> tuple[tuple[PrintedEquation, ...], tuple[str, ...]]:
     symmetric = matrix.rows > 1 and matrix.rows == matrix.cols and matrix == matrix.T
     equations, zeros = [], 0
     for r in range(matrix.rows):
@@ -127,7 +136,7 @@ def _entrywise(letter: str, matrix: sp.MatrixBase) -> tuple[tuple[Equation, ...]
                 zeros += 1
                 continue
             indices = (r + 1,) if matrix.cols == 1 else (r + 1, c + 1)
-            equations.append(Equation(letter, indices, matrix[r, c]))
+            equations.append(PrintedEquation(letter, indices, matrix[r, c]))
     remarks = ["The matrix is symmetric; the upper triangle is written."] if symmetric else []
     remarks += ["Entries that are not written are zero."] if zeros else []
     return tuple(equations), tuple(remarks)
@@ -184,7 +193,7 @@ def _latex_lines(walk: Walk, symbol: str, value: sp.Expr) -> list[str]:
     return _aligned(walk, walk.markup.symbol(notation(symbol)), value)
 
 
-def _latex_equation(walk: Walk, about: Quantity, equation: Equation) -> list[str]:
+def _latex_equation(walk: Walk, about: QuantityNotation, equation: PrintedEquation) -> list[str]:
     left = _latex_left(walk, about, equation)
     if not isinstance(equation.value, sp.MatrixBase):
         return _aligned(walk, left, equation.value)
@@ -192,7 +201,7 @@ def _latex_equation(walk: Walk, about: Quantity, equation: Equation) -> list[str
     return [left + " &= \\begin{bmatrix}\n  " + " \\\\\n  ".join(rows) + "\n\\end{bmatrix}"]
 
 
-def _latex_left(walk: Walk, about: Quantity, equation: Equation) -> str:
+def _latex_left(walk: Walk, about: QuantityNotation, equation: PrintedEquation) -> str:
     parts = notation(equation.letter)  # bold, which also keeps the vector c apart from the cosines c_1, c_2
     letter = rf"\boldsymbol{{{walk.markup.symbol(Notation(parts.base))}}}"
     if parts.subscript:
@@ -265,7 +274,7 @@ def plain(closed_forms: Mapping[str, Form], short_trig: bool = True, cse_limit: 
     return "\n".join(lines)
 
 
-def _plain_equation(walk: Walk, display: Display, equation: Equation) -> list[str]:
+def _plain_equation(walk: Walk, display: Display, equation: PrintedEquation) -> list[str]:
     if not isinstance(equation.value, sp.MatrixBase):
         return _plain_lines(walk, equation.letter + _indices(equation.indices), equation.value)
     lines = []

@@ -71,7 +71,7 @@ def short_angle(angle: sp.Expr) -> str | None:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class QuantityNotation:
     """The notation of a model function: letter, arguments and meaning."""
 
     letter: str
@@ -80,36 +80,38 @@ class Quantity:
 
 
 QUANTITIES = {
-    "forward_kinematics": Quantity("T", ("q",), "pose of the tip in the base frame"),
-    "jacobian": Quantity("J", ("q",), "geometric Jacobian, linear rows first"),
-    "kinematics.T": Quantity("T", ("q",), "pose of the tip in the base frame"),
-    "kinematics.J": Quantity("J", ("q",), "geometric Jacobian, linear rows first"),
-    "mass_matrix": Quantity("M", ("q",), "mass matrix"),
-    "coriolis_matrix": Quantity("C", ("q", "dq"), "Coriolis matrix"),
-    "coriolis": Quantity("c", ("q", "dq"), "Coriolis and centrifugal torques"),
-    "gravity": Quantity("g", ("q",), "gravity torques"),
-    "dynamics_terms.M": Quantity("M", ("q",), "mass matrix"),
-    "dynamics_terms.c": Quantity("c", ("q", "dq"), "Coriolis and centrifugal torques"),
-    "dynamics_terms.g": Quantity("g", ("q",), "gravity torques"),
-    "inverse_dynamics": Quantity("tau", ("q", "dq", "ddq"), "joint torques"),
-    "inverse_dynamics_derivatives.tau": Quantity("tau", ("q", "dq", "ddq"), "joint torques"),
-    "inverse_dynamics_derivatives.dtau_dq": Quantity("D_q", ("q", "dq", "ddq"), "derivatives of the torques by q"),
-    "inverse_dynamics_derivatives.dtau_dv": Quantity("D_v", ("q", "dq"), "derivatives of the torques by dq"),
-    "inverse_dynamics_derivatives.M": Quantity("M", ("q",), "mass matrix"),
-    "regressor": Quantity("Y", ("q", "dq", "ddq"), "regressor of the base parameters"),
-    "standard_regressor": Quantity(
+    "forward_kinematics": QuantityNotation("T", ("q",), "pose of the tip in the base frame"),
+    "jacobian": QuantityNotation("J", ("q",), "geometric Jacobian, linear rows first"),
+    "kinematics.T": QuantityNotation("T", ("q",), "pose of the tip in the base frame"),
+    "kinematics.J": QuantityNotation("J", ("q",), "geometric Jacobian, linear rows first"),
+    "mass_matrix": QuantityNotation("M", ("q",), "mass matrix"),
+    "coriolis_matrix": QuantityNotation("C", ("q", "dq"), "Coriolis matrix"),
+    "coriolis": QuantityNotation("c", ("q", "dq"), "Coriolis and centrifugal torques"),
+    "gravity": QuantityNotation("g", ("q",), "gravity torques"),
+    "dynamics_terms.M": QuantityNotation("M", ("q",), "mass matrix"),
+    "dynamics_terms.c": QuantityNotation("c", ("q", "dq"), "Coriolis and centrifugal torques"),
+    "dynamics_terms.g": QuantityNotation("g", ("q",), "gravity torques"),
+    "inverse_dynamics": QuantityNotation("tau", ("q", "dq", "ddq"), "joint torques"),
+    "inverse_dynamics_derivatives.tau": QuantityNotation("tau", ("q", "dq", "ddq"), "joint torques"),
+    "inverse_dynamics_derivatives.dtau_dq": QuantityNotation(
+        "D_q", ("q", "dq", "ddq"), "derivatives of the torques by q"
+    ),
+    "inverse_dynamics_derivatives.dtau_dv": QuantityNotation("D_v", ("q", "dq"), "derivatives of the torques by dq"),
+    "inverse_dynamics_derivatives.M": QuantityNotation("M", ("q",), "mass matrix"),
+    "regressor": QuantityNotation("Y", ("q", "dq", "ddq"), "regressor of the base parameters"),
+    "standard_regressor": QuantityNotation(
         "Y", ("q", "dq", "ddq"), "regressor of the standard parameters, Ixy = -integral of x*y dm"
     ),
-    "energy.kinetic": Quantity("T", ("q", "dq"), "kinetic energy"),
-    "energy.potential": Quantity("U", ("q",), "potential energy"),
-    "friction": Quantity("tau_f", ("dq",), "friction torques"),
-    "base_parameters": Quantity("beta", (), "base parameters"),
+    "energy.kinetic": QuantityNotation("T", ("q", "dq"), "kinetic energy"),
+    "energy.potential": QuantityNotation("U", ("q",), "potential energy"),
+    "friction": QuantityNotation("tau_f", ("dq",), "friction torques"),
+    "base_parameters": QuantityNotation("beta", (), "base parameters"),
 }
 
 
-def quantity(name: str) -> Quantity:
+def quantity(name: str) -> QuantityNotation:
     """The notation of a model function; an unknown name is its own letter."""
-    return QUANTITIES.get(name, Quantity(name, (), name.replace("_", " ")))
+    return QUANTITIES.get(name, QuantityNotation(name, (), name.replace("_", " ")))
 
 
 # ------------------------------------------------------------------------------------------------------------------

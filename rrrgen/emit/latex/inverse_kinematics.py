@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Step:
+class FormLine:
     """One line of the closed form: ``symbol = expression``, or ``symbol = expression +- either`` for two roots.
 
     ``note`` is a remark printed behind the equation, if not empty.
@@ -58,7 +58,7 @@ def _plain(expression: sp.Expr, either: sp.Expr | None) -> str:
 
 
 @dataclass(frozen=True)
-class ClosedForm:
+class SolverForm:
     """The inverse kinematics of one robot, ready to be printed: ``steps`` are its equations, in order.
 
     ``values`` pairs the symbols of lengths and angles in them with their numbers.
@@ -67,7 +67,7 @@ class ClosedForm:
     plan: SolverPlan
     singularities: tuple[Singularity, ...]
     values: tuple[tuple[sp.Symbol, sp.Expr], ...]
-    steps: tuple[Step, ...]
+    steps: tuple[FormLine, ...]
 
     def text(self) -> str:
         """The whole closed form as plain text."""
@@ -109,7 +109,7 @@ def _said(singularity: Singularity) -> str:
     return f"{singularity.expression} = 0 ({singularity.words})"
 
 
-def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
+def closed_form(spec: RobotSpec, redundancy: int | None = None) -> SolverForm:
     """Derive the inverse kinematics of ``spec`` as printable formulas; DerivationError for a robot that has none."""
     plan = make_plan(spec, redundancy)
     if not plan.solvable:
@@ -127,11 +127,11 @@ def closed_form(spec: RobotSpec, redundancy: int | None = None) -> ClosedForm:
     solver.play(builder)
     if plan.coupling is not None:
         steps = (*_needed(builder.steps, "y_"), *_coupled(coupling, plan.coupling))
-        return ClosedForm(plan, plan.singularities, values, steps)
-    return ClosedForm(plan, singular_sets(spec, plan), values, _needed(builder.steps, "q_"))
+        return SolverForm(plan, plan.singularities, values, steps)
+    return SolverForm(plan, singular_sets(spec, plan), values, _needed(builder.steps, "q_"))
 
 
-def _coupled(S: sp.Matrix, coupling: Coupling) -> list[Step]:
+def _coupled(S: sp.Matrix, coupling: Coupling) -> list[FormLine]:
     """The joint positions of a mechanism from the displacements y of its rows, and the rows that must fit."""
     rows, n = list(coupling.pivots), coupling.n
     y = [sp.Symbol(f"y_{i + 1}", real=True) for i in range(S.rows)]
@@ -147,23 +147,23 @@ def _coupled(S: sp.Matrix, coupling: Coupling) -> list[Step]:
     found = []
     for symbol, value in zip(q, leading, strict=True):
         note = ", ".join(text for each, text in ranges.items() if value.has(each))
-        found.append(Step(symbol, sp.expand(value), None, note))
+        found.append(FormLine(symbol, sp.expand(value), None, note))
     must = "up to full turns; otherwise no solution"
-    return found + [Step(y[i], following[i], None, must) for i in range(S.rows) if i not in rows]
+    return found + [FormLine(y[i], following[i], None, must) for i in range(S.rows) if i not in rows]
 
 
-def summary(plan: SolverPlan) -> ClosedForm:
+def summary(plan: SolverPlan) -> SolverForm:
     """A closed form without steps: family, number of solutions, redundancy, singularities in words."""
-    return ClosedForm(plan, plan.singularities, (), ())
+    return SolverForm(plan, plan.singularities, (), ())
 
 
-def _needed(steps: list[Step], joints: str) -> tuple[Step, ...]:
+def _needed(steps: list[FormLine], joints: str) -> tuple[FormLine, ...]:
     """Drop the steps that define intermediate values on which no joint value depends.
 
     ``joints`` is the letter with which the symbols of the joint values begin.
     """
     wanted: set[sp.Symbol] = set()
-    kept: list[Step] = []
+    kept: list[FormLine] = []
     for step in reversed(steps):
         if step.symbol in wanted or not isinstance(step.symbol, sp.Symbol) or step.symbol.name.startswith(joints):
             kept.append(step)
@@ -175,7 +175,7 @@ class TextBuilder:
     """Interprets a recorded derivation over SymPy and writes its steps as equations."""
 
     def __init__(self, n: int, *, position: bool, letter: str = "q") -> None:
-        self.steps: list[Step] = []
+        self.steps: list[FormLine] = []
         self._letter = letter
         self._position, self._n = position, n
         self._names = {"x", "y", "z"} if position else {"p_x", "p_y", "p_z"}
@@ -204,7 +204,7 @@ class TextBuilder:
             return value
         part = len(hint) > 1 and hint[-1] in "xyz" and "_" not in hint
         symbol = self._fresh(f"{hint[:-1]}_{hint[-1]}" if part else hint)
-        self.steps.append(Step(symbol, value))
+        self.steps.append(FormLine(symbol, value))
         return symbol
 
     def names(self, hint: str, v: Vector) -> Vector:
@@ -230,14 +230,14 @@ class TextBuilder:
         offset, sign = _tidied(joint.offset), joint.sign
         q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
         # raw = sign q + offset
-        self.steps.append(Step(q, _tidied(sign * (value - offset)), either, note))
+        self.steps.append(FormLine(q, _tidied(sign * (value - offset)), either, note))
         raw = sign * q + offset
         return Turn(sp.cos(raw), sp.sin(raw))
 
     def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> S:
         """Write ``+- sqrt(radicand)`` as an equation."""
         symbol = self._fresh(f"{hint[0]}_{hint[1:]}" if len(hint) > 1 else hint)
-        self.steps.append(Step(symbol, sp.Integer(0), sp.sqrt(_tidied(radicand)), label.name))
+        self.steps.append(FormLine(symbol, sp.Integer(0), sp.sqrt(_tidied(radicand)), label.name))
         return symbol
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
@@ -246,7 +246,7 @@ class TextBuilder:
         x = joint.sign * q + _tidied(joint.offset)
         terms = (1, sp.cos(x), sp.sin(x), sp.cos(2 * x), sp.sin(2 * x))
         total = sum(sp.Mul(_tidied(value), term, evaluate=True) for value, term in zip(k, terms, strict=True))
-        self.steps.append(Step(sp.Integer(0), total, None, f"up to four roots {q}, {label.name}"))
+        self.steps.append(FormLine(sp.Integer(0), total, None, f"up to four roots {q}, {label.name}"))
         return Turn(sp.cos(x), sp.sin(x))
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> S:
@@ -257,11 +257,11 @@ class TextBuilder:
         raw = joint.sign * q + _tidied(joint.offset)
         if len(k) > 3:
             total = sum(value * raw**i for i, value in enumerate(k))
-            self.steps.append(Step(sp.Integer(0), total, None, f"up to four roots {q}, {label.name}"))
+            self.steps.append(FormLine(sp.Integer(0), total, None, f"up to four roots {q}, {label.name}"))
             return raw
         root = sp.sqrt(_tidied(k[1] ** 2 - 4 * k[0] * k[2])) / (2 * k[2])
         middle = _tidied(joint.sign * (-k[1] / (2 * k[2]) - _tidied(joint.offset)))
-        self.steps.append(Step(q, middle, root, label.name))
+        self.steps.append(FormLine(q, middle, root, label.name))
         return raw
 
     def turn(self, joint: Joint, s: S, c: S) -> Turn:
@@ -276,7 +276,7 @@ class TextBuilder:
     def slide(self, joint: Joint, x: S) -> S:
         """Write the equation of a prismatic joint, or of a joint whose angle depends on others."""
         q = sp.Symbol(f"{self._letter}_{joint.index + 1}", real=True)
-        self.steps.append(Step(q, _tidied(joint.sign * (x - joint.offset))))
+        self.steps.append(FormLine(q, _tidied(joint.sign * (x - joint.offset))))
         return joint.sign * q + _tidied(joint.offset)
 
     def given(self, joint: Joint) -> Turn | S:

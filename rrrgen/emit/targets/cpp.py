@@ -45,7 +45,7 @@ BACKEND: Backend = CppBackend()
 
 
 @dataclass(frozen=True)
-class _Function:
+class _CppFunction:
     """The texts of one C++ function that the template puts together.
 
     ``explanation`` are the lines of its comment, ``result`` is its return type, ``call`` the call of the C function.
@@ -99,7 +99,7 @@ def _pointer(port: Port) -> str:
     return port.name + ".front()" * (len(port.shape) - 2) + ".data()"
 
 
-def _function(program: Program, dialect: Dialect) -> _Function:
+def _function(program: Program, dialect: Dialect) -> _CppFunction:
     outputs = program.data_outputs
     found = tuple((_type(port), port.name) for port in outputs)
     fails = program.status is not None
@@ -109,7 +109,7 @@ def _function(program: Program, dialect: Dialect) -> _Function:
     arguments = [_pointer(port) if port.shape else port.name for port in program.inputs]
     target = "" if single else "result."
     arguments += [f"&{target}{port.name}" if not port.shape else target + _pointer(port) for port in outputs]
-    return _Function(
+    return _CppFunction(
         explanation=tuple(_explanation(program)),
         result_fields=() if single else found,
         result=result,

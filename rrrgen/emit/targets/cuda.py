@@ -47,7 +47,7 @@ class _LibrarySinCos:
 
 
 @dataclass(frozen=True)
-class _Function:
+class _CudaFunction:
     """The texts of one device function, and of its kernel: declarator ``batch`` and the lines of its loop."""
 
     name: str
@@ -110,7 +110,7 @@ def _is_shared(port: Port) -> bool:
     return port.role.is_parameter or port.role is Role.GRAVITY
 
 
-def _function(program: Program, dialect: Dialect) -> _Function:
+def _function(program: Program, dialect: Dialect) -> _CudaFunction:
     real, name = dialect.real_type, function_name(program, dialect)
     inputs, outputs = program.inputs, program.data_outputs
     parameters = [f"const {real} *{port.name}" if port.shape else f"{real} {port.name}" for port in inputs]
@@ -124,7 +124,7 @@ def _function(program: Program, dialect: Dialect) -> _Function:
     loop.append(f"status[state] = (int){name}({call});" if program.status else f"{name}({call});")
     loop += [line for port in outputs for line in _store(port)]
     returns = f"{dialect.prefix}_status" if program.status else "void"
-    return _Function(
+    return _CudaFunction(
         name=name,
         prototype=f"{returns} {_declarator(name, parameters)}",
         explanation=tuple(explanation(program, dialect, on_device=True)),

@@ -67,7 +67,7 @@ BACKEND: Backend = JavaScriptBackend()
 
 
 @dataclass(frozen=True)
-class _Function:
+class _JavaScriptFunction:
     """The texts of one function that the template puts together: signature, lines of comment, lines of body."""
 
     signature: str
@@ -168,12 +168,12 @@ def _opening(model: DerivedModel, identity: Identity, precision: Mapping[str, st
     ]
 
 
-def _function(program: Program, target: _JavaScript) -> _Function:
+def _function(program: Program, target: _JavaScript) -> _JavaScriptFunction:
     program = with_free_ports(program, _RESERVED - _CONSTANTS)
     names = [port.name for port in program.data_outputs]
     checks = [f"sized({', '.join([json.dumps(p.name), p.name, *map(str, p.shape)])});" for p in program.inputs]
     value = names[0] if len(names) == 1 else f"{{ {', '.join(names)} }}"
-    return _Function(
+    return _JavaScriptFunction(
         signature=f"{program.name}({', '.join(port.name for port in program.inputs)})",
         explanation=tuple(_explanation(program)),
         body=(*checks, *map(_initial, program.data_outputs), *print_body(program, target), f"return {value};"),

@@ -18,21 +18,21 @@ from rrrgen.emit.printing import wrapped
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
-from rrrgen.ik.recording.scalar import Scalar
+from rrrgen.ik.recording.scalar import SolverScalar
 from rrrgen.ik.recording.steps import (
-    Direction,
-    Given,
-    Named,
-    Onto,
-    Pair,
-    Polynomial,
-    Quartic,
-    Residual,
-    SignedRoot,
-    Slide,
+    GivenStep,
+    NamedStep,
+    OntoStep,
+    PairStep,
+    PolynomialStep,
+    QuarticStep,
+    ResidualStep,
+    SignedRootStep,
+    SlideStep,
     Step,
-    Target,
-    Wrist,
+    TargetStep,
+    TurnStep,
+    WristStep,
 )
 from rrrgen.program import Op
 
@@ -112,10 +112,10 @@ class _Writer:
         return self._lines
 
     @staticmethod
-    def _operands(step: Step) -> Sequence[Scalar]:
-        return () if isinstance(step, Residual) else step.operands  # a candidate is tried on the forward kinematics
+    def _operands(step: Step) -> Sequence[SolverScalar]:
+        return () if isinstance(step, ResidualStep) else step.operands  # a candidate is tried on the forward kinematics
 
-    def _count(self, node: Scalar) -> None:
+    def _count(self, node: SolverScalar) -> None:
         self._uses[id(node)] = self._uses.get(id(node), 0) + 1
         if self._uses[id(node)] == 1:
             for arg in node.args:
@@ -127,45 +127,45 @@ class _Writer:
     def _write(self, step: Step) -> None:
         names = [result.text for result in step.results]
         results = f"[{', '.join(names)}]"
-        if isinstance(step, Residual):
+        if isinstance(step, ResidualStep):
             return
-        if isinstance(step, Target):
+        if isinstance(step, TargetStep):
             entries = [f"T[{i}][{j}]" for i in range(3) for j in range(3)] if len(names) == 12 else []
             entries += [f"T[{i}][3]" for i in range(3)]
             self._line(f"const {results} = [{', '.join(entries)}];")
-        elif isinstance(step, Named):
+        elif isinstance(step, NamedStep):
             self._line(f"const {names[0]} = {self._text(step.value).code};")
-        elif isinstance(step, Slide):
+        elif isinstance(step, SlideStep):
             self._line(f"const {names[0]} = {self._text(step.value).code};")
             self._set(step.joint, names[0])
-        elif isinstance(step, Direction):
+        elif isinstance(step, TurnStep):
             self._line(f"const {results} = direction({self._call(step.c, step.s)}, {self._reference(step.joint)});")
             self._set(step.joint, *names)
-        elif isinstance(step, Onto):
+        elif isinstance(step, OntoStep):
             bounds = "" if step.feasible is None else f", [{self._call(*step.feasible)}]"
             ends = f"[{self._call(*step.v)}], [{self._call(*step.u)}]"
             self._line(f"const {results} = onto({ends}, {step.unit!r}, {self._reference(step.joint)}{bounds});")
             self._set(step.joint, *names)
-        elif isinstance(step, Given):
+        elif isinstance(step, GivenStep):
             self._given(step, names)
         else:
             self._choice(step, names)
 
     def _choice(self, step: Step, names: list[str]) -> None:
         number = f"choice{len(self._labels) + 1}"
-        if isinstance(step, Pair):
+        if isinstance(step, PairStep):
             better = "null" if step.radicand is None else self._text(step.radicand).code
             call = (
                 f"pair({self._call(*step.equation)}, {better}, {step.unit!r}, {self._reference(step.joint)}, "
                 f"{step.label.positive})"
             )
-        elif isinstance(step, SignedRoot):
+        elif isinstance(step, SignedRootStep):
             call = f"signedRoot({self._call(step.radicand, step.size)}, {step.unit!r}, {step.label.positive})"
-        elif isinstance(step, Quartic):
+        elif isinstance(step, QuarticStep):
             call = f"quartic([{self._call(*step.k)}])"
-        elif isinstance(step, Polynomial):
+        elif isinstance(step, PolynomialStep):
             call = f"polynomial([{self._call(*step.k)}], {step.unit!r})"
-        elif isinstance(step, Wrist):
+        elif isinstance(step, WristStep):
             first, last = (f"[{self._call(*column)}]" for column in step.columns)
             call = f"wrist({first}, {last}, {step.signs[0]}, {step.signs[1]}, {self._reference(step.three[0])})"
         else:
@@ -173,13 +173,13 @@ class _Writer:
         self._line(f"for (const [{', '.join([*names, number])}] of {call}) {{")
         self._depth += 1
         self._labels.append((step.stage.label if step.stage else "", number))
-        if isinstance(step, Wrist):
+        if isinstance(step, WristStep):
             for k, joint in enumerate(step.three):
                 self._set(joint, *names[2 * k : 2 * k + 2])
-        elif isinstance(step, Pair | Quartic | Polynomial):
+        elif isinstance(step, PairStep | QuarticStep | PolynomialStep):
             self._set(step.joint, *names)
 
-    def _given(self, step: Given, names: list[str]) -> None:
+    def _given(self, step: GivenStep, names: list[str]) -> None:
         joint = step.joint
         raw = f"{'-' if joint.sign < 0 else ''}given{self._shift(float(joint.offset))}"
         values = [f"Math.cos({raw})", f"Math.sin({raw})"] if joint.revolute else [raw]
@@ -203,10 +203,10 @@ class _Writer:
     def _shift(offset: float) -> str:
         return f" {'-' if offset < 0 else '+'} {abs(offset)!r}" if offset else ""
 
-    def _call(self, *nodes: Scalar) -> str:
+    def _call(self, *nodes: SolverScalar) -> str:
         return ", ".join(self._text(node).code for node in nodes)
 
-    def _text(self, node: Scalar) -> Text:
+    def _text(self, node: SolverScalar) -> Text:
         """The expression of a node; one that is used more than once becomes a constant where it is first needed."""
         if node.op is Op.INPUT:
             return Text(node.text)
@@ -221,7 +221,7 @@ class _Writer:
             text = self._texts[id(node)] = Text(name)
         return text
 
-    def _expression(self, node: Scalar) -> Text:
+    def _expression(self, node: SolverScalar) -> Text:
         args = [self._text(arg) for arg in node.args]
         if node.op is Op.NEG:
             return Text(f"-{args[0].within(UNARY)}", SUM)

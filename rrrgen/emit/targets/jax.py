@@ -38,7 +38,7 @@ _RESERVED = frozenset(keyword.kwlist) | {"jax", "jnp", "kind", "status", "_given
 
 
 @dataclass(frozen=True)
-class _Function:
+class _JaxFunction:
     """The texts of one function: its named tuple ``result`` with pairs of name and meaning, empty for one result."""
 
     name: str
@@ -99,7 +99,7 @@ def _example(programs: Mapping[str, Program], n: int) -> list[str]:
     ]
 
 
-def _function(program: Program) -> _Function:
+def _function(program: Program) -> _JaxFunction:
     program = with_free_ports(program, _RESERVED)
     names = Names(_RESERVED, [program.name, *(port.name for port in (*program.inputs, *program.outputs))])
     elements = [
@@ -132,7 +132,7 @@ def _function(program: Program) -> _Function:
         results.append(("status", _meaning_of_status(program)))
     named = "".join(word.capitalize() for word in program.name.split("_"))
     body.append(f"return {returned[0]}" if len(returned) == 1 else f"return {named}({', '.join(returned)})")
-    return _Function(
+    return _JaxFunction(
         name=program.name,
         arguments=", ".join(port.name for port in program.inputs),
         docstring=_docstring(program),

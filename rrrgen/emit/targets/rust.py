@@ -83,7 +83,7 @@ def crate_name(robot: str) -> str:
 
 
 @dataclass(frozen=True)
-class _Function:
+class _RustFunction:
     """The texts of one Rust function that the template puts together: signature, lines of comment, lines of body."""
 
     signature: str
@@ -209,7 +209,7 @@ def _type(port: Port) -> str:
     return shape
 
 
-def _function(program: Program, target: _Rust) -> _Function:
+def _function(program: Program, target: _Rust) -> _RustFunction:
     program = with_free_ports(program, _NOT_FOR_PORTS)
     inputs = [f"{port.name}: {'&' if port.shape else ''}{_type(port)}" for port in program.inputs]
     outputs = program.data_outputs
@@ -217,7 +217,7 @@ def _function(program: Program, target: _Rust) -> _Function:
     result, value = (types[0], names[0]) if len(outputs) == 1 else (f"({', '.join(types)})", f"({', '.join(names)})")
     if program.status is not None:
         result, value = f"Result<{result}, Failure>", f"Ok({value})"
-    return _Function(
+    return _RustFunction(
         signature=_signature(program.name, inputs, result),
         explanation=tuple(_explanation(program)),
         body=(*map(_initial, outputs), *print_body(program, target), value),

@@ -28,7 +28,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     total,
     transposed,
 )
-from rrrgen.ik.recording.builder import Builder, Turn
+from rrrgen.ik.recording.builder import DerivationBuilder, Turn
 
 
 @dataclass(frozen=True)
@@ -107,13 +107,13 @@ class Loop:
         return "".join("R" if joint.revolute else "P" for joint in self.joints)
 
 
-def close(b: Builder, chain: Chain) -> Loop:
+def close(b: DerivationBuilder, chain: Chain) -> Loop:
     """Close ``chain`` to a loop with the target pose T of the builder ``b``: the last link is tip T^-1 base."""
     closing = Closing((rigid(chain.tip), b.pose().inverse(), rigid(chain.base)))
     return Loop(chain.joints, (*(Crossing.of(link) for link in chain.links), closing))
 
 
-def lock(b: Builder, loop: Loop, k: int) -> Loop:
+def lock(b: DerivationBuilder, loop: Loop, k: int) -> Loop:
     """Remove joint ``k``, whose value the caller prescribes: its transform becomes part of the link before it."""
     joint = loop.joints[k]
     value = b.given(joint)

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rrrgen.ik.geometry.chain import Link, Matrix
-from rrrgen.ik.recording.scalar import Scalar
+from rrrgen.ik.recording.scalar import SolverScalar
 
 S = Any
-"""A number of any kind that has + - * /: a recorded :class:`Scalar`, a float, a SymPy expression or a CasADi SX."""
+"""A number that has + - * /: a recorded :class:`SolverScalar`, a float, a SymPy expression or a CasADi SX."""
 
 Vector = tuple[S, S, S]
 Rotation = tuple[Vector, Vector, Vector]  # rows
@@ -21,7 +21,7 @@ Rotation = tuple[Vector, Vector, Vector]  # rows
 
 def is_zero(x: S) -> bool:
     """Whether ``x`` is zero by construction (not merely at some pose)."""
-    if isinstance(x, Scalar):
+    if isinstance(x, SolverScalar):
         return x.is_const and bool(x.value == 0)
     if hasattr(x, "is_zero"):
         return bool(x.is_zero() if callable(x.is_zero) else x.is_zero)
@@ -30,7 +30,7 @@ def is_zero(x: S) -> bool:
 
 def is_one(x: S) -> bool:
     """Whether ``x`` is one by construction (not merely at some pose)."""
-    if isinstance(x, Scalar):
+    if isinstance(x, SolverScalar):
         return x.is_const and bool(x.value == 1)
     if hasattr(x, "is_one"):
         return bool(x.is_one())

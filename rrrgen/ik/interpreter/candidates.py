@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rrrgen.ik.geometry.rigid_transforms import Vector
 from rrrgen.ik.plan import ARM_ANGLE
-from rrrgen.ik.recording.float_builder import FloatBuilder, Settings, paths
+from rrrgen.ik.recording.float_builder import FloatBuilder, RootTolerances, paths
 
 if TYPE_CHECKING:
     from rrrgen.ik.geometry.chain import Matrix
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False)
-class Row:
+class CandidateRow:
     """A candidate solution of the inverse kinematics.
 
     ``q`` are the joint positions, rad or m, ``flags`` a sum of flag bits, ``branch`` the number of the branch, and
@@ -49,12 +49,12 @@ class Query:
     tool: Vector = (0.0, 0.0, 0.0)
 
 
-def candidates(plan: SolverPlan, query: Query, settings: Settings) -> tuple[list[Row], int]:
+def candidates(plan: SolverPlan, query: Query, settings: RootTolerances) -> tuple[list[CandidateRow], int]:
     """All candidate solutions in the order of the branches, and the latest choice (from 1) that had no real root.
 
     The latter tells which equation makes a target unreachable; 0 if every choice had a root.
     """
-    rows: list[Row] = []
+    rows: list[CandidateRow] = []
     stage = 0
     for path in paths(
         plan.equations.play,
@@ -74,7 +74,7 @@ def candidates(plan: SolverPlan, query: Query, settings: Settings) -> tuple[list
     return rows, stage
 
 
-def _row(plan: SolverPlan, path: FloatBuilder) -> Row:
+def _row(plan: SolverPlan, path: FloatBuilder) -> CandidateRow:
     """The candidate to which a ``path`` leads.
 
     Its residual is unknown where the path checks nothing, or solves a similar arm. Virtual joints must be zero.
@@ -84,7 +84,7 @@ def _row(plan: SolverPlan, path: FloatBuilder) -> Row:
     virtual = [x for j, x in path.values.items() if n <= j < ARM_ANGLE]
     checks = [*(x / plan.chain.reach for x in path.lengths), *path.ratios, *(2.0 * sin(0.5 * x) for x in virtual)]
     known = checks and not plan.snapped
-    return Row(
+    return CandidateRow(
         [path.values[j] for j in range(n)],
         path.flags,
         branch,

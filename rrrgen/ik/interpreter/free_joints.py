@@ -10,10 +10,10 @@ from dataclasses import replace
 from math import pi
 from typing import TYPE_CHECKING
 
-from rrrgen.ik.interpreter.candidates import Query, Row, candidates
-from rrrgen.ik.interpreter.task import USUAL, Limits, Task
+from rrrgen.ik.interpreter.candidates import CandidateRow, Query, candidates
+from rrrgen.ik.interpreter.task import USUAL, PositionLimits, Task
 from rrrgen.ik.plan import ARM_ANGLE
-from rrrgen.ik.recording.float_builder import FREE, MULTIPLE, SEARCH, TOLERANCE, Settings
+from rrrgen.ik.recording.float_builder import FREE, MULTIPLE, SEARCH, TOLERANCE, RootTolerances
 
 if TYPE_CHECKING:
     from rrrgen.ik.plan import SolverPlan
@@ -27,13 +27,19 @@ class FreeJoints:
     """
 
     def __init__(
-        self, plan: SolverPlan, task: Task, query: Query, settings: Settings, accuracy: float, limits: Limits | None
+        self,
+        plan: SolverPlan,
+        task: Task,
+        query: Query,
+        settings: RootTolerances,
+        accuracy: float,
+        limits: PositionLimits | None,
     ) -> None:
         self._plan, self._task, self._query, self._settings = plan, task, query, settings
         self._accuracy, self._limits = accuracy, limits
         self._goal = max(SEARCH["reopened"] * accuracy * accuracy, TOLERANCE["accept"])
 
-    def reopened(self, rows: Sequence[Row]) -> list[Row]:
+    def reopened(self, rows: Sequence[CandidateRow]) -> list[CandidateRow]:
         """The candidates ``rows``; those that have a free joint are replaced by one with this joint at its reference.
 
         Such candidates are computed with a growing threshold below which the direction of a short vector counts as
@@ -58,27 +64,27 @@ class FreeJoints:
                     if self._limits is not None and self._limits.outside(wide.q, TOLERANCE["limit"]) > 0.0:
                         self._fit(wide, self._limits, least)
                     flags = (wide.flags & MULTIPLE) | FREE
-                    kept[kept.index(joined[0])] = Row(wide.q, flags, wide.branch, wide.residual, settled=True)
+                    kept[kept.index(joined[0])] = CandidateRow(wide.q, flags, wide.branch, wide.residual, settled=True)
                     kept = [row for row in kept if row not in joined]
             least *= 10.0
         return kept
 
-    def _candidates(self, reference: Sequence[float], least: float) -> list[Row]:
+    def _candidates(self, reference: Sequence[float], least: float) -> list[CandidateRow]:
         settings = replace(self._settings, least=least)
         return candidates(self._plan, replace(self._query, reference=reference), settings)[0]
 
-    def _is_same_branch(self, row: Row, free: frozenset[int], branch: int) -> bool:
+    def _is_same_branch(self, row: CandidateRow, free: frozenset[int], branch: int) -> bool:
         """Whether ``row`` has these ``free`` joints and this ``branch``, but for choices that then do not matter."""
         merged = sum(mask for joint, mask in self._plan.equations.opens if joint in free)
         return row.free == free and not (row.branch ^ branch) & ~merged
 
-    def _split(self, rows: Sequence[Row], wide: Row, kept: list[Row]) -> list[Row]:
+    def _split(self, rows: Sequence[CandidateRow], wide: CandidateRow, kept: list[CandidateRow]) -> list[CandidateRow]:
         """Those of ``rows`` that are on the continuum of ``wide``.
 
         A row that is on another continuum stays, and stands for it: others that are on it too leave ``kept``.
         """
-        joined: list[Row] = []
-        aside: Row | None = None
+        joined: list[CandidateRow] = []
+        aside: CandidateRow | None = None
         for row in rows:
             if self._is_joined(row.q, wide.q, wide.free):
                 joined.append(row)
@@ -109,7 +115,7 @@ class FreeJoints:
             q = x
         return True
 
-    def _find_free(self, row: Row) -> None:
+    def _find_free(self, row: CandidateRow) -> None:
         """Find the free joints of a candidate by a test.
 
         A joint is free if, after it is moved a little and held, the other joints can still meet the target.
@@ -141,7 +147,7 @@ class FreeJoints:
 
     # -- limits -------------------------------------------------------------------------------------------------------
 
-    def _fit(self, wide: Row, limits: Limits, least: float) -> None:
+    def _fit(self, wide: CandidateRow, limits: PositionLimits, least: float) -> None:
         """Move the free joints of ``wide`` to the values nearest to the reference for which all limits are met.
 
         A vector shorter than ``least`` has no direction.
@@ -157,7 +163,7 @@ class FreeJoints:
         if error <= self._goal and not limits.outside(q, margin) > 0.0:
             wide.q, wide.residual = q, error
 
-    def _shift(self, q: list[float], j: int, limits: Limits) -> list[float]:
+    def _shift(self, q: list[float], j: int, limits: PositionLimits) -> list[float]:
         """``q`` with joint ``j`` at its reference, or at the nearest value within its limits.
 
         Unless the joint has no effect on the tip, another joint with the same axis turns back by the same amount,
@@ -188,7 +194,7 @@ class FreeJoints:
         q[j] = x
         return q
 
-    def _search(self, q: list[float], j: int, limits: Limits, wide: Row, least: float) -> list[float]:
+    def _search(self, q: list[float], j: int, limits: PositionLimits, wide: CandidateRow, least: float) -> list[float]:
         """The solution with all joints within their limits whose free joint ``j`` is nearest to its reference.
 
         ``q`` where there is none. The value of the free joint is found by steps to both sides, then by bisection; where
@@ -220,7 +226,9 @@ class FreeJoints:
             return q
         return self._solution_with(j, min(ends, key=lambda x: abs(x - start)), limits, wide, least)[0]
 
-    def _solution_with(self, j: int, x: float, limits: Limits, wide: Row, least: float) -> tuple[list[float], float]:
+    def _solution_with(
+        self, j: int, x: float, limits: PositionLimits, wide: CandidateRow, least: float
+    ) -> tuple[list[float], float]:
         """Solution of the branch of ``wide`` with its free joint ``j`` at ``x``, and its excess over the limits.
 
         The excess is 10 if the branch has no solution there.

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.ik.geometry.chain import IDENTITY, inverse, lifted, multiply, turned
-from rrrgen.ik.interpreter.candidates import Query, Row
+from rrrgen.ik.interpreter.candidates import CandidateRow, Query
 from rrrgen.ik.interpreter.task import PATIENT, USUAL, Task
 from rrrgen.ik.recording.float_builder import FREE, MULTIPLE, SEARCH, TOLERANCE, wrapped
 from rrrgen.ik.solutions.elimination import (
@@ -74,10 +74,10 @@ class General6R:
         self._links = constant_links(np.array(self._tables.rows), self._tables.slide, self._tables.turn)
         self._pose = _inner_pose(plan, query)
         self._pose[:3, 3] /= self._tables.length
-        self._rows: list[Row] = []
+        self._rows: list[CandidateRow] = []
         self.certain = False
 
-    def candidates(self) -> list[Row]:
+    def candidates(self) -> list[CandidateRow]:
         """Find the solutions, refined; sets ``certain``, which tells that these are all.
 
         The eliminations are tried in the order of :func:`~rrrgen.ik.solutions.general_6r.passes`, until the number of
@@ -102,7 +102,7 @@ class General6R:
                 row.flags |= FREE
         return self._rows
 
-    def _set_free_joint(self, row: Row) -> bool:
+    def _set_free_joint(self, row: CandidateRow) -> bool:
         """Whether the singular solution ``row`` is one of a continuum, in which a joint can turn freely.
 
         If so it becomes the one with that joint at its reference, if a path of solutions leads there.
@@ -170,10 +170,10 @@ class General6R:
         q, error = self._task.refine(q, *(PATIENT if patient else USUAL))
         new = all(self._task.apart(row.q, q) >= ELIMINATION["same"] for row in self._rows)
         if new and error <= TOLERANCE["accept"]:
-            self._rows.append(Row(q, 0, 0, error))
+            self._rows.append(CandidateRow(q, 0, 0, error))
 
 
-def label(task: Task, rows: Sequence[Row]) -> None:
+def label(task: Task, rows: Sequence[CandidateRow]) -> None:
     """Set the branch of solutions of a general chain to the sign of det J: 0 if positive, else 1; flag singular ones.
 
     J is the Jacobian by the joints that are not prescribed, with lengths over the reach.

@@ -16,9 +16,9 @@ from math import isfinite, sin, sqrt
 from typing import TYPE_CHECKING
 
 from rrrgen.ik.geometry.chain import translation
-from rrrgen.ik.interpreter.candidates import Query, Row, candidates
+from rrrgen.ik.interpreter.candidates import CandidateRow, Query, candidates
 from rrrgen.ik.interpreter.free_joints import FreeJoints
-from rrrgen.ik.interpreter.task import DESCENT, PATIENT, USUAL, Limits, Task, repaired
+from rrrgen.ik.interpreter.task import DESCENT, PATIENT, USUAL, PositionLimits, Task, repaired
 from rrrgen.ik.recording.float_builder import (
     FREE,
     INEXACT,
@@ -27,7 +27,7 @@ from rrrgen.ik.recording.float_builder import (
     OUTSIDE,
     SEARCH,
     TOLERANCE,
-    Settings,
+    RootTolerances,
 )
 from rrrgen.ik.result_layout import (
     INCOMPLETE,
@@ -61,7 +61,7 @@ class Solutions:
     """
 
     status: int
-    rows: tuple[Row, ...] = ()
+    rows: tuple[CandidateRow, ...] = ()
     stage: int = 0
     distance: float = 0.0
 
@@ -112,13 +112,13 @@ class _Call:
     """
 
     def __init__(self, plan: SolverPlan, query: Query, accuracy: float, options: int, turns: bool) -> None:
-        self.plan, self.query, self.task, self._limits = plan, query, Task(plan, query), Limits(plan)
+        self.plan, self.query, self.task, self._limits = plan, query, Task(plan, query), PositionLimits(plan)
         self._accuracy, self._options = accuracy, options
         self._centre = query.reference if turns else None
         self._most = most_rows(plan)
         self._banded = plan.snapped or plan.companion is not None
-        self._usual = Settings(TOLERANCE["slack"], TOLERANCE["free"], 0.0 if self._banded else None)
-        self._rows: list[Row] = []
+        self._usual = RootTolerances(TOLERANCE["slack"], TOLERANCE["free"], 0.0 if self._banded else None)
+        self._rows: list[CandidateRow] = []
         self._stage = 0
         self._doubt = bool(plan.incomplete)
         self._unexplained = False
@@ -149,15 +149,15 @@ class _Call:
         rows, _ = self._finish([*kept, best][:1])
         return Solutions(OK if rows else OUTSIDE_LIMITS, tuple(rows), 0, distance)
 
-    def descend(self) -> tuple[list[Row], Row, float]:
+    def descend(self) -> tuple[list[CandidateRow], CandidateRow, float]:
         """Minimize the task error from several configurations, for a target without solutions.
 
         They are those of :meth:`_starts` and, if no solution is found from them, the reference and a few configurations
         around it. Returns the solutions found after all, the configuration with the smallest error, and its distance
         from the target, m.
         """
-        kept: list[Row] = []
-        best = Row(list(self.query.reference), INEXACT, 0, 1e30)
+        kept: list[CandidateRow] = []
+        best = CandidateRow(list(self.query.reference), INEXACT, 0, 1e30)
         starts = self._starts()
         for k in range(len(starts) + int(SEARCH["starts"])):
             if len(kept) >= self._most or (k == len(starts) and kept):
@@ -172,12 +172,12 @@ class _Call:
             q, cost = self.task.refine(x, *DESCENT)
             met = cost <= TOLERANCE["accept"]
             if met and (kept or cost < best.residual):
-                self._add(kept, Row(q, MULTIPLE, branch, cost))
+                self._add(kept, CandidateRow(q, MULTIPLE, branch, cost))
             if cost < best.residual:
-                best = Row(q, MULTIPLE if met else INEXACT, branch, cost)
+                best = CandidateRow(q, MULTIPLE if met else INEXACT, branch, cost)
         return kept, best, 0.0 if kept else sqrt(best.residual) * self.task.chain.reach
 
-    def _starts(self) -> list[Row]:
+    def _starts(self) -> list[CandidateRow]:
         """Where descents begin: the branches, with negative discriminants set to zero."""
         return self._candidates(parts_of(self.plan)[-1], replace(self._usual, slack=1e30))[0]
 
@@ -197,13 +197,13 @@ class _Call:
                 rows = self._solve_equations(part, replace(self._usual, band=TOLERANCE["band"] * share))
                 self._doubt |= self._keep(rows) and self.plan.general
 
-    def _solve_equations(self, part: SolverPlan, settings: Settings) -> list[Row]:
+    def _solve_equations(self, part: SolverPlan, settings: RootTolerances) -> list[CandidateRow]:
         """The candidates of one part of the plan; the latest choice without a real root becomes the reason."""
         rows, stage = self._candidates(part, settings)
         self._stage, self._unexplained = max(self._stage, stage), bool(rows)
         return rows
 
-    def _candidates(self, part: SolverPlan, settings: Settings) -> tuple[list[Row], int]:
+    def _candidates(self, part: SolverPlan, settings: RootTolerances) -> tuple[list[CandidateRow], int]:
         """Candidates of one part of the plan, and the latest choice that had no real root; an elimination is one."""
         if not part.general:
             return candidates(part, self.query, settings)
@@ -223,7 +223,7 @@ class _Call:
             rows, self._stage = self._candidates(self.plan, replace(self._usual, slack=0.0))
             self._stage = _far_stage(self.plan) - 1 if rows else self._stage
 
-    def _keep(self, rows: Sequence[Row]) -> bool:
+    def _keep(self, rows: Sequence[CandidateRow]) -> bool:
         """Keep those of ``rows`` that meet the target and are new; returns whether there are any.
 
         Solutions known before are no multiple roots for being found again.
@@ -237,7 +237,7 @@ class _Call:
             row.flags = before
         return len(self._rows) > len(flags)
 
-    def _add(self, rows: list[Row], row: Row) -> None:
+    def _add(self, rows: list[CandidateRow], row: CandidateRow) -> None:
         """Append ``row`` to ``rows``, unless it equals one of them, which is then flagged as a multiple root."""
         for other in rows:
             if self.task.apart(row.q, other.q) < TOLERANCE["same"]:
@@ -245,7 +245,7 @@ class _Call:
                 return
         rows.append(row)
 
-    def _meets(self, row: Row) -> bool:
+    def _meets(self, row: CandidateRow) -> bool:
         """Whether a candidate meets the target; it is refined by a few Newton steps if it is not accurate enough."""
         if row.settled or 0.0 <= row.residual <= TOLERANCE["tight"]:
             return True
@@ -254,7 +254,7 @@ class _Call:
         row.q, row.residual = self.task.refine(row.q, *(PATIENT if self._banded else USUAL))
         return self._is_accepted(row)
 
-    def _is_accepted(self, row: Row) -> bool:
+    def _is_accepted(self, row: CandidateRow) -> bool:
         """Whether the error of a refined row is that of a solution, or may remain by the options; the flag says so."""
         if row.residual <= TOLERANCE["accept"]:
             return True
@@ -263,7 +263,7 @@ class _Call:
         row.flags |= INEXACT
         return True
 
-    def _finish(self, rows: Sequence[Row]) -> tuple[list[Row], bool]:
+    def _finish(self, rows: Sequence[CandidateRow]) -> tuple[list[CandidateRow], bool]:
         """The solutions ``rows`` in their final form, and whether all were within the joint limits.
 
         They are moved by full turns; squared residuals are replaced by their roots; solutions outside the limits are
@@ -274,14 +274,14 @@ class _Call:
             q, inside = self._limits.placed(row.q, self._centre)
             every = every and inside
             if inside or not self._options & LIMITS:
-                kept.append(Row(q, row.flags | (0 if inside else OUTSIDE), row.branch, sqrt(row.residual)))
+                kept.append(CandidateRow(q, row.flags | (0 if inside else OUTSIDE), row.branch, sqrt(row.residual)))
         if self.plan.general and self.plan.coupling is None:
             from rrrgen.ik.interpreter.general_6r import label
 
             label(self.task, kept)
         return kept, every
 
-    def _distance(self, row: Row) -> float:
+    def _distance(self, row: CandidateRow) -> float:
         """Squared distance of a solution from the reference, each joint relative to its unit."""
         return sum(
             ((x - r) / unit) ** 2 for x, r, unit in zip(row.q, self.query.reference, self.task.units, strict=True)
@@ -316,13 +316,13 @@ class _CoupledCall(_Call):
                 ):
                     self._rows.append(new)
 
-    def _couple(self, row: Row) -> Iterator[Row]:
+    def _couple(self, row: CandidateRow) -> Iterator[CandidateRow]:
         """All positions q of the driven joints that belong to the solution ``row`` of the chain."""
         for q in self._coupling.leading(row.q):
             if self.task.off(row.q, q) > SEARCH["coupled"] and not row.flags & FREE and not self._options & RESIDUAL:
                 continue
             error, _ = self.task.error(q)
-            new = Row(q, row.flags & PUBLIC, row.branch, sum(x * x for x in error))
+            new = CandidateRow(q, row.flags & PUBLIC, row.branch, sum(x * x for x in error))
             if not new.residual <= TOLERANCE["tight"]:
                 new.q, new.residual = self.task.refine(q, *USUAL)
             if self._is_accepted(new):
@@ -331,7 +331,7 @@ class _CoupledCall(_Call):
     def _explain(self) -> None:
         pass  # the chain has found the reason
 
-    def _starts(self) -> list[Row]:
+    def _starts(self) -> list[CandidateRow]:
         """Where descents begin: at what is nearest on the chain without the coupling."""
         found, nearest, _ = self._chain.descend()
         return [replace(row, q=next(self._coupling.leading(row.q))) for row in found or [nearest]]

@@ -214,7 +214,7 @@ UNLIMITED = 1e30
 """The limit of a joint that has none."""
 
 
-class Limits:
+class PositionLimits:
     """Position limits of the joints of an arm or a mechanism: ``lower`` and ``upper``, rad or m; +-UNLIMITED if none.
 
     ``exist`` tells whether any joint has one.

@@ -1,8 +1,9 @@
 """The builder interface: the operations from which the derivation of a closed form is composed.
 
-A derivation computes the joints from the target by calling a :class:`Builder`. The same derivation serves several
-builders: it is printed as C, evaluated in CasADi or in floats, or written as text. Where an equation has several roots
-the builder decides how to treat them: C code loops over all roots, CasADi takes the root from its branch argument.
+A derivation computes the joints from the target by calling a :class:`DerivationBuilder`. The same derivation serves
+several builders: it is printed as C, evaluated in CasADi or in floats, or written as text. Where an equation has
+several roots the builder decides how to treat them: C code loops over all roots, CasADi takes the root from its branch
+argument.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def _whole(x: float) -> float:
     return float(round(x)) if abs(x - round(x)) < QUARTER else x
 
 
-class Builder(Protocol):
+class DerivationBuilder(Protocol):
     """The operations of a derivation, which every interpreter implements: recorder, float evaluation, printers.
 
     Lengths and angles are in the units of the chain. ``unit`` is the natural size of a quantity, relative to which it

@@ -27,7 +27,7 @@ MULTIPLE, FREE, OUTSIDE, INEXACT, NEAR = 1, 2, 4, 8, 16
 
 
 @dataclass(frozen=True)
-class Settings:
+class RootTolerances:
     """Tolerances with which the scalar equations are solved; the default ones are those of the compiler's trials.
 
     ``slack`` is how far below zero a discriminant may be and still count as zero; ``least`` the length below which a
@@ -40,7 +40,7 @@ class Settings:
     band: float | None = None
 
 
-TRIAL = Settings()
+TRIAL = RootTolerances()
 
 
 class NoRoot(Exception):  # noqa: N818 - an answer, not an error
@@ -70,7 +70,7 @@ class FloatBuilder:
         *,
         redundancy: float = 0.0,
         tool: Vector = (0.0, 0.0, 0.0),
-        settings: Settings = TRIAL,
+        settings: RootTolerances = TRIAL,
         fixed: frozenset[int] = frozenset(),
     ) -> None:
         self._tool, self._settings, self._fixed = tool, settings, fixed

@@ -7,7 +7,7 @@ from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector
 from rrrgen.ik.recording import steps
 from rrrgen.ik.recording.builder import Feasible, Label, Turn
-from rrrgen.ik.recording.scalar import Pool, Scalar
+from rrrgen.ik.recording.scalar import Pool, SolverScalar
 from rrrgen.ik.recording.solver import Solver
 
 
@@ -20,7 +20,7 @@ class Recorder:
         self._taken: set[str] = set()
         self._solved: set[int] = set()
         self._level = 0
-        self._target: tuple[Scalar, ...] = ()
+        self._target: tuple[SolverScalar, ...] = ()
 
     def solver(self, n: int) -> Solver:
         """The recorded solver of an arm with ``n`` joints; raises InternalError where a joint has no value."""
@@ -36,38 +36,38 @@ class Recorder:
         if not self._target:
             entries = [*(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), "px", "py", "pz"]
             self._target = self._variables(entries, 0)
-            self._steps.append(steps.Target(self._target))
+            self._steps.append(steps.TargetStep(self._target))
         r11, r12, r13, r21, r22, r23, r31, r32, r33, x, y, z = self._target
         return Rigid(((r11, r12, r13), (r21, r22, r23), (r31, r32, r33)), (x, y, z))
 
     def point(self) -> Vector:
         """The target position, as three variables."""
         results = self._variables(["px", "py", "pz"], 0)
-        self._steps.append(steps.Target(results))
+        self._steps.append(steps.TargetStep(results))
         return (results[0], results[1], results[2])
 
     def tool(self) -> Vector:
         """The position of the tool, as three variables."""
         results = self._variables(["tx", "ty", "tz"], 0)
-        self._steps.append(steps.Tool(results))
+        self._steps.append(steps.ToolStep(results))
         return (results[0], results[1], results[2])
 
     # -- values -------------------------------------------------------------------------------------------------------
 
-    def name(self, hint: str, x: S) -> Scalar:
+    def name(self, hint: str, x: S) -> SolverScalar:
         """Give ``x`` a name, unless it is a number or a variable already."""
         node = self.pool.of(x)
         if node.is_plain:
             return node
         results = self._variables([hint], node.level)
-        self._steps.append(steps.Named(results, hint, node))
+        self._steps.append(steps.NamedStep(results, hint, node))
         return results[0]
 
     def names(self, hint: str, v: Vector) -> Vector:
         """Name the coordinates of the vector ``v`` in the emitted code: ``hint`` followed by x, y or z."""
         return (self.name(f"{hint}x", v[0]), self.name(f"{hint}y", v[1]), self.name(f"{hint}z", v[2]))
 
-    def sqrt(self, x: S) -> Scalar:
+    def sqrt(self, x: S) -> SolverScalar:
         """The square root; round-off below zero counts as zero."""
         return self.pool.sqrt(self.pool.of(x))
 
@@ -80,30 +80,30 @@ class Recorder:
             raise InternalError(f"the equation of joint {joint.index + 1} does not contain it")
         better = None if radicand is None else self.pool.of(radicand)
         results = self._turn(joint, self._opened())
-        self._steps.append(steps.Pair(results, joint, (a, b, c), label, unit, better))
+        self._steps.append(steps.PairStep(results, joint, (a, b, c), label, unit, better))
         return Turn(*results)
 
-    def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
+    def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> SolverScalar:
         """Record the choice between the two square roots of ``radicand``."""
         node, big = self._nodes(radicand, size)
         results = self._variables([hint], self._opened())
-        self._steps.append(steps.SignedRoot(results, hint, node, big, joint, label, unit))
+        self._steps.append(steps.SignedRootStep(results, hint, node, big, joint, label, unit))
         return results[0]
 
     def quartic(self, joint: Joint, k: tuple[S, S, S, S, S], *, label: Label) -> Turn:
         """Record the equation ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0`` with up to four roots."""
         k0, k1, k2, k3, k4 = self._nodes(*k)
         results = self._turn(joint, self._opened())
-        self._steps.append(steps.Quartic(results, joint, (k0, k1, k2, k3, k4), label))
+        self._steps.append(steps.QuarticStep(results, joint, (k0, k1, k2, k3, k4), label))
         return Turn(*results)
 
-    def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
+    def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> SolverScalar:
         """Record the equation ``k0 + k1 x + k2 x^2 + ... = 0`` with up to four roots; with degree 1 as a quotient."""
         nodes = self._nodes(*k)
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])
         results = self._displacement(joint, self._opened())
-        self._steps.append(steps.Polynomial(results, joint, nodes, label, unit))
+        self._steps.append(steps.PolynomialStep(results, joint, nodes, label, unit))
         return results[0]
 
     # -- single answers -----------------------------------------------------------------------------------------------
@@ -112,7 +112,7 @@ class Recorder:
         """Record the angle ``atan2(s, c)``; where both vanish it is the caller's reference value of the joint."""
         nodes = self._nodes(s, c)
         results = self._turn(joint, _deepest(nodes))
-        self._steps.append(steps.Direction(results, joint, *nodes))
+        self._steps.append(steps.TurnStep(results, joint, *nodes))
         return Turn(*results)
 
     def onto(self, joint: Joint, v: Vector, u: Vector, *, unit: float, feasible: Feasible | None = None) -> Turn:
@@ -123,20 +123,20 @@ class Recorder:
             mean, cosine, sine, lower, upper = self._nodes(*feasible)
             bounds = (mean, cosine, sine, lower, upper)
         results = self._turn(joint, _deepest((vx, vy, vz, ux, uy, uz, *(bounds or ()))))
-        self._steps.append(steps.Onto(results, joint, (vx, vy, vz), (ux, uy, uz), unit, bounds))
+        self._steps.append(steps.OntoStep(results, joint, (vx, vy, vz), (ux, uy, uz), unit, bounds))
         return Turn(*results)
 
-    def slide(self, joint: Joint, x: S) -> Scalar:
+    def slide(self, joint: Joint, x: S) -> SolverScalar:
         """Set ``joint`` to the value ``x``: a displacement, or an angle that follows from others."""
         node = self.pool.of(x)
         results = self._displacement(joint, node.level)
-        self._steps.append(steps.Slide(results, joint, node))
+        self._steps.append(steps.SlideStep(results, joint, node))
         return results[0]
 
-    def given(self, joint: Joint) -> Turn | Scalar:
+    def given(self, joint: Joint) -> Turn | SolverScalar:
         """The joint that the caller prescribes: the redundancy parameter."""
         results = self._turn(joint, 0) if joint.revolute else self._displacement(joint, 0)
-        self._steps.append(steps.Given(results, joint))
+        self._steps.append(steps.GivenStep(results, joint))
         return Turn(*results) if joint.revolute else results[0]
 
     def wrist(
@@ -147,16 +147,16 @@ class Recorder:
         level = self._opened()
         turns = [self._turn(joint, level) for joint in joints]
         results = tuple(value for turn in turns for value in turn)
-        self._steps.append(steps.Wrist(results, joints, ((ax, ay, az), (bx, by, bz)), signs))
+        self._steps.append(steps.WristStep(results, joints, ((ax, ay, az), (bx, by, bz)), signs))
         return Turn(*turns[0]), Turn(*turns[1]), Turn(*turns[2])
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
         """Record quantities that are zero at a solution; a candidate is kept only if they are zero."""
-        self._steps.append(steps.Residual((), self._nodes(*lengths), self._nodes(*cosines)))
+        self._steps.append(steps.ResidualStep((), self._nodes(*lengths), self._nodes(*cosines)))
 
     # -- variables ----------------------------------------------------------------------------------------------------
 
-    def _nodes(self, *values: S) -> tuple[Scalar, ...]:
+    def _nodes(self, *values: S) -> tuple[SolverScalar, ...]:
         return tuple(self.pool.of(x) for x in values)
 
     def _opened(self) -> int:
@@ -164,11 +164,11 @@ class Recorder:
         self._level += 1
         return self._level
 
-    def _turn(self, joint: Joint, level: int) -> tuple[Scalar, ...]:
+    def _turn(self, joint: Joint, level: int) -> tuple[SolverScalar, ...]:
         self._solves(joint)
         return self._variables([f"c{joint.index + 1}", f"s{joint.index + 1}"], level)
 
-    def _displacement(self, joint: Joint, level: int) -> tuple[Scalar, ...]:
+    def _displacement(self, joint: Joint, level: int) -> tuple[SolverScalar, ...]:
         self._solves(joint)
         return self._variables([f"x{joint.index + 1}"], level)
 
@@ -177,7 +177,7 @@ class Recorder:
             raise InternalError(f"joint {joint.index + 1} is solved twice")
         self._solved.add(joint.index)
 
-    def _variables(self, hints: list[str], level: int) -> tuple[Scalar, ...]:
+    def _variables(self, hints: list[str], level: int) -> tuple[SolverScalar, ...]:
         return tuple(self.pool.var(self._fresh(hint), level) for hint in hints)
 
     def _fresh(self, hint: str) -> str:
@@ -189,5 +189,5 @@ class Recorder:
         return text
 
 
-def _deepest(nodes: tuple[Scalar, ...]) -> int:
+def _deepest(nodes: tuple[SolverScalar, ...]) -> int:
     return max(node.level for node in nodes)

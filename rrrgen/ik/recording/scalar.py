@@ -18,10 +18,10 @@ from rrrgen.program import Op
 Constant = Any
 """A constant in an expression: a float, or an exact SymPy expression."""
 
-Operand = Union["Scalar", Constant]
+Operand = Union["SolverScalar", Constant]
 
 
-class Scalar:
+class SolverScalar:
     """One node of an expression.
 
     ``op`` is CONST (a number ``value``), INPUT (a variable with the name ``text``), or an operation on ``args``.
@@ -34,7 +34,7 @@ class Scalar:
         self,
         pool: Pool,
         op: Op,
-        args: tuple[Scalar, ...] = (),
+        args: tuple[SolverScalar, ...] = (),
         *,
         value: Constant = 0.0,
         text: str = "",
@@ -43,31 +43,31 @@ class Scalar:
         self.pool, self.op, self.args, self.value, self.text = pool, op, args, value, text
         self.level: int = max((arg.level for arg in args), default=level)
 
-    def __add__(self, other: Operand) -> Scalar:
+    def __add__(self, other: Operand) -> SolverScalar:
         return self.pool.add(self, self.pool.of(other))
 
-    def __radd__(self, other: Operand) -> Scalar:
+    def __radd__(self, other: Operand) -> SolverScalar:
         return self.pool.add(self.pool.of(other), self)
 
-    def __sub__(self, other: Operand) -> Scalar:
+    def __sub__(self, other: Operand) -> SolverScalar:
         return self.pool.sub(self, self.pool.of(other))
 
-    def __rsub__(self, other: Operand) -> Scalar:
+    def __rsub__(self, other: Operand) -> SolverScalar:
         return self.pool.sub(self.pool.of(other), self)
 
-    def __mul__(self, other: Operand) -> Scalar:
+    def __mul__(self, other: Operand) -> SolverScalar:
         return self.pool.mul(self, self.pool.of(other))
 
-    def __rmul__(self, other: Operand) -> Scalar:
+    def __rmul__(self, other: Operand) -> SolverScalar:
         return self.pool.mul(self.pool.of(other), self)
 
-    def __truediv__(self, other: Operand) -> Scalar:
+    def __truediv__(self, other: Operand) -> SolverScalar:
         return self.pool.div(self, self.pool.of(other))
 
-    def __rtruediv__(self, other: Operand) -> Scalar:
+    def __rtruediv__(self, other: Operand) -> SolverScalar:
         return self.pool.div(self.pool.of(other), self)
 
-    def __neg__(self) -> Scalar:
+    def __neg__(self) -> SolverScalar:
         return self.pool.neg(self)
 
     @property
@@ -92,20 +92,20 @@ class Pool:
     """
 
     def __init__(self, number: Callable[[Any], Constant] = _rounded) -> None:
-        self._nodes: dict[tuple[object, ...], Scalar] = {}
+        self._nodes: dict[tuple[object, ...], SolverScalar] = {}
         self._number = number
 
-    def of(self, x: Operand) -> Scalar:
+    def of(self, x: Operand) -> SolverScalar:
         """Return the node of the number ``x``; an ``x`` that is a node already is returned as it is."""
-        if isinstance(x, Scalar):
+        if isinstance(x, SolverScalar):
             return x
         return self._node(Op.CONST, (), value=self._number(x))
 
-    def var(self, text: str, level: int = 0) -> Scalar:
+    def var(self, text: str, level: int = 0) -> SolverScalar:
         """A variable with the name ``text``, known from loop depth ``level`` on."""
         return self._node(Op.INPUT, (), text=text, level=level)
 
-    def add(self, x: Scalar, y: Scalar) -> Scalar:
+    def add(self, x: SolverScalar, y: SolverScalar) -> SolverScalar:
         """The sum ``x + y``, simplified."""
         if x.is_const and y.is_const:
             return self.of(x.value + y.value)
@@ -121,7 +121,7 @@ class Pool:
             return self._node(Op.SUB, (x, self.of(-y.value)))
         return self._node(Op.ADD, (x, y))
 
-    def sub(self, x: Scalar, y: Scalar) -> Scalar:
+    def sub(self, x: SolverScalar, y: SolverScalar) -> SolverScalar:
         """The difference ``x - y``, simplified."""
         if x is y:
             return self.of(0.0)
@@ -133,7 +133,7 @@ class Pool:
             return self.add(x, y.args[0])
         return self._node(Op.SUB, (x, y))
 
-    def mul(self, x: Scalar, y: Scalar) -> Scalar:
+    def mul(self, x: SolverScalar, y: SolverScalar) -> SolverScalar:
         """The product ``x y``, simplified: signs move outwards, constants to the front."""
         if x.is_const and y.is_const:
             return self.of(x.value * y.value)
@@ -152,7 +152,7 @@ class Pool:
             return self.neg(self.mul(x, y.args[0]))
         return self._node(Op.MUL, (x, y))
 
-    def div(self, x: Scalar, y: Scalar) -> Scalar:
+    def div(self, x: SolverScalar, y: SolverScalar) -> SolverScalar:
         """The quotient ``x / y``, simplified: division by a constant becomes a product."""
         if y.is_const:
             return self.mul(self.of(1 / y.value), x)
@@ -162,7 +162,7 @@ class Pool:
             return self.neg(self.div(x.args[0], y))
         return self._node(Op.DIV, (x, y))
 
-    def neg(self, x: Scalar) -> Scalar:
+    def neg(self, x: SolverScalar) -> SolverScalar:
         """The negative ``-x``, simplified."""
         if x.is_const:
             return self.of(-x.value)
@@ -172,7 +172,7 @@ class Pool:
             return self.sub(x.args[1], x.args[0])
         return self._node(Op.NEG, (x,))
 
-    def sqrt(self, x: Scalar) -> Scalar:
+    def sqrt(self, x: SolverScalar) -> SolverScalar:
         """The square root of an ``x`` that cannot be negative; ``sqrt(a a)`` becomes ``|a|``."""
         if x.is_const and isinstance(x.value, float):
             return self.of(max(x.value, 0.0) ** 0.5)
@@ -180,20 +180,20 @@ class Pool:
             return self._node(Op.ABS, x.args[:1])
         return self._node(Op.SQRT, (x,))
 
-    def clamped_sqrt(self, x: Scalar) -> Scalar:
+    def clamped_sqrt(self, x: SolverScalar) -> SolverScalar:
         """The square root of ``x``, or 0 where rounding makes ``x`` negative."""
         root = self.sqrt(x)
         return self._node(Op.SELECT, (x, root, self.of(0.0))) if root.op is Op.SQRT else root
 
     def _node(
-        self, op: Op, args: tuple[Scalar, ...], *, value: Constant = 0.0, text: str = "", level: int = 0
-    ) -> Scalar:
+        self, op: Op, args: tuple[SolverScalar, ...], *, value: Constant = 0.0, text: str = "", level: int = 0
+    ) -> SolverScalar:
         key = (op, value, text, *map(id, args))
         if op is Op.ADD or op is Op.MUL:
             key = (op, *sorted(map(id, args)))
         node = self._nodes.get(key)
         if node is None:
-            node = self._nodes[key] = Scalar(self, op, args, value=value, text=text, level=level)
+            node = self._nodes[key] = SolverScalar(self, op, args, value=value, text=text, level=level)
         return node
 
 

@@ -15,9 +15,9 @@ from math import prod
 from operator import add, mul, neg, sub, truediv
 
 from rrrgen.ik.geometry.rigid_transforms import S
-from rrrgen.ik.recording.builder import Builder
-from rrrgen.ik.recording.scalar import Scalar
-from rrrgen.ik.recording.steps import Pair, Residual, Stage, Step
+from rrrgen.ik.recording.builder import DerivationBuilder
+from rrrgen.ik.recording.scalar import SolverScalar
+from rrrgen.ik.recording.steps import PairStep, ResidualStep, Stage, Step
 from rrrgen.program import Op
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -40,10 +40,12 @@ parentheses."""
 
 def text_of(n: int, steps: Sequence[Step], rows: int) -> str:
     """Print the ``steps`` of an arm with ``n`` joints and at most ``rows`` solutions; ends with a line feed."""
-    return "\n".join([f"inverse kinematics of {n} joints: at most {rows} solutions", *_Writer(steps).lines()]) + "\n"
+    return (
+        "\n".join([f"inverse kinematics of {n} joints: at most {rows} solutions", *_TextWriter(steps).lines()]) + "\n"
+    )
 
 
-class _Writer:
+class _TextWriter:
     def __init__(self, steps: Sequence[Step]) -> None:
         self._steps = steps
         self._uses: dict[int, int] = {}
@@ -62,7 +64,7 @@ class _Writer:
             depth += self._write(step, depth)
         return [f"{'  ' * (k + 1)}{line}" for k, block in enumerate(self._blocks) for line in block]
 
-    def _count(self, node: Scalar) -> None:
+    def _count(self, node: SolverScalar) -> None:
         self._uses[id(node)] = self._uses.get(id(node), 0) + 1
         if self._uses[id(node)] == 1:
             for arg in node.args:
@@ -70,7 +72,7 @@ class _Writer:
 
     def _write(self, step: Step, depth: int) -> bool:
         """Write one step at the depth at which its operands are known; returns whether it selects a root."""
-        level = depth if isinstance(step, Residual) else max((x.level for x in step.operands), default=0)
+        level = depth if isinstance(step, ResidualStep) else max((x.level for x in step.operands), default=0)
         operands = [self._text(operand, 0) for operand in step.operands]
         results = ", ".join(result.text for result in step.results)
         if step.kind == "name":
@@ -84,7 +86,7 @@ class _Writer:
         self._blocks[depth].append(f"for each of up to {stage.most} roots of {what}, {stage.label}: {results}")
         return True
 
-    def _text(self, node: Scalar, strength: int) -> str:
+    def _text(self, node: SolverScalar, strength: int) -> str:
         if node.op is Op.INPUT:
             return node.text
         if node.is_const:
@@ -95,7 +97,7 @@ class _Writer:
             self._blocks[node.level].append(f"{self._named[id(node)]} = {text}")
         return self._named.get(id(node)) or self._expression(node, strength)
 
-    def _expression(self, node: Scalar, strength: int) -> str:
+    def _expression(self, node: SolverScalar, strength: int) -> str:
         if node.op is Op.NEG:
             return f"-{self._text(node.args[0], 3)}"
         if node.op not in _SIGNS:
@@ -111,7 +113,7 @@ class _Writer:
 
 
 @dataclass(frozen=True)
-class Leaf:
+class CandidateLayout:
     """Where a candidate solution finds its joint values, its branch number and its residual among the steps.
 
     ``values`` holds for each joint of the user the index of the step that sets it, ``labels`` the fields of the branch
@@ -141,15 +143,15 @@ class Solver:
         return prod(stage.most for stage in self.stages)
 
     @cached_property
-    def leaf(self) -> Leaf:
+    def leaf(self) -> CandidateLayout:
         """The steps and the branch labels that make up a candidate solution."""
         decided = {joint.index: k for k, step in enumerate(self.steps) for joint in step.joints}
         labels, bit = [], 0
         for stage in self.stages:
             labels.append((stage.label, bit, stage.bits))
             bit += stage.bits
-        checks = tuple(k for k, step in enumerate(self.steps) if isinstance(step, Residual))
-        return Leaf(tuple(decided[j] for j in range(self.n)), tuple(labels), checks)
+        checks = tuple(k for k, step in enumerate(self.steps) if isinstance(step, ResidualStep))
+        return CandidateLayout(tuple(decided[j] for j in range(self.n)), tuple(labels), checks)
 
     @cached_property
     def opens(self) -> tuple[tuple[int, int], ...]:
@@ -172,7 +174,7 @@ class Solver:
     @cached_property
     def fixed_pairs(self) -> frozenset[int]:
         """Joints solved from ``A cos x + B sin x = C`` with constant A and B, so that no target leaves them free."""
-        return frozenset(step.joint.index for step in self.steps if isinstance(step, Pair) and step.fixed)
+        return frozenset(step.joint.index for step in self.steps if isinstance(step, PairStep) and step.fixed)
 
     @property
     def outline(self) -> tuple[tuple[object, ...], ...]:
@@ -186,11 +188,11 @@ class Solver:
             if step.kind not in ("name", "residual")
         )
 
-    def play(self, b: Builder) -> None:
+    def play(self, b: DerivationBuilder) -> None:
         """Replay the recorded steps on the builder ``b``."""
         values: dict[int, S] = {}
 
-        def read(node: Scalar) -> S:
+        def read(node: SolverScalar) -> S:
             if node.is_const:
                 return node.value
             key = id(node)
@@ -218,14 +220,14 @@ class Solver:
         return text_of(self.n, list(self.live()), self.max_solutions)
 
 
-def _collect(node: Scalar, used: set[int]) -> None:
+def _collect(node: SolverScalar, used: set[int]) -> None:
     if id(node) not in used:
         used.add(id(node))
         for arg in node.args:
             _collect(arg, used)
 
 
-def _applied(b: Builder, op: Op, args: list[S]) -> S:
+def _applied(b: DerivationBuilder, op: Op, args: list[S]) -> S:
     if op is Op.SQRT:
         return b.sqrt(args[0])
     if op is Op.ABS:

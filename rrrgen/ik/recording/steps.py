@@ -14,14 +14,14 @@ from typing import ClassVar
 
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid_transforms import S, Vector
-from rrrgen.ik.recording.builder import Builder, Feasible, Label, Turn
-from rrrgen.ik.recording.scalar import Scalar
+from rrrgen.ik.recording.builder import DerivationBuilder, Feasible, Label, Turn
+from rrrgen.ik.recording.scalar import SolverScalar
 
-Read = Callable[[Scalar], S]
+Read = Callable[[SolverScalar], S]
 """Function that returns the value of a recorded scalar in the interpreter that repeats the steps."""
 
-Scalars = tuple[Scalar, ...]
-Triple = tuple[Scalar, Scalar, Scalar]
+Scalars = tuple[SolverScalar, ...]
+Triple = tuple[SolverScalar, SolverScalar, SolverScalar]
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Step(ABC):
         return None
 
     @abstractmethod
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat the operation on the builder ``b``; returns the values that ``b`` computes for ``results``.
 
         ``read`` converts a recorded scalar to the value that it has on ``b``.
@@ -75,12 +75,12 @@ class Step(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Target(Step):
+class TargetStep(Step):
     """The step that reads the target: 12 results for a pose (rotation row by row, then position), 3 for a position."""
 
     kind: ClassVar[str] = "target"
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         if len(self.results) == 3:
             return b.point()
@@ -89,25 +89,25 @@ class Target(Step):
 
 
 @dataclass(frozen=True, eq=False)
-class Tool(Step):
+class ToolStep(Step):
     """The step that reads the position of the tool in the frame of the last link: 3 results."""
 
     kind: ClassVar[str] = "tool"
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return b.tool()
 
 
 @dataclass(frozen=True, eq=False)
-class Named(Step):
+class NamedStep(Step):
     """The step that stores ``value`` under the readable name ``hint``."""
 
     hint: str
-    value: Scalar
+    value: SolverScalar
     kind: ClassVar[str] = "name"
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return (b.name(self.hint, read(self.value)),)
 
@@ -125,7 +125,7 @@ class _Decision(Step):
 
 
 @dataclass(frozen=True, eq=False)
-class Pair(_Decision):
+class PairStep(_Decision):
     """The step that solves ``A cos(x) + B sin(x) = C`` for cosine and sine of x; ``equation`` holds (A, B, C).
 
     ``unit`` is the natural size of A, B and C, ``radicand`` a more accurate expression for A^2 + B^2 - C^2 if known.
@@ -134,7 +134,7 @@ class Pair(_Decision):
     equation: Triple
     label: Label
     unit: float
-    radicand: Scalar | None
+    radicand: SolverScalar | None
     kind: ClassVar[str] = "pair"
 
     @property
@@ -152,7 +152,7 @@ class Pair(_Decision):
         """The joint that some targets leave undetermined at this step; None if there is none."""
         return None if self.fixed else self.joint
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         A, B, C = map(read, self.equation)
         radicand = None if self.radicand is None else read(self.radicand)
@@ -160,15 +160,15 @@ class Pair(_Decision):
 
 
 @dataclass(frozen=True, eq=False)
-class SignedRoot(Step):
+class SignedRootStep(Step):
     """The step that takes both square roots of ``radicand``, one root if it is small relative to ``size``.
 
     The roots get the name ``hint`` and belong to an equation for ``joint``; ``unit`` is their natural size.
     """
 
     hint: str
-    radicand: Scalar
-    size: Scalar
+    radicand: SolverScalar
+    size: SolverScalar
     joint: Joint
     label: Label
     unit: float
@@ -179,17 +179,17 @@ class SignedRoot(Step):
         """The root selection that this step makes."""
         return Stage(self.joint.index, self.label.name)
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         radicand, size = read(self.radicand), read(self.size)
         return (b.signed_root(self.hint, radicand, size=size, joint=self.joint, label=self.label, unit=self.unit),)
 
 
 @dataclass(frozen=True, eq=False)
-class Quartic(_Decision):
+class QuarticStep(_Decision):
     """The step that solves ``k0 + k1 cos x + k2 sin x + k3 cos 2x + k4 sin 2x = 0`` for cosine and sine of x."""
 
-    k: tuple[Scalar, Scalar, Scalar, Scalar, Scalar]
+    k: tuple[SolverScalar, SolverScalar, SolverScalar, SolverScalar, SolverScalar]
     label: Label
     kind: ClassVar[str] = "quartic"
 
@@ -198,14 +198,14 @@ class Quartic(_Decision):
         """The root selection that this step makes."""
         return Stage(self.joint.index, self.label.name, 4, 2)
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         k0, k1, k2, k3, k4 = map(read, self.k)
         return tuple(b.quartic(self.joint, (k0, k1, k2, k3, k4), label=self.label))
 
 
 @dataclass(frozen=True, eq=False)
-class Polynomial(_Decision):
+class PolynomialStep(_Decision):
     """The step that solves ``k0 + k1 x + k2 x^2 + ... = 0`` (degree 2 or 4) for a displacement x."""
 
     k: Scalars
@@ -219,17 +219,17 @@ class Polynomial(_Decision):
         most = len(self.k) - 1
         return Stage(self.joint.index, self.label.name, most, 1 if most == 2 else 2)
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return (b.polynomial(self.joint, tuple(map(read, self.k)), label=self.label, unit=self.unit),)
 
 
 @dataclass(frozen=True, eq=False)
-class Direction(_Decision):
+class TurnStep(_Decision):
     """The step that computes the cosine and sine of the angle ``atan2(s, c)``."""
 
-    s: Scalar
-    c: Scalar
+    s: SolverScalar
+    c: SolverScalar
     kind: ClassVar[str] = "turn"
 
     @property
@@ -237,13 +237,13 @@ class Direction(_Decision):
         """The joint that some targets leave undetermined at this step; None if there is none."""
         return self.joint
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return tuple(b.turn(self.joint, read(self.s), read(self.c)))
 
 
 @dataclass(frozen=True, eq=False)
-class Onto(_Decision):
+class OntoStep(_Decision):
     """The step that computes the cosine and sine of the angle about z that rotates ``v`` onto ``u``.
 
     ``unit`` is the natural size of both vectors; ``feasible`` holds the terms of a :class:`Feasible` condition.
@@ -252,7 +252,7 @@ class Onto(_Decision):
     v: Triple
     u: Triple
     unit: float
-    feasible: tuple[Scalar, Scalar, Scalar, Scalar, Scalar] | None
+    feasible: tuple[SolverScalar, SolverScalar, SolverScalar, SolverScalar, SolverScalar] | None
     kind: ClassVar[str] = "onto"
 
     @property
@@ -260,38 +260,38 @@ class Onto(_Decision):
         """The joint that some targets leave undetermined at this step; None if there is none."""
         return self.joint
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         bounds = None if self.feasible is None else Feasible(*map(read, self.feasible))
         return tuple(b.onto(self.joint, _vector(self.v, read), _vector(self.u, read), unit=self.unit, feasible=bounds))
 
 
 @dataclass(frozen=True, eq=False)
-class Slide(_Decision):
+class SlideStep(_Decision):
     """The step that sets a joint to a value: a displacement, or an angle that follows from others."""
 
-    value: Scalar
+    value: SolverScalar
     kind: ClassVar[str] = "slide"
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         return (b.slide(self.joint, read(self.value)),)
 
 
 @dataclass(frozen=True, eq=False)
-class Given(_Decision):
+class GivenStep(_Decision):
     """The step that reads the joint that the caller prescribes: its cosine and sine, or its displacement."""
 
     kind: ClassVar[str] = "given"
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         value = b.given(self.joint)
         return tuple(value) if isinstance(value, Turn) else (value,)
 
 
 @dataclass(frozen=True, eq=False)
-class Wrist(Step):
+class WristStep(Step):
     """The step that solves a spherical wrist, the joints ``three`` with perpendicular axes, for cosines and sines.
 
     There are two solutions. ``signs`` are those of the two twists, +1 for pi/2 and -1 for -pi/2.
@@ -318,7 +318,7 @@ class Wrist(Step):
         """The joint that some targets leave undetermined at this step; None if there is none."""
         return self.three[0]
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         (ax, ay, az), (bx, by, bz) = (_vector(column, read) for column in self.columns)
         turns = b.wrist(self.three, ((ax, 0, bx), (ay, 0, by), (az, 0, bz)), self.signs)
@@ -326,14 +326,14 @@ class Wrist(Step):
 
 
 @dataclass(frozen=True, eq=False)
-class Residual(Step):
+class ResidualStep(Step):
     """The step that records quantities which are zero at a solution: lengths, and cosines or sines."""
 
     lengths: Scalars
     cosines: Scalars
     kind: ClassVar[str] = "residual"
 
-    def play(self, b: Builder, read: Read) -> tuple[S, ...]:
+    def play(self, b: DerivationBuilder, read: Read) -> tuple[S, ...]:
         """Repeat this operation on the builder ``b``; ``read`` gives it operands. Returns the values of ``results``."""
         b.residual(tuple(map(read, self.lengths)), tuple(map(read, self.cosines)))
         return ()
@@ -344,9 +344,9 @@ def _vector(v: Triple, read: Read) -> Vector:
     return (x, y, z)
 
 
-def _scalars(value: object) -> Iterator[Scalar]:
+def _scalars(value: object) -> Iterator[SolverScalar]:
     """The scalars in ``value``, one after the other: itself, or those in the tuples that it consists of."""
-    if isinstance(value, Scalar):
+    if isinstance(value, SolverScalar):
         yield value
     elif isinstance(value, tuple | list):
         for part in value:

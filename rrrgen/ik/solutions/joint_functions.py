@@ -24,7 +24,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     total,
     transposed,
 )
-from rrrgen.ik.recording.builder import Builder, Label, Turn
+from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Form:
         """Whether the function does not depend on the joint: all coefficients but the first are exactly zero."""
         return all(is_zero(x) for x in self.k[1:])
 
-    def root(self, builder: Builder, joint: Joint, label: Label, unit: float) -> Turn | S:
+    def root(self, builder: DerivationBuilder, joint: Joint, label: Label, unit: float) -> Turn | S:
         """Solve ``form(x) = 0`` for ``joint``; ``unit`` is the natural size of the coefficients of the equation."""
         form = self.trimmed()
         if not form.turning:

@@ -33,7 +33,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     screw,
     total,
 )
-from rrrgen.ik.recording.builder import Builder, Feasible, Label, Turn
+from rrrgen.ik.recording.builder import DerivationBuilder, Feasible, Label, Turn
 from rrrgen.ik.solutions.joint_functions import Moving
 from rrrgen.ik.solutions.planar import Plane, Triple, anchor, oriented, solve_planar, triple_of
 from rrrgen.ik.solutions.position import UNUSABLE
@@ -100,7 +100,7 @@ def better(loop: Loop, k: int) -> tuple[int, Loop, int]:
     return (forward, loop, k) if forward <= backward else (backward, back, other)
 
 
-def derive_parallel(b: Builder, loop: Loop, k: int, length: float) -> None:
+def derive_parallel(b: DerivationBuilder, loop: Loop, k: int, length: float) -> None:
     """Derive all joints of a six-joint loop with a planar triple at joints k, k+1, k+2 of an arm of size ``length``."""
     _, loop, k = better(straightened(loop), k)
     frame = Frame.of(loop, k)
@@ -116,7 +116,7 @@ def derive_parallel(b: Builder, loop: Loop, k: int, length: float) -> None:
     finish_plane(b, frame, motions, length)
 
 
-def finish_plane(b: Builder, frame: Frame, motions: list[Motion], length: float) -> None:
+def finish_plane(b: DerivationBuilder, frame: Frame, motions: list[Motion], length: float) -> None:
     """Derive the three joints of the planar triple from the ``motions`` of the other joints.
 
     The loop closes, so the displacement of the triple in its plane is the inverse of the product of the other
@@ -162,7 +162,7 @@ def _closing(link: Crossing | Closing) -> Closing:
 class _Others:
     """Solver for the three joints a, b, c besides the planar triple, where all three are revolute."""
 
-    b: Builder
+    b: DerivationBuilder
     frame: Frame
     length: float
 
@@ -268,7 +268,7 @@ def _gap(a: Plane, b: Plane) -> S:
     return ((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2) ** 0.5
 
 
-def _slide_first(b: Builder, frame: Frame, L: float) -> list[Motion]:
+def _slide_first(b: DerivationBuilder, frame: Frame, L: float) -> list[Motion]:
     """Derive joints a, b, c where a is prismatic, so that it does not rotate the normal n of the triple.
 
     That the other two map n onto itself gives c and b; the height along n then gives the displacement of a.
@@ -300,7 +300,7 @@ def _sharp(n_c: Vector, bc: Rigid, mb: Vector, across: S) -> S | None:
     return across if quarter else None
 
 
-def _slide_middle(b: Builder, frame: Frame, L: float) -> list[Motion]:
+def _slide_middle(b: DerivationBuilder, frame: Frame, L: float) -> list[Motion]:
     """Derive joints a, b, c where b is prismatic, so that it does not rotate the normal n of the triple.
 
     That the other two map n onto itself gives c and a; the height along n then gives the displacement of b.

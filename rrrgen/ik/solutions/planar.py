@@ -15,14 +15,14 @@ from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.loop import Loop, Motion
 from rrrgen.ik.geometry.rigid_transforms import Crossing, Rigid, S, Vector, is_zero, product, rotate_z, screw, total
-from rrrgen.ik.recording.builder import Builder, Label, Turn
+from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
 from rrrgen.ik.tolerances import EXACT
 
 Plane = tuple[S, S]
 
 
 @dataclass(frozen=True)
-class Element:
+class PlaneMotion:
     """One joint of the triple: a rotation about the point ``at`` or a translation along the unit vector ``at``.
 
     ``at`` is in plane coordinates.
@@ -39,7 +39,7 @@ class Triple:
     ``Q`` maps plane coordinates to the frame before the first joint; ``E0`` is the constant transform after the joints.
     """
 
-    elements: tuple[Element, Element, Element]
+    elements: tuple[PlaneMotion, PlaneMotion, PlaneMotion]
     Q: Rigid
     E0: Rigid
 
@@ -81,11 +81,11 @@ def triple_of(loop: Loop, k: int) -> Triple | None:
                 return None
             sense = 1 if axis[2] > 0 else -1
             signed = joint if sense > 0 else _negated(joint)
-            elements.append(Element(signed, (local.t[0], local.t[1])))
+            elements.append(PlaneMotion(signed, (local.t[0], local.t[1])))
         else:
             if not _flat(axis[2]):
                 return None
-            elements.append(Element(joint, (axis[0], axis[1])))
+            elements.append(PlaneMotion(joint, (axis[0], axis[1])))
     triple = Triple((elements[0], elements[1], elements[2]), Q, back @ frames[2])
     return triple if _moves(triple) else None
 
@@ -160,7 +160,9 @@ def anchor(triple: Triple) -> Plane:
     return last.at if last.joint.revolute else (0, 0)
 
 
-def solve_planar(b: Builder, triple: Triple, point: Plane, rotation: Turn, length: float) -> dict[int, Motion]:
+def solve_planar(
+    b: DerivationBuilder, triple: Triple, point: Plane, rotation: Turn, length: float
+) -> dict[int, Motion]:
     """Derive the joints that rotate the plane by ``rotation`` and carry the point :func:`anchor` to ``point``.
 
     ``point`` is in plane coordinates (m), ``length`` (m) is the size of the arm. Returns the motions by joint index.
@@ -173,7 +175,7 @@ def solve_planar(b: Builder, triple: Triple, point: Plane, rotation: Turn, lengt
     return solver[triple.types](b, triple, point, rotation, length)
 
 
-def _last(b: Builder, joint: Joint, rotation: Turn, *before: Turn) -> Turn:
+def _last(b: DerivationBuilder, joint: Joint, rotation: Turn, *before: Turn) -> Turn:
     """Derive the last angle: the whole ``rotation`` minus the angles ``before`` it."""
     c, s = rotation
     for x in before:
@@ -181,7 +183,7 @@ def _last(b: Builder, joint: Joint, rotation: Turn, *before: Turn) -> Turn:
     return b.turn(joint, s, c)
 
 
-def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
+def _turn_turn(b: DerivationBuilder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
     """Derive R R R: the law of cosines gives x2 from the distance of the first and the last axis; x1 and x3 follow."""
     one, two, three = triple.elements
     upper, fore = _less(two.at, one.at), _less(three.at, two.at)
@@ -200,7 +202,7 @@ def _turn_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: floa
     return {one.joint.index: x1, two.joint.index: x2, three.joint.index: x3}
 
 
-def _turn_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
+def _turn_slide(b: DerivationBuilder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
     """Derive R P R: the distance of the first and last axis gives the displacement (a quadratic); x1 and x3 follow."""
     one, two, three = triple.elements
     start, aim = _less(three.at, one.at), _less(point, one.at)
@@ -216,7 +218,7 @@ def _turn_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: flo
     return {one.joint.index: x1, two.joint.index: t, three.joint.index: x3}
 
 
-def _slide_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
+def _slide_turn(b: DerivationBuilder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
     """Derive P R R: the target point lies on a circle about axis 2, whose radius gives a quadratic in x1."""
     one, two, three = triple.elements
     arm, aim = _less(three.at, two.at), _less(point, two.at)
@@ -232,7 +234,7 @@ def _slide_turn(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: flo
     return {one.joint.index: t, two.joint.index: x2, three.joint.index: x3}
 
 
-def _slide_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
+def _slide_slide(b: DerivationBuilder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
     """Derive P P R: the position of the last axis gives two linear equations for the displacements x1 and x2."""
     one, two, three = triple.elements
     aim = _less(point, three.at)
@@ -243,7 +245,7 @@ def _slide_slide(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: fl
     return {one.joint.index: t1, two.joint.index: t2, three.joint.index: x3}
 
 
-def _around(b: Builder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
+def _around(b: DerivationBuilder, triple: Triple, point: Plane, rotation: Turn, L: float) -> dict[int, Motion]:
     """Derive P R P: the rotation gives x2; ``point``, the image of the origin, gives linear equations for x1 and x3."""
     one, two, three = triple.elements
     x2 = b.turn(two.joint, rotation.s, rotation.c)

@@ -33,7 +33,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     square,
     total,
 )
-from rrrgen.ik.recording.builder import Builder, Label, Turn
+from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
 from rrrgen.ik.solutions.joint_functions import Moving
 
 
@@ -112,7 +112,7 @@ def simplest(arm: Arm) -> tuple[int, Arm]:
     return (forward, arm) if forward <= backward else (backward, arm.reversed())
 
 
-def solve_position(b: Builder, arm: Arm, length: float) -> dict[int, Turn | S]:
+def solve_position(b: DerivationBuilder, arm: Arm, length: float) -> dict[int, Turn | S]:
     """Derive the joint motions that carry c to p, by joint index and in the direction of ``arm``.
 
     ``length`` (m) is the reach. Raises :class:`InternalError` where :func:`simplest` returns the cost UNUSABLE, which
@@ -132,7 +132,7 @@ def solve_position(b: Builder, arm: Arm, length: float) -> dict[int, Turn | S]:
     }
 
 
-def _solve(b: Builder, arm: Arm, length: float) -> dict[int, Turn | S]:
+def _solve(b: DerivationBuilder, arm: Arm, length: float) -> dict[int, Turn | S]:
     first, joints = arm.first, arm.joints
     if not isinstance(first, Crossing):
         raise InternalError("the position kernel needs a constant link")
@@ -178,7 +178,7 @@ class _Core:
     size of the arm, ``front`` the sign of the shoulder's root that is labelled plus (:func:`_elbow_sign`).
     """
 
-    b: Builder
+    b: DerivationBuilder
     joints: tuple[Joint, Joint, Joint]
     a: S
     ca: S
@@ -327,7 +327,7 @@ def _negative(x: S) -> bool:
 
 
 def _linear(
-    b: Builder, joints: tuple[Joint, Joint, Joint], L1: Rigid, L2: Rigid, c: Vector, p: Vector, length: float
+    b: DerivationBuilder, joints: tuple[Joint, Joint, Joint], L1: Rigid, L2: Rigid, c: Vector, p: Vector, length: float
 ) -> dict[int, Turn | S]:
     """Derive P P P: three linear equations for the displacements along the constant directions of the joint axes."""
     origin = (L1 @ L2).apply(c)

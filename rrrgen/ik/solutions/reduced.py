@@ -27,7 +27,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     total,
     transposed,
 )
-from rrrgen.ik.recording.builder import Builder, Label, Turn
+from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
 from rrrgen.ik.solutions.joint_functions import Form, Moving
 from rrrgen.ik.solutions.parallel import Frame, finish_plane
 from rrrgen.ik.solutions.planar import triple_of
@@ -38,7 +38,7 @@ from rrrgen.ik.tolerances import EXACT
 IDENTITY = screw(1, 0)
 
 
-def derive_planar(b: Builder, loop: Loop, length: float) -> None:
+def derive_planar(b: DerivationBuilder, loop: Loop, length: float) -> None:
     """Derive a planar arm of three joints from x, y and the angle in its plane.
 
     A residual checks that the target lies in the plane. ``length`` (m) is the size of the arm.
@@ -53,7 +53,7 @@ def derive_planar(b: Builder, loop: Loop, length: float) -> None:
     finish_plane(b, frame, [], length)
 
 
-def derive_lift(b: Builder, loop: Loop, k: int, length: float) -> None:
+def derive_lift(b: DerivationBuilder, loop: Loop, k: int, length: float) -> None:
     """Derive a SCARA arm: a planar triple at joints k, k+1, k+2 and a prismatic joint along its normal."""
     loop = straightened(loop)
     frame = Frame.of(loop, k)
@@ -66,7 +66,7 @@ def derive_lift(b: Builder, loop: Loop, k: int, length: float) -> None:
     finish_plane(b, frame, [t], length)
 
 
-def upright(b: Builder, frame: Frame, motions: list[Motion]) -> None:
+def upright(b: DerivationBuilder, frame: Frame, motions: list[Motion]) -> None:
     """Record as a residual how far the z axis of the target is tilted against the normal of the plane of the triple.
 
     No joint can change that tilt, so a target has solutions only where it is zero.
@@ -122,7 +122,7 @@ def decomposed(R: Rotation) -> Crossing | None:
     return Crossing(near, 0, ca, sa, far)
 
 
-def derive_orientation(b: Builder, loop: Loop, length: float) -> None:
+def derive_orientation(b: DerivationBuilder, loop: Loop, length: float) -> None:
     """Derive three revolute joints from the orientation, then three prismatic ones (if any) from linear equations."""
     axes = turning_axes(loop)
     if axes is None:
@@ -169,7 +169,7 @@ def _shifted(motion: Motion, offset: S) -> Motion:
     return Turn(total(product(c, motion.c), product(s, motion.s)), total(product(c, motion.s), -product(s, motion.c)))
 
 
-def derive_point(b: Builder, chain: Chain, length: float, last_link: Matrix | None = None) -> None:
+def derive_point(b: DerivationBuilder, chain: Chain, length: float, last_link: Matrix | None = None) -> None:
     """Derive one or two joints from the position of the tip.
 
     The conditions that the target lies on the curve or surface traced by the tip become residuals. With a
@@ -200,7 +200,7 @@ def derive_point(b: Builder, chain: Chain, length: float, last_link: Matrix | No
         b.residual((total(at[0], -p[0]), total(at[1], -p[1]), 0))
 
 
-def _best(b: Builder, joint: Joint, equations: list[tuple[Form, Form, float]]) -> Motion:
+def _best(b: DerivationBuilder, joint: Joint, equations: list[tuple[Form, Form, float]]) -> Motion:
     """Solve for ``joint`` the one of several equations that depends most strongly on it.
 
     ``equations`` holds (form, like, unit): the function of the joint that must vanish, a function with the same

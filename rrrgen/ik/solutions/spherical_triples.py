@@ -26,7 +26,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     square,
     total,
 )
-from rrrgen.ik.recording.builder import Builder, Label, Turn
+from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
 from rrrgen.ik.solutions.position import Arm, solve_position
 
 
@@ -53,7 +53,7 @@ def arm_of(loop: Loop) -> Arm:
     return Arm((loop.joints[0], loop.joints[1], loop.joints[2]), links[0], links[1], c, p)
 
 
-def derive_spherical(b: Builder, loop: Loop, k: int, length: float) -> None:
+def derive_spherical(b: DerivationBuilder, loop: Loop, k: int, length: float) -> None:
     """Derive all joints of a six-joint loop with a spherical triple at joints k, k+1, k+2; ``length`` is the reach."""
     loop = straightened(loop.started((k + 3) % 6))
     arm = arm_of(loop)
@@ -76,7 +76,7 @@ def turned_matrix(loop: Loop, i: int) -> Rotation:
 
 
 def solve_wrist(
-    b: Builder, joints: tuple[Joint, Joint, Joint], first: Crossing, second: Crossing, mx: Vector, mz: Vector
+    b: DerivationBuilder, joints: tuple[Joint, Joint, Joint], first: Crossing, second: Crossing, mx: Vector, mz: Vector
 ) -> dict[int, Motion]:
     """Derive the angles of a spherical triple from the rotation that it must produce: two solutions.
 
@@ -142,7 +142,7 @@ def is_elbow7(loop: Loop) -> bool:
     return flat and lengths
 
 
-def derive_elbow7(b: Builder, loop: Loop, psi: Turn, length: float) -> None:
+def derive_elbow7(b: DerivationBuilder, loop: Loop, psi: Turn, length: float) -> None:
     """Derive all seven joints for the arm angle ``psi`` (its cosine and sine).
 
     Elbow, shoulder and wrist have two solutions each, eight in all. ``length`` (m), the size of the arm, is not used.

@@ -9,7 +9,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
-from rrrgen.lab.calibrate.geometry import RIGID, ROW, Entry, Geometry, rotation_vectors
+from rrrgen.lab.calibrate.geometry import RIGID, ROW, Geometry, GeometryEntry, rotation_vectors
 from rrrgen.lab.calibrate.measurements import Measurements
 from rrrgen.lab.calibrate.minimal_set import MinimalSet, minimal_set
 from rrrgen.lab.estimate.linear import solve
@@ -125,7 +125,7 @@ number."""
 
 
 def _reweight(
-    geometry: Geometry, measured: Measurements, entries: tuple[Entry, ...], steps: int, laws: Sequence[_Law]
+    geometry: Geometry, measured: Measurements, entries: tuple[GeometryEntry, ...], steps: int, laws: Sequence[_Law]
 ) -> tuple[Geometry, Array]:
     """Least squares with weights by one law after the other, each until nothing moves: geometry and weights (N,)."""
     weights: Array = np.ones(len(measured.q))
@@ -145,7 +145,9 @@ def _scale(geometry: Geometry, measured: Measurements) -> float:
     return 1.4826 * float(np.median(_sizes(geometry, measured))) / _MEDIAN[measured.residuals(geometry).shape[1]]
 
 
-def trimmed_fit(nominal: Geometry, measured: Measurements, entries: tuple[Entry, ...], share: float) -> Geometry:
+def trimmed_fit(
+    nominal: Geometry, measured: Measurements, entries: tuple[GeometryEntry, ...], share: float
+) -> Geometry:
     """Least trimmed squares: the geometry with the least sum of the smallest ``share`` of the squared residuals.
 
     Base and tool are fitted to random groups of a few measurements. From the best of these fits all parameters
@@ -242,7 +244,7 @@ def fit_ends(nominal: Geometry, measured: Measurements, steps: int) -> tuple[Arr
 
 
 def _linearise(
-    geometry: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array
+    geometry: Geometry, measured: Measurements, entries: tuple[GeometryEntry, ...], weights: Array
 ) -> tuple[Array, Array]:
     """Residuals (m,) of all measured numbers and their derivatives (m, p) by the parameters ``entries``, both weighted.
 
@@ -254,7 +256,7 @@ def _linearise(
 
 
 def _fit(
-    start: Geometry, measured: Measurements, entries: tuple[Entry, ...], weights: Array, steps: int
+    start: Geometry, measured: Measurements, entries: tuple[GeometryEntry, ...], weights: Array, steps: int
 ) -> Search[Geometry]:
     """Minimize the weighted squared residuals from ``start`` over the parameters ``entries``, with ``steps`` trials."""
     scale = measured.weights[None, :] * np.sqrt(weights)[:, None]
@@ -313,7 +315,7 @@ def _why(measured: Measurements) -> str:
     return "vary all joints, and put the target off the flange axis where only its position is measured"
 
 
-def _changes(nominal: Geometry, geometry: Geometry, entries: tuple[Entry, ...]) -> Array:
+def _changes(nominal: Geometry, geometry: Geometry, entries: tuple[GeometryEntry, ...]) -> Array:
     """Estimated minus nominal values of the parameters (p,); for base and tool relative to the nominal pose."""
     moved = {"base": _motion(nominal.base, geometry.base), "tool": _motion(nominal.tool, geometry.tool)}
     touched = [after.change_from(start) for start, after in zip(nominal.fixtures, geometry.fixtures, strict=True)]
@@ -321,7 +323,7 @@ def _changes(nominal: Geometry, geometry: Geometry, entries: tuple[Entry, ...]) 
     if geometry.gains is not None and nominal.gains is not None:
         gains = geometry.gains - nominal.gains
 
-    def change(entry: Entry) -> float:
+    def change(entry: GeometryEntry) -> float:
         if entry.place == "row":
             return float(rows[entry.row, ROW.index(entry.key)])
         if entry.place == "gain" and gains is not None:

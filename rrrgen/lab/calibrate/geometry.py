@@ -151,7 +151,7 @@ RIGID = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
-class Entry:
+class GeometryEntry:
     """One geometric parameter: its ``place`` (base, row, tool, gain, fixture), its ``key``, and a number (from 0).
 
     ``key`` is an entry of ``ROW``, ``RIGID`` or ``fixtures.KEYS``, or "gain"; ``row`` counts the rows of the table, the
@@ -226,7 +226,7 @@ class Geometry:
         """A copy whose gains are parameters, 1 to begin with."""
         return replace(self, gains=np.ones(self.joints))
 
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[GeometryEntry]:
         """List every parameter that measurements may determine.
 
         Where several have the same effect on the measurements, only the first of them in this order is estimated.
@@ -234,12 +234,16 @@ class Geometry:
         """
         between = range(self.n - 1)
         parallel = [i for i in between if self.is_parallel(i)]
-        found = [Entry("fixture", key, k, each.name) for k, each in enumerate(self.fixtures) for key in KEYS[each.kind]]
-        found += [Entry("base", key) for key in RIGID] + [Entry("tool", key) for key in RIGID]
-        found += [Entry("gain", "gain", j) for j in range(self.joints if self.gains is not None else 0)]
-        found += [Entry("row", "beta", i) for i in parallel]
-        found += [Entry("row", key, i) for key in ("a", "alpha", "theta", "d") for i in between]
-        return found + [Entry("row", key, self.n - 1) for key in ("theta", "d")]
+        found = [
+            GeometryEntry("fixture", key, k, each.name)
+            for k, each in enumerate(self.fixtures)
+            for key in KEYS[each.kind]
+        ]
+        found += [GeometryEntry("base", key) for key in RIGID] + [GeometryEntry("tool", key) for key in RIGID]
+        found += [GeometryEntry("gain", "gain", j) for j in range(self.joints if self.gains is not None else 0)]
+        found += [GeometryEntry("row", "beta", i) for i in parallel]
+        found += [GeometryEntry("row", key, i) for key in ("a", "alpha", "theta", "d") for i in between]
+        return found + [GeometryEntry("row", key, self.n - 1) for key in ("theta", "d")]
 
     def is_parallel(self, i: int) -> bool:
         """Whether the axes i and i+1 are parallel, or nearly so."""
@@ -270,7 +274,7 @@ class Geometry:
             T = T @ _screws(np.array([beta]), np.zeros(1), 1)
         return [*frames, T @ self.tool]
 
-    def jacobian(self, q: Array, entries: Sequence[Entry]) -> Array:
+    def jacobian(self, q: Array, entries: Sequence[GeometryEntry]) -> Array:
         """Derivative (N, 6, p) of the tip's position (m) and orientation (rotation vector) in the world frame."""
         frames = self._frames(q)
         J = np.zeros((len(q), 6, len(entries)))
@@ -291,10 +295,10 @@ class Geometry:
         """Derivative (N, 6) of the tip by the position of drive ``j``, as its gain has scaled it."""
         factors = np.eye(self.n)[:, j] if self.coupling is None else self.coupling[:, j]
         keys = ["theta" if turns else "d" for turns in self.revolute]
-        moving = [(factor, Entry("row", keys[i], i)) for i, factor in enumerate(factors) if factor != 0]
+        moving = [(factor, GeometryEntry("row", keys[i], i)) for i, factor in enumerate(factors) if factor != 0]
         return sum((factor * _twist_of(entry, frames) for factor, entry in moving), np.zeros((len(frames[0]), 6)))
 
-    def moved(self, entries: Sequence[Entry], step: Array) -> Geometry:
+    def moved(self, entries: Sequence[GeometryEntry], step: Array) -> Geometry:
         """A copy with ``step`` (p,) added to the parameters ``entries``, in m and rad.
 
         Base and tool move along and about the axes of their own frames.
@@ -320,7 +324,7 @@ _AXES = {"theta": 2, "d": 2, "a": 0, "alpha": 0, "beta": 1} | {key: "xyz".index(
 _PLACES = {"theta": 0, "d": 0, "a": 1, "alpha": 1, "beta": 2}
 
 
-def _twist_of(entry: Entry, frames: list[Array]) -> Array:
+def _twist_of(entry: GeometryEntry, frames: list[Array]) -> Array:
     """Derivative (N, 6) of the tip by a parameter of base, row or tool: a turn about, or a shift along, an axis."""
     frame, tip = _frame_of(entry, frames), frames[-1]
     axis = frame[:, :3, _AXES[entry.key]]
@@ -329,7 +333,7 @@ def _twist_of(entry: Entry, frames: list[Array]) -> Array:
     return np.concatenate([axis, np.zeros_like(axis)], axis=1)
 
 
-def _frame_of(entry: Entry, frames: list[Array]) -> Array:
+def _frame_of(entry: GeometryEntry, frames: list[Array]) -> Array:
     if entry.place == "tool":
         return frames[-1]
     return frames[0] if entry.place == "base" else frames[3 * entry.row + _PLACES[entry.key]]

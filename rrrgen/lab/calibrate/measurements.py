@@ -26,10 +26,10 @@ from rrrgen.base.yamltext.document import MAX_BYTES, decode
 from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.lab.calibrate.geometry import (
     KEYS,
-    Entry,
     Fixture,
     FixtureKind,
     Geometry,
+    GeometryEntry,
     directions,
     fitted,
     rotation_vectors,
@@ -116,7 +116,7 @@ class Measurements:
             by = np.asarray(directions(p) if self.kind == "distance" else self._up(p))
         return np.asarray(by @ J[:, :3])
 
-    def jacobian(self, geometry: Geometry, entries: Sequence[Entry]) -> Array:
+    def jacobian(self, geometry: Geometry, entries: Sequence[GeometryEntry]) -> Array:
         """Derivative (N, components, p) of the computed measurements by the parameters ``entries``, in m and rad."""
         J = self.observed(geometry, geometry.jacobian(self.q, entries))
         places = {(e.row, e.key): k for k, e in enumerate(entries) if e.place == "fixture"}

@@ -17,7 +17,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
-from rrrgen.lab.calibrate.geometry import Entry, Geometry
+from rrrgen.lab.calibrate.geometry import Geometry, GeometryEntry
 from rrrgen.lab.calibrate.measurements import COUNT, Kind, Measurements, Numbers
 from rrrgen.robot.model.mechanism import follower_limits
 from rrrgen.robot.spec import RobotSpec
@@ -43,7 +43,7 @@ class MinimalSet:
     ``left_out`` maps the name of a parameter to a sentence that says which kept parameters have the same effect.
     """
 
-    kept: tuple[Entry, ...]
+    kept: tuple[GeometryEntry, ...]
     left_out: dict[str, str]
 
 
@@ -112,7 +112,7 @@ def _moved_onto(geometry: Geometry, drawn: Measurements) -> Measurements:
     return drawn.of(every[:POSES], q[:POSES])
 
 
-def _reason(column: Array, kept: Array, entries: list[Entry]) -> str:
+def _reason(column: Array, kept: Array, entries: list[GeometryEntry]) -> str:
     if float(np.linalg.norm(column)) < SHOWN:
         return "no effect"
     factors = np.linalg.lstsq(kept, column, rcond=None)[0]

@@ -38,7 +38,7 @@ from rrrgen.robot.importers.trees.exact_numbers import (
 from rrrgen.robot.importers.trees.exact_numbers import (
     Array as Exact,
 )
-from rrrgen.robot.importers.trees.serial_chain import ChainJoint, SerialChain
+from rrrgen.robot.importers.trees.serial_chain import SerialChain, SerialJoint
 from rrrgen.robot.model.canonical_frames import dh_rows
 from rrrgen.robot.spec import FixedTransform, JointSpec, Limits, LinkSpec, MechanismSpec, RobotSpec
 
@@ -241,7 +241,7 @@ def _chain(spec: RobotSpec, frames: list[Exact], geometry: Geometry) -> SerialCh
     for i, frame in zip(path_to_tip(spec), frames[:-1], strict=True):
         joint = spec.rows[i]
         named = TreeJoint(joint.name, joint.type, "", "", identity(), vector((0, 0, 1)), Place())
-        joints.append(ChainJoint(named, frame[:3, 3], frame[:3, 2], frame))
+        joints.append(SerialJoint(named, frame[:3, 3], frame[:3, 2], frame))
     nothing = (None,) * geometry.n
     return SerialChain("base", "tip", tuple(joints), nothing, frames[-1], vector((0, 0, 0)), {})
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as units
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar, SequenceNode, decode, describe, parse_document
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, decode, describe, parse_document
 from rrrgen.base.yamltext.fields import Entry, Reader, hint_for, read_entries, words
 
 INPUTS = ("position", "reference", "reference_velocity", "feedforward", "constant")
@@ -307,7 +307,7 @@ class _ControllerReader(Reader):
             return []
         found: list[JointController] = []
         for k, item in enumerate(node.items):
-            own = {"name": item} if isinstance(item, Scalar) else self.values(item, f"joints[{k}]", JOINT_KEYS)
+            own = {"name": item} if isinstance(item, ScalarNode) else self.values(item, f"joints[{k}]", JOINT_KEYS)
             if own is None:
                 continue
             part = {key: top[key] for key in ("signals", "torque", "acts") if key in top} | own

@@ -19,7 +19,7 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.closed_loop.controller import LoopController
 from rrrgen.lab.closed_loop.loop import CompiledLoop, Directed, bristle_ports, friction_inputs
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, loop_recordings
-from rrrgen.lab.closed_loop.output_error import OutputError
+from rrrgen.lab.closed_loop.output_error import OutputErrorProblem
 from rrrgen.lab.closed_loop.validation import LoopScore, Replay, as_json, loop_score, replayed
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
@@ -162,7 +162,7 @@ def refine(
     recordings = loop_recordings([_OneJoint(log, log.joints.index(name))], single, processing)
     loop = CompiledLoop(JointEquations(law.candidate), single)
     check = replayed(loop, recordings)
-    work = OutputError(loop, _LawParameters(law.candidate), recordings, [r.scored for r in recordings])
+    work = OutputErrorProblem(loop, _LawParameters(law.candidate), recordings, [r.scored for r in recordings])
     start = law.theta[:-1]
     try:
         fit = work.fit(law.candidate.to_free(law.theta)[:-1], progress or (lambda done, total, message: None))

@@ -100,7 +100,7 @@ class LoopFit:
     iterations: int
 
 
-class OutputError:
+class OutputErrorProblem:
     """Least-squares problem: fit the torques of the simulated ``loop`` to those of ``recordings``.
 
     ``parameters`` maps the unknowns to the parameters of the loop. ``use`` holds one mask (N, n) for each recording,

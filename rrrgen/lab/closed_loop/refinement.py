@@ -13,7 +13,7 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.lab.closed_loop.controller import LoopController
 from rrrgen.lab.closed_loop.loop import CompiledLoop, LoopEquations, Run
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, assumptions, loop_recordings
-from rrrgen.lab.closed_loop.output_error import LoopFit, OutputError, Parameters
+from rrrgen.lab.closed_loop.output_error import LoopFit, OutputErrorProblem, Parameters
 from rrrgen.lab.closed_loop.validation import LoopScore, Replay, as_json, loop_score, replayed
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.estimate.regression import least_squares
@@ -168,7 +168,7 @@ def closed_loop_estimate(
     z = np.concatenate([chosen.contract(started), np.log(equations.shapes)])
     check = replayed(loop, own)
     use = [r.scored & found.split.fitted(r.t, *r.span)[:, None] for r in own]
-    work = OutputError(loop, parameters, own, use, options.jobs)
+    work = OutputErrorProblem(loop, parameters, own, use, options.jobs)
     try:
         fit = work.fit(z, tell)
     except DerivationError as error:

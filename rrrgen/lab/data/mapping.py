@@ -20,7 +20,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as log_units
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar, SequenceNode, decode, describe, parse_document
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, decode, describe, parse_document
 from rrrgen.base.yamltext.fields import Entry, Reader, read_entries, words
 from rrrgen.lab.data.preprocessing import read_processing
 
@@ -260,7 +260,7 @@ class SourceReader(Reader):
         """Fill ``files`` from one path or description, or from a mapping of names to paths or descriptions."""
         if node is None:
             return
-        if isinstance(node, Scalar):
+        if isinstance(node, ScalarNode):
             self.files["log"] = FileSource("log", self.folder / node.text)
             return
         entries = read_entries(node, "files", self.faults) or {}
@@ -268,7 +268,7 @@ class SourceReader(Reader):
             self.files["log"] = self.read_file("log", node, "files")
             return
         for alias, (_, value) in entries.items():
-            if isinstance(value, Scalar):
+            if isinstance(value, ScalarNode):
                 self.files[alias] = FileSource(alias, self.folder / self.text(value, f"files.{alias}"))
                 continue
             self.files[alias] = self.read_file(alias, value, f"files.{alias}")
@@ -326,7 +326,7 @@ class SourceReader(Reader):
     def column(self, node: Node, what: str) -> str | int:
         """Read a column, given by its name or by its number counted from 1; ``what`` describes it in messages."""
         text = self.text(node, what)
-        quoted = isinstance(node, Scalar) and node.quoted
+        quoted = isinstance(node, ScalarNode) and node.quoted
         return int(text) if text.isdecimal() and not quoted else text
 
     def separator(self, node: Node | None) -> str | None:
@@ -334,7 +334,7 @@ class SourceReader(Reader):
         if node is None:
             return None
         words = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";", "\\t": "\t"}
-        value = node.text if isinstance(node, Scalar) else self.text(node, "separator")
+        value = node.text if isinstance(node, ScalarNode) else self.text(node, "separator")
         return words.get(value, value) or None
 
 
@@ -434,14 +434,14 @@ def loads_mapping(text: str, file: str = "log.yaml") -> LogMapping:
     Raises :class:`InputError` with every fault and its line and column.
     """
     faults = FaultList(file, text)
-    mapping = _Reader(faults, Path(file).parent).mapping(parse_document(text, faults))
+    mapping = _MappingReader(faults, Path(file).parent).mapping(parse_document(text, faults))
     faults.raise_errors()
     if mapping is None:
         raise InputError([Fault(file, 0, 0, "the mapping file says nothing")])
     return mapping
 
 
-class _Reader(SourceReader):
+class _MappingReader(SourceReader):
     """Reads one mapping file; ``faults`` collects what is wrong with it, paths in it are relative to ``folder``."""
 
     def __init__(self, faults: FaultList, folder: Path) -> None:
@@ -535,7 +535,7 @@ class _Reader(SourceReader):
         return joints
 
     def read_channel(self, node: Node, signal: Signal, what: str, side: Side) -> Channel:
-        if isinstance(node, Scalar):
+        if isinstance(node, ScalarNode):
             part: dict[str, Node] = {"column": node}
         else:
             part = self.section(node, "channel", what) or {}

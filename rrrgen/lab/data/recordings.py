@@ -17,7 +17,7 @@ from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext.signal_units import ANGLE, FORCE, LENGTH, TORQUE
 from rrrgen.lab.data.mapping import LogMapping, plain_mapping
 from rrrgen.lab.data.reconstruction import sampling_period
-from rrrgen.lab.data.repair import Finding, Repairs
+from rrrgen.lab.data.repair import RepairedFault, Repairs
 from rrrgen.lab.data.uniform_stream import CHUNK, LogStream, Part, joined
 
 MAPPING_SUFFIXES = (".yaml", ".yml")
@@ -65,7 +65,7 @@ class Log:
         return len(self.joints)
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[RepairedFault, ...]:
         """The faults found in the recording, one entry per kind."""
         return self.repairs.findings
 

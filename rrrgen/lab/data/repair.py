@@ -53,7 +53,7 @@ MESSAGES = {
 
 
 @dataclass(frozen=True)
-class Finding:
+class RepairedFault:
     """One kind of fault found in a recording, how often it occurred and how it was repaired.
 
     ``kind`` names the fault, ``count`` is the number of faults, ``message`` describes fault and repair. ``rows`` is the
@@ -92,7 +92,7 @@ class Repairs:
 
     recording: str = "recording"
     rows: int = 0
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[RepairedFault, ...] = ()
 
     def lines(self) -> list[str]:
         """The repairs in words, a heading and one line per kind; empty if there are none."""
@@ -167,7 +167,7 @@ class Findings:
             rows = self.rows[kind] if each is None else int(np.max(each))
             worst = self.worst[kind]
             message = MESSAGES[kind].format(count=count, worst=worst, percent=100 * worst, rows=rows, period=period)
-            found.append(Finding(kind, count, message, rows, min(1.0, rows / max(1, self.read)), channels))
+            found.append(RepairedFault(kind, count, message, rows, min(1.0, rows / max(1, self.read)), channels))
         return Repairs(recording, self.read, tuple(found))
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as units
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar, SequenceNode, decode, describe, parse_document
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, decode, describe, parse_document
 from rrrgen.base.yamltext.fields import UNITLESS, Entries, Entry, Reader, read_entries, words
 from rrrgen.lab.design.problem import OBJECTIVES, ExcitationLimits
 from rrrgen.lab.design.signals import SIGNALS
@@ -209,7 +209,7 @@ def loads_experiment(text: str, joints: int, file: str = "experiment.yaml") -> E
     Raises InputError with every fault and its line and column.
     """
     faults = FaultList(file, text)
-    found = _Reader(faults, joints).experiment(parse_document(text, faults))
+    found = _ExperimentReader(faults, joints).experiment(parse_document(text, faults))
     faults.raise_errors()
     return found
 
@@ -217,7 +217,7 @@ def loads_experiment(text: str, joints: int, file: str = "experiment.yaml") -> E
 Take = Callable[[Node, str], Any]
 
 
-class _Reader(Reader):
+class _ExperimentReader(Reader):
     """Reads one experiment file."""
 
     def __init__(self, faults: FaultList, joints: int) -> None:
@@ -363,7 +363,7 @@ class _Reader(Reader):
 
         The word stands for the values of the robot file.
         """
-        if isinstance(node, Scalar):
+        if isinstance(node, ScalarNode):
             return self.choice(node, what, (FROM_ROBOT,))
         take = dict.fromkeys(KEYS["flexible_joints"], self.each(UNITLESS, "one"))
         return self.section(node, what, "flexible_joints", take)
@@ -408,7 +408,7 @@ class _Reader(Reader):
 
     def friction(self, node: Node, what: str) -> FrictionModel | None:
         entries = read_entries(node, what, self.faults) or {}
-        law = entries["law"][1].text if "law" in entries and isinstance(entries["law"][1], Scalar) else ""
+        law = entries["law"][1].text if "law" in entries and isinstance(entries["law"][1], ScalarNode) else ""
         listed = entries["joints"][1] if "joints" in entries else None
         if not isinstance(listed, SequenceNode) or len(listed.items) != self.n:
             self.faults.error(listed or node, f"{what}.joints must list {self.n} mappings, one per joint")
@@ -484,7 +484,7 @@ class _Reader(Reader):
             return None, None
         low, high = (
             None
-            if open_side and isinstance(item, Scalar) and item.is_null
+            if open_side and isinstance(item, ScalarNode) and item.is_null
             else units.read_quantity(item, what, units.LENGTH, "m", self.faults)
             for item in node.items
         )

@@ -190,7 +190,7 @@ class LoopDesign:
 
 def design_loop(arm: ControlledArm, control: ControlSection) -> LoopDesign:
     """Design the loop of ``arm``: what ``control`` states is kept, everything else is chosen for the margin."""
-    search = _Search(arm, control)
+    search = _LoopSearch(arm, control)
     found = search.best()
     if found.robust or not control.places:
         return found
@@ -198,7 +198,7 @@ def design_loop(arm: ControlledArm, control: ControlSection) -> LoopDesign:
     if not stated:
         return found
     free = replace(control, bandwidth=None, damping=1.0, kp=None, kd=None, observer="kalman", jerk=None, places={})
-    return replace(found, warnings=_warnings(found, stated, _Search(arm, free).best()))
+    return replace(found, warnings=_warnings(found, stated, _LoopSearch(arm, free).best()))
 
 
 def checked(recording: Recording, arm: ControlledArm, loop: LoopDesign) -> Tracking:
@@ -222,7 +222,7 @@ def _warnings(found: LoopDesign, stated: Mapping[str, Fault], free: LoopDesign) 
     return (replace(place, message=message, hint=hint, severity="warning"),)
 
 
-class _Search:
+class _LoopSearch:
     """The search for the fastest bandwidth and the slowest observer with the margin."""
 
     def __init__(self, arm: ControlledArm, control: ControlSection) -> None:

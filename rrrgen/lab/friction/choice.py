@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.lab.friction.multiple_shooting import Fit, Windows, window_losses
+from rrrgen.lab.friction.multiple_shooting import ShootingFit, Windows, window_losses
 
 FOLDS = 4
 SIGNIFICANT = 2.0  # standard errors by which a law must be better on held-out windows
@@ -18,7 +18,7 @@ MATERIAL = 0.05  # fraction of the other law's held-out loss by which it must be
 
 
 @dataclass(frozen=True, eq=False)
-class Score:
+class LawScore:
     """Score of a friction ``law`` with k = ``parameters`` on the S windows, each left out of the fit that is scored.
 
     Windows with rest and velocity reversals are included. ``losses`` (S,) are robust squared position errors, whitened,
@@ -41,7 +41,7 @@ def fold_of(windows: Windows) -> NDArray[np.int64]:
     return np.asarray(windows.block % FOLDS)
 
 
-def score(full: Fit, inside: Sequence[Fit], windows: Windows, sigma: float) -> Score:
+def score(full: ShootingFit, inside: Sequence[ShootingFit], windows: Windows, sigma: float) -> LawScore:
     """Score a friction law by cross-validation on ``windows``, with the noise standard deviation ``sigma``.
 
     ``full`` is the fit of the law to all windows; ``inside`` holds one fit per fold, which leaves this fold out.
@@ -52,7 +52,7 @@ def score(full: Fit, inside: Sequence[Fit], windows: Windows, sigma: float) -> S
         losses[out] = window_losses(found.candidate, found.theta, windows.of(out), found.noise, sigma)
     own = window_losses(full.candidate, full.theta, windows, full.noise, sigma)
     N, k = windows.points, len(full.theta)
-    return Score(
+    return LawScore(
         law=full.candidate.name,
         parameters=k,
         held_out=float(np.sqrt(np.sum(losses) / N)),
@@ -61,7 +61,7 @@ def score(full: Fit, inside: Sequence[Fit], windows: Windows, sigma: float) -> S
     )
 
 
-def choose(scores: Sequence[Score], blocks: NDArray[np.int64]) -> int:
+def choose(scores: Sequence[LawScore], blocks: NDArray[np.int64]) -> int:
     """Choose a law: the one with the fewest parameters that no other law beats significantly on held-out windows.
 
     Returns its index in ``scores``; among laws with equally many parameters the BIC decides. ``blocks`` (S,) is the
@@ -74,7 +74,7 @@ def choose(scores: Sequence[Score], blocks: NDArray[np.int64]) -> int:
     return min(standing or range(len(scores)), key=lambda i: (scores[i].parameters, scores[i].bic))
 
 
-def _beats(b: Score, a: Score, blocks: NDArray[np.int64]) -> bool:
+def _beats(b: LawScore, a: LawScore, blocks: NDArray[np.int64]) -> bool:
     groups = np.unique(blocks, return_inverse=True)[1]
     gains = np.bincount(groups, a.losses - b.losses)
     if len(gains) < 2:

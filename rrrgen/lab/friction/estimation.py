@@ -12,14 +12,14 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.lab.friction.candidate_laws import DELAY, Candidate, candidates
-from rrrgen.lab.friction.choice import FOLDS, Score, choose, fold_of, score
+from rrrgen.lab.friction.choice import FOLDS, LawScore, choose, fold_of, score
 from rrrgen.lab.friction.drift import friction_drift
 from rrrgen.lab.friction.initial_values import LEAST_INERTIA, best_delay, growth_rate, sliding_samples, start_values
 from rrrgen.lab.friction.joint_recording import JointData
 from rrrgen.lab.friction.kalman_filter import kalman_estimates
 from rrrgen.lab.friction.multiple_shooting import (
-    Fit,
     Noise,
+    ShootingFit,
     Windows,
     best_start,
     fit,
@@ -193,7 +193,7 @@ class LawEstimate:
     theta: Array
     values: dict[str, float]
     std: dict[str, float]
-    score: Score
+    score: LawScore
     kalman: dict[str, float]
     torque_error: float
 
@@ -346,20 +346,20 @@ class _OutputError:
     def _noise(self, ratio: float) -> Noise:
         return make_noise(len(self.sliding.measured), self.sliding.period * self.sliding.stride, ratio)
 
-    def fitted(self, starts: dict[str, tuple[Array, ...]]) -> dict[str, Fit]:
+    def fitted(self, starts: dict[str, tuple[Array, ...]]) -> dict[str, ShootingFit]:
         """Fit all laws to the windows; returns the fits by the name of the law.
 
         ``starts`` holds for each law several initial parameter vectors (k,), of which the best is used. A few
         iterations with an assumed noise ratio come first; then the ratio is estimated from the errors.
         """
-        first: dict[str, Fit] = {}
+        first: dict[str, ShootingFit] = {}
         for k, law in enumerate(self._static):
             self.tell(k, 2 * len(self.laws), f"output error, {law.name}")
             better = best_start(law, starts[law.name], self.sliding, self.noise)
             first[law.name] = fit(law, better, self.sliding, self.noise, iterations=FIRST_ITERATIONS)
         best = min(first.values(), key=lambda each: float(np.sum(each.cost)) * each.sigma**2)
         self.noise = likely_noise(best, self.sliding)
-        full: dict[str, Fit] = {}
+        full: dict[str, ShootingFit] = {}
         for k, law in enumerate(self.laws):
             self.tell(len(self.laws) + k, 2 * len(self.laws), f"output error, {law.name}")
             if law.name in first:
@@ -370,12 +370,12 @@ class _OutputError:
                 full[law.name] = fit(law, before.theta, self.whole, self.noise, start=before.start, iterations=JOINT)
         return full
 
-    def without_folds(self, full: dict[str, Fit]) -> dict[str, list[Fit]]:
+    def without_folds(self, full: dict[str, ShootingFit]) -> dict[str, list[ShootingFit]]:
         """Refit every law once for each fold of the windows, leaving this fold out, for cross-validation.
 
         ``full`` holds the fits to all windows, from which the refits start; returns the refits by law name.
         """
-        found: dict[str, list[Fit]] = {law.name: [] for law in self.laws}
+        found: dict[str, list[ShootingFit]] = {law.name: [] for law in self.laws}
         for fold in range(FOLDS):
             for law in self.laws:
                 before, windows = full[law.name], self.windows(law)
@@ -390,7 +390,7 @@ class _OutputError:
         """The windows to which ``law`` is fitted: all for a law with bristles, otherwise those in sliding."""
         return self.whole if law.has_bristles else self.sliding
 
-    def _bristles(self, law: Candidate, sliding: Fit, starts: Sequence[Array]) -> Fit:
+    def _bristles(self, law: Candidate, sliding: ShootingFit, starts: Sequence[Array]) -> ShootingFit:
         """Fit stiffness and damping of the LuGre bristles to all windows; all else is taken from the fit ``sliding``.
 
         ``starts`` are initial parameters (k,) of the LuGre ``law``; of these and of multiples of their stiffness the
@@ -437,8 +437,8 @@ def _filtered(laws: Sequence[Candidate], starts: dict[str, Array], data: JointDa
 
 
 def _estimate(
-    found: Fit,
-    rating: Score,
+    found: ShootingFit,
+    rating: LawScore,
     windows: Windows,
     kalman: Array,
     data: JointData,
@@ -476,7 +476,7 @@ def reported(law: Candidate, theta: Array, period: float) -> dict[str, float]:
     return found
 
 
-def _unresolved(found: Fit, data: JointData) -> bool:
+def _unresolved(found: ShootingFit, data: JointData) -> bool:
     """Whether bristles are so stiff that the joint oscillates on them too fast for the sampling rate.
 
     Then the recording cannot tell them from rigid ones, and the law is that of its sliding friction.
@@ -487,7 +487,7 @@ def _unresolved(found: Fit, data: JointData) -> bool:
     return float(np.sqrt(given["sigma0"] / given["inertia"])) * data.period > 2.0 * np.pi * FASTEST
 
 
-def _without_bristles(bent: LawEstimate, rigid: LawEstimate, limit: Fit, rating: Score) -> LawEstimate:
+def _without_bristles(bent: LawEstimate, rigid: LawEstimate, limit: ShootingFit, rating: LawScore) -> LawEstimate:
     """The estimate ``rigid`` of the law of sliding with the values of ``bent``, the same law with bristles.
 
     ``limit`` is the fit with these values, ``rating`` its score.

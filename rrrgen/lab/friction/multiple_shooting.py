@@ -361,7 +361,7 @@ SMALL_GAIN = 1e-4  # relative decrease of the cost at which the search ends
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class ShootingFit:
     """Result of fitting a law to S windows: parameters ``theta`` (k,) and initial states ``start`` (s, S).
 
     The initial states are q and dq, for a law with bristles also a correction of their force, relative to break-away.
@@ -392,7 +392,7 @@ def fit(
     held: tuple[str, ...] = (),
     start: Array | None = None,
     iterations: int = MOST_ITERATIONS,
-) -> Fit:
+) -> ShootingFit:
     """Fit the parameters of ``candidate`` to ``windows`` by the Levenberg-Marquardt method.
 
     ``theta`` (k,) are the initial values. ``noise`` whitens the residuals. Parameters named in ``held`` keep their
@@ -425,13 +425,13 @@ def fit(
         found = work.linearise(theta, r, QUADRATIC**done)
         if gain < SMALL_GAIN and QUADRATIC**done < 0.1:
             break
-    return Fit(
+    return ShootingFit(
         candidate, theta, start, noise, found.sigma, found.cost, found.shifted[:, 0], work.free, found.normal,
         found.gradient,
     )  # fmt: skip
 
 
-def rigid_limit(found: Fit, law: Candidate) -> Fit:
+def rigid_limit(found: ShootingFit, law: Candidate) -> ShootingFit:
     """The ``law`` of sliding with the parameters of a law with bristles, ``found``, as if these were rigid.
 
     The bristles are fitted to rest and reversals too, which tell the friction at low speed where the joint hardly ever
@@ -466,7 +466,7 @@ def window_losses(candidate: Candidate, theta: Array, windows: Windows, noise: N
     return _losses(fitted.residuals, sigma)
 
 
-def likely_noise(found: Fit, windows: Windows) -> Noise:
+def likely_noise(found: ShootingFit, windows: Windows) -> Noise:
     """Estimate the ratio of torque noise to encoder noise from the position errors of a fit, by maximum likelihood.
 
     Minimises ``N ln(sigma) + sum ln L_ii`` over the N positions used, with a robust sigma for each ratio; L is the
@@ -639,7 +639,7 @@ def _weights(x: Array) -> Array:
 RESAMPLES = 400
 
 
-def resampled(found: Fit, blocks: NDArray[np.int64], seed: int) -> Array:
+def resampled(found: ShootingFit, blocks: NDArray[np.int64], seed: int) -> Array:
     """Draw blocks with replacement and estimate the parameters from each draw; returns (k, resamples).
 
     ``found`` is the fit to all windows, ``blocks`` (S,) the number of the block of each window, ``seed`` that of the

@@ -19,7 +19,7 @@ Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceMotion:
     """Reference motion at one instant: position, velocity, acceleration, (n,) each, in rad (m) and seconds."""
 
     q: Array
@@ -30,11 +30,11 @@ class Reference:
 class Observer(Protocol):
     """Interface of an observer: estimates positions and velocities from encoder readings, sample by sample."""
 
-    def start(self, reading: Array, reference: Reference) -> None:
+    def start(self, reading: Array, reference: ReferenceMotion) -> None:
         """Initialise the state at the first sample, whose ``reading`` has shape (n,)."""
         ...
 
-    def update(self, reading: Array, reference: Reference) -> tuple[Array, Array]:
+    def update(self, reading: Array, reference: ReferenceMotion) -> tuple[Array, Array]:
         """Estimate position and velocity, (n,) each, at the sample with this ``reading`` (n,)."""
         ...
 
@@ -51,11 +51,11 @@ class BackwardDifference:
         self._last: Array = np.zeros(0)
         self._speed: Array = np.zeros(0)
 
-    def start(self, reading: Array, reference: Reference) -> None:
+    def start(self, reading: Array, reference: ReferenceMotion) -> None:
         """Choose the previous reading such that the first velocity is that of the reference."""
         self._last = reading - self.period * reference.dq
 
-    def update(self, reading: Array, reference: Reference) -> tuple[Array, Array]:
+    def update(self, reading: Array, reference: ReferenceMotion) -> tuple[Array, Array]:
         """Return the reading and its backward difference, (n,) each."""
         speed = (reading - self._last) / self.period
         self._last = reading
@@ -79,12 +79,12 @@ class DeviationFilter:
         self.E, self.k = np.asarray(transition, dtype=float), np.asarray(gain, dtype=float)
         self._predicted: Array = np.zeros((0, 3))
 
-    def start(self, reading: Array, reference: Reference) -> None:
+    def start(self, reading: Array, reference: ReferenceMotion) -> None:
         """Start with the measured deviation and the velocity of the reference."""
         self._predicted = np.zeros((reading.size, 3))
         self._predicted[:, 0] = reading - reference.q
 
-    def update(self, reading: Array, reference: Reference) -> tuple[Array, Array]:
+    def update(self, reading: Array, reference: ReferenceMotion) -> tuple[Array, Array]:
         """Update the filter with a reading (n,); returns filtered position and velocity, (n,) each."""
         wanted = np.stack([reference.q, reference.dq, reference.ddq], axis=-1)
         self._predicted, motion = kalman_step(self.E, self.k, self._predicted, reading, wanted)
@@ -107,7 +107,7 @@ class DeviationFilter:
 class Controller(Protocol):
     """Interface of a controller: computes torque commands from the observed motion and the reference."""
 
-    def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
+    def torque(self, q: Array, dq: Array, reference: ReferenceMotion, disturbance: Array) -> Array:
         """Torque command (n,), N m (N), at the observed ``q``, ``dq`` (n,).
 
         ``disturbance`` (n,) is the excitation n of (14.36), which the control law adds.
@@ -129,7 +129,7 @@ class PD:
         if len(self.kp) != len(self.kd) or min(self.kp) <= 0.0 or min(self.kd) < 0.0:
             raise InputError("PD control: as many kd as kp, kp positive, kd not negative")
 
-    def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
+    def torque(self, q: Array, dq: Array, reference: ReferenceMotion, disturbance: Array) -> Array:
         """Torque command (n,) of the PD law; ``disturbance`` (n,), N m (N), is added to it."""
         kp, kd = np.asarray(self.kp), np.asarray(self.kd)
         return np.asarray(-kp * (q - reference.q) - kd * (dq - reference.dq) + disturbance)
@@ -156,13 +156,13 @@ class ComputedTorque:
     def __post_init__(self) -> None:
         object.__setattr__(self, "_gains", (np.asarray(self.kp, dtype=float), np.asarray(self.kd, dtype=float)))
 
-    def input(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
+    def input(self, q: Array, dq: Array, reference: ReferenceMotion, disturbance: Array) -> Array:
         """The input u (n,) of the linearised arm, rad/s^2 (m/s^2), with ``disturbance`` (n,) added to it."""
         kp, kd = self._gains
         u = -kp * (q - reference.q) - kd * (dq - reference.dq) + disturbance
         return np.asarray(u + reference.ddq if self.feedforward else u)
 
-    def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
+    def torque(self, q: Array, dq: Array, reference: ReferenceMotion, disturbance: Array) -> Array:
         """Torque command (n,) of the computed-torque law; ``disturbance`` (n,), rad/s^2 (m/s^2), is added to u."""
         u = self.input(q, dq, reference, disturbance)
         at, speed = (reference.q, reference.dq) if self.along_reference else (q, dq)
@@ -177,7 +177,7 @@ class RecordedInput:
         self.law = law
         self.inputs: list[Array] = []
 
-    def torque(self, q: Array, dq: Array, reference: Reference, disturbance: Array) -> Array:
+    def torque(self, q: Array, dq: Array, reference: ReferenceMotion, disturbance: Array) -> Array:
         """Torque command (n,) of the law; its input is appended to ``inputs``."""
         self.inputs.append(self.law.input(q, dq, reference, disturbance))
         return self.law.torque(q, dq, reference, disturbance)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.base.errors import InputError, UnstableLoopError
 from rrrgen.lab.plant.compiled import WORTH_BUILDING, compiled_integrator, compiled_rigid_integrator
-from rrrgen.lab.plant.controllers import Controller, Observer, Reference
+from rrrgen.lab.plant.controllers import Controller, Observer, ReferenceMotion
 from rrrgen.lab.plant.integration import Integrator, make_integrator
 from rrrgen.lab.plant.plant import Plant
 
@@ -167,7 +167,7 @@ class VirtualRobot:
         state = self.plant.initial_state(*first)
         integrator = self._integrator(state, count)
         for k in range(count):
-            now = Reference(wanted[0][k], wanted[1][k], wanted[2][k])
+            now = ReferenceMotion(wanted[0][k], wanted[1][k], wanted[2][k])
             applied = loop.sample(k, state, now, injected[k])
             try:
                 state = integrator.advance(state, applied, self.period)
@@ -206,7 +206,7 @@ class _Loop:
         self.saturated = np.zeros((count, n), dtype=bool)
         self.disturbance = rng.normal(size=(count, n)) * _row(robot.instruments.disturbance, n)
 
-    def sample(self, k: int, state: Array, reference: Reference, injected: Array) -> Array:
+    def sample(self, k: int, state: Array, reference: ReferenceMotion, injected: Array) -> Array:
         """Read the encoders, compute the command, drive; returns the joint torque (n,) held until the next sample."""
         plant, instruments = self.robot.plant, self.robot.instruments
         self.q[k], self.dq[k] = plant.encoders(state), plant.speeds(state)

@@ -15,7 +15,7 @@ from rrrgen.lab.response.local_polynomial import LineEstimates, noise_lines, per
 from rrrgen.lab.response.nonlinear_distortion import (
     LARGEST_RATIO,
     MATERIAL,
-    Finding,
+    Caution,
     check_detection_lines,
     check_friction,
     check_limits,
@@ -176,14 +176,14 @@ def estimate_one(
 
 def _findings(
     record: ResponseRecording, lines: LineEstimates, P: Complex, variance: Array, samples: int | None
-) -> tuple[list[Finding], dict[str, Any]]:
+) -> tuple[list[Caution], dict[str, Any]]:
     """Reasons not to trust a recording, and the measured figures by name.
 
     A periodic excitation is checked at the harmonics that it leaves out (detection lines) and for scatter between
     harmonics, any excitation for friction.
     """
     measures: dict[str, Any] = {}
-    found: list[Finding | None] = []
+    found: list[Caution | None] = []
     if samples is not None:
         by_lines, measures["detection_lines"] = check_detection_lines(record, lines, P, samples)
         by_scatter, measures["total_over_noise_variance"] = check_repetition(lines, P, variance)
@@ -229,7 +229,7 @@ def indirect_response(lines: LineEstimates, controller: Controller, period: floa
     return (1.0 / S - 1.0) / C, lines.covariance[:, 0, 0].real / np.abs(S) ** 4 / np.abs(C) ** 2
 
 
-def _check_controller(lines: LineEstimates, controller: Controller, period: float) -> list[Finding]:
+def _check_controller(lines: LineEstimates, controller: Controller, period: float) -> list[Caution]:
     """Check whether the recorded input is ``n - C (q - q_r)`` with the stated controller C.
 
     In the responses to n that is ``G_u = 1 - C G_q``, which the half of the lines decides that tells C best.
@@ -247,7 +247,7 @@ def _check_controller(lines: LineEstimates, controller: Controller, period: floa
         f"the recorded input is not n - C (q - q_r) with the stated controller, which is {100 * error:.3g} % off: the "
         "indirect method needs it as it is implemented, difference of the position and sampling period included"
     )
-    return [Finding("controller", error, WRONG_CONTROLLER, message)]
+    return [Caution("controller", error, WRONG_CONTROLLER, message)]
 
 
 def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
@@ -279,7 +279,7 @@ def combine(found: Sequence[FrequencyResponse], name: str) -> FrequencyResponse:
             f"realisations differ {times(ratio)} as much as their noise (limit {LARGEST_RATIO}): the plant is not "
             "linear, friction at changes of direction in the first place; or these are several postures"
         )
-        findings.insert(0, Finding("distortion", ratio, LARGEST_RATIO, message))
+        findings.insert(0, Caution("distortion", ratio, LARGEST_RATIO, message))
     use_total = ratio > LARGEST_RATIO
     variance = (np.maximum(total, within) if use_total else within) / R
     dof = R - 1.0 if use_total else R * np.min(np.array([each.dof for each in found]), axis=0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.response.local_polynomial import GROWTH, MANY, PARABOLA_AT_ITS_CENTRE, radius, running_mean
-from rrrgen.lab.response.nonlinear_distortion import Finding
+from rrrgen.lab.response.nonlinear_distortion import Caution
 from rrrgen.lab.response.response_model import Complex
 
 WIDEST_BAND = 0.1  # relative radius of the 95 % confidence circle above which a line is not trusted
@@ -44,7 +44,7 @@ class FrequencyResponse:
     coherence: Array
     period: float
     independent: Array | float = 1.0
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Caution, ...] = ()
     details: dict[str, Any] = field(default_factory=dict)
     dof: Array | float = np.inf
     kernel: Array | None = None
@@ -142,7 +142,7 @@ def _of_json(found: dict[str, Any]) -> FrequencyResponse:
         coherence=columns["coherence"],
         period=period,
         independent=independent,
-        findings=tuple(Finding(**each) for each in found["verdict"]["findings"]),
+        findings=tuple(Caution(**each) for each in found["verdict"]["findings"]),
     )
     if not raw:
         return response

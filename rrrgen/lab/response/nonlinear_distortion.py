@@ -34,7 +34,7 @@ QUANTILE = 0.3  # share of the lines, those nearest to the smooth curve, that ar
 
 
 @dataclass(frozen=True)
-class Finding:
+class Caution:
     """One reason not to trust a response as a whole: its ``kind``, and the ``measure`` that exceeds its ``limit``.
 
     ``message`` says so in words, for the user.
@@ -51,7 +51,7 @@ def times(ratio: float) -> str:
     return f"{ratio:.1f} times" if ratio <= COUNTED else f"more than {COUNTED:g} times"
 
 
-def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Finding | None, float]:
+def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple[Caution | None, float]:
     """Check whether a periodic response scatters from harmonic to harmonic more than noise explains.
 
     Noise is estimated between the harmonics. A part that repeats with every period, but jumps from harmonic to
@@ -74,7 +74,7 @@ def check_repetition(lines: LineEstimates, P: Complex, variance: Array) -> tuple
                 f"(limit {limit}): friction at changes of direction, quantisation that repeats every period, "
                 "or a limit of torque"
             )
-            return Finding("distortion", measure, limit, message), overall
+            return Caution("distortion", measure, limit, message), overall
     return None, overall
 
 
@@ -144,7 +144,7 @@ def _scatter(lines: LineEstimates, P: Complex, variance: Array, order: int) -> t
 
 def check_detection_lines(
     record: ResponseRecording, lines: LineEstimates, P: Complex, samples: int
-) -> tuple[Finding | None, dict[str, float]]:
+) -> tuple[Caution | None, dict[str, float]]:
     """Check for distortion at the harmonics within the band that the excitation leaves out (detection lines).
 
     At these lines ``Q - P U`` is noise for a linear plant, with P interpolated between neighbouring lines. The figures
@@ -165,7 +165,7 @@ def check_detection_lines(
     # distortion of the same size, relative to the signal at the excited lines around
     signal = np.interp(left_out, lines.line, np.abs(P * F[lines.line * M, 1]))
     found: dict[str, float] = {}
-    worst: Finding | None = None
+    worst: Caution | None = None
     for name, chosen in (("even", left_out % 2 == 0), ("odd", left_out % 2 == 1)):
         if np.count_nonzero(chosen) < 8:
             continue
@@ -174,7 +174,7 @@ def check_detection_lines(
         size = float(np.median(np.sqrt(here[chosen]) / signal[chosen]))
         if ratio > LARGEST_RATIO and size > MATERIAL and (worst is None or ratio > worst.measure):
             message = f"at the {name} harmonics left out there is {times(ratio)} the noise (limit {LARGEST_RATIO})"
-            worst = Finding("distortion", ratio, LARGEST_RATIO, message + ": the plant is not linear")
+            worst = Caution("distortion", ratio, LARGEST_RATIO, message + ": the plant is not linear")
     return worst, found
 
 
@@ -211,7 +211,7 @@ class _Force:
     bias: float = 0.0
 
 
-def check_friction(record: ResponseRecording, samples: int | None, lines: LineEstimates, P: Complex) -> Finding | None:
+def check_friction(record: ResponseRecording, samples: int | None, lines: LineEstimates, P: Complex) -> Caution | None:
     """Check whether part of the input overcomes Coulomb friction at a velocity that changes its sign.
 
     ``samples`` is the period of the excitation (None: noise), ``P`` (L,) the response at ``lines``. Returns a finding
@@ -245,11 +245,11 @@ def check_friction(record: ResponseRecording, samples: int | None, lines: LineEs
             f"a force of {abs(each.force):.3g} in units of the input ({each.certain:.0f} deviations from none): {harm}"
             "; move the joint so fast that it never turns"
         )
-        return Finding("friction", each.certain, SIGNIFICANT, message)
+        return Caution("friction", each.certain, SIGNIFICANT, message)
     return None
 
 
-def check_limits(record: ResponseRecording) -> Finding | None:
+def check_limits(record: ResponseRecording) -> Caution | None:
     """Check whether an input of noise acts less than in proportion where it is large, as behind a limit of torque.
 
     Such a limit lowers the response at all lines alike, within a narrow band. The cube of the input enters without its
@@ -267,7 +267,7 @@ def check_limits(record: ResponseRecording) -> Finding | None:
         f"the input acts less than in proportion where it is large ({found.certain:.0f} deviations from proportion): a "
         "limit of torque or current; record the input after the limit, or excite less"
     )
-    return Finding("limit", found.certain, SIGNIFICANT, message)
+    return Caution("limit", found.certain, SIGNIFICANT, message)
 
 
 def _share_back(velocity: Array) -> float:

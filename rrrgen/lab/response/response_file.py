@@ -16,7 +16,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as units
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar, SequenceNode, decode, parse_document
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, decode, parse_document
 from rrrgen.base.yamltext.fields import Entry, words
 from rrrgen.lab.data.mapping import TIME_KEYS, FileSource, SourceReader, TimeSource
 from rrrgen.lab.data.tables.formats import open_table
@@ -162,7 +162,7 @@ class _ResponseReader(SourceReader):
 
     def read_sources(self, node: Node | None) -> None:
         """Read the recorded files, described as in a mapping file or given as a path or a list of paths."""
-        if isinstance(node, Scalar):
+        if isinstance(node, ScalarNode):
             path = self.folder / node.text
             self.files[path.stem] = FileSource(path.stem, path)
             return
@@ -189,7 +189,7 @@ class _ResponseReader(SourceReader):
     def signal(self, node: Node | None, what: str) -> SignalColumn:
         if node is None:
             return SignalColumn("", "")
-        if isinstance(node, Scalar):
+        if isinstance(node, ScalarNode):
             return SignalColumn("", self.column(node, what))
         part = self.values(node, what, CHANNEL_KEYS) or {}
         unit = units.read_unit(part["unit"], what, UNITS, self.faults) if "unit" in part else None

@@ -13,7 +13,7 @@ from rrrgen.program.passes.interface import Pass, PassReport
 from rrrgen.program.passes.rewriting import MAX_PAIRS, MAX_TERMS, CutSet, ExpandAndFactor, SeenExpansions
 
 
-class Log:
+class PassLog:
     """Collects a report of every pass that changed a program."""
 
     def __init__(self) -> None:
@@ -100,7 +100,7 @@ class Cheapest:
         return result
 
     def __call__(
-        self, variants: Sequence[Program], name: str, log: Log, trials: Sequence[Choice] | None = None
+        self, variants: Sequence[Program], name: str, log: PassLog, trials: Sequence[Choice] | None = None
     ) -> tuple[Program, Choice]:
         """The cheapest program among ``trials`` (default: all :meth:`choices`), and the choice that gave it.
 

@@ -88,7 +88,7 @@ def without(monomial: Monomial, *literals: int) -> Monomial:
 
 
 @dataclass(eq=False, slots=True)
-class _Term:
+class _FactoredTerm:
     """One term ``coefficient * monomial`` of polynomial ``k``; ``cost`` is its number of multiplications.
 
     ``singles`` are the single divisors that it contains, ``pairs`` the double ones that it forms with other terms.
@@ -110,8 +110,8 @@ class _Pair:
     """
 
     divisor: _Double
-    first: _Term
-    second: _Term
+    first: _FactoredTerm
+    second: _FactoredTerm
     common: Monomial
     coefficient: Ratio
     saved: int
@@ -139,9 +139,9 @@ class Factoring:
         self.count = len(polynomials)
         self.first = literals
         self.next = literals
-        self._terms: list[dict[Monomial, _Term]] = []
+        self._terms: list[dict[Monomial, _FactoredTerm]] = []
         self._doubles: dict[tuple[Monomial, Monomial, Ratio], _Double] = {}
-        self._singles: dict[Single, dict[_Term, None]] = {}
+        self._singles: dict[Single, dict[_FactoredTerm, None]] = {}
         self._double_gains: dict[_Double, int] = {}
         self._single_gains: dict[Single, int] = {}
         self._touched_doubles: dict[_Double, None] = {}
@@ -189,7 +189,7 @@ class Factoring:
     def _insert(self, k: int, monomial: Monomial, coefficient: Ratio) -> None:
         """Add a term to polynomial k, and the divisors that it forms with the terms already there."""
         cost = term_cost(monomial, coefficient)
-        term = _Term(k, monomial, coefficient, cost, list(_products(monomial, coefficient)), {})
+        term = _FactoredTerm(k, monomial, coefficient, cost, list(_products(monomial, coefficient)), {})
         literals = set(monomial)
         for other in self._terms[k].values():
             first, second = (term, other) if monomial < other.monomial else (other, term)
@@ -215,7 +215,7 @@ class Factoring:
         double = self._doubles[left, right, ratio] = _Double(left, right, ratio, cost, {})
         return double
 
-    def _remove(self, term: _Term) -> None:
+    def _remove(self, term: _FactoredTerm) -> None:
         """Remove a term from its polynomial, and its part in every divisor."""
         for pair in term.pairs:
             del pair.divisor.pairs[pair]
@@ -294,7 +294,7 @@ class Factoring:
 
 def _disjoint(double: _Double) -> list[_Pair]:
     """Occurrences of a divisor that share no term, chosen greedily in order of insertion."""
-    used: set[_Term] = set()
+    used: set[_FactoredTerm] = set()
     chosen: list[_Pair] = []
     for pair in double.pairs:
         if pair.first not in used and pair.second not in used:

@@ -290,10 +290,10 @@ class ExpandAndFactor:
             return None
         search = Factoring(polynomials + list(expansion.cuts.values()), len(expansion.literals))
         search.run()
-        return _Recorder(expansion, search, results).program()
+        return _PolynomialRecorder(expansion, search, results).program()
 
 
-class _Recorder:
+class _PolynomialRecorder:
     """Records the factored polynomials as a program.
 
     The first ``results`` polynomials of ``search`` are the elements of the outputs. The next ones define the nodes at

@@ -8,7 +8,7 @@ from typing import cast
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import Node, Scalar, describe
+from rrrgen.base.yamltext.document import Node, ScalarNode, describe
 from rrrgen.base.yamltext.fields import read_choice, read_list, read_section
 from rrrgen.robot.file.fields import FRICTION, LINEAR_FRICTION, MAX_JOINTS, MOTOR, ROBOT_FILE
 from rrrgen.robot.file.quantities import Scope, read_number, read_value
@@ -229,7 +229,7 @@ def _read_size(node: Node | None, name: str, what: str, joint_type: str, positiv
 def _read_name(node: Node | None, number: int, scope: Scope) -> str:
     if node is None:
         return f"m{number}"
-    if not isinstance(node, Scalar):
+    if not isinstance(node, ScalarNode):
         scope.faults.error(node, f"the name of motor {number} is {describe(node)}, not a word")
         return f"m{number}"
     if fault := name_fault(node.text, "motor"):

@@ -6,7 +6,7 @@ from typing import cast
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import Node, Scalar, describe
+from rrrgen.base.yamltext.document import Node, ScalarNode, describe
 from rrrgen.base.yamltext.fields import Key, read_choice, read_list, read_section
 from rrrgen.robot.file.drives import read_friction
 from rrrgen.robot.file.fields import DRIVE, JOINT, LIMITS, MAX_JOINTS, ROBOT_FILE
@@ -80,7 +80,7 @@ def refuse_placements(node: Node, scope: Scope) -> None:
     """
     for number, item in enumerate(getattr(node, "items", ()), start=1):
         for key, _ in getattr(item, "entries", ()):
-            if isinstance(key, Scalar) and key.text in ("gamma", "b"):
+            if isinstance(key, ScalarNode) and key.text in ("gamma", "b"):
                 hint = (
                     "there, fixed rows (follows: {}) do it: one with a and alpha of the carrier, negated, which undoes "
                     "its twist, and one with theta: gamma, d: b and the twist to this joint; or convention: modified"
@@ -91,7 +91,7 @@ def refuse_placements(node: Node, scope: Scope) -> None:
 def _read_name(node: Node | None, number: int, scope: Scope) -> str:
     if node is None:
         return f"q{number}"
-    if not isinstance(node, Scalar):
+    if not isinstance(node, ScalarNode):
         scope.faults.error(node, f"the name of joint {number} is {describe(node)}, not a word")
         return f"q{number}"
     if fault := name_fault(node.text, "joint"):
@@ -105,7 +105,7 @@ def _check_variable(node: Node, values: dict[str, Node], joint_type: str, name: 
     if needed not in values:
         scope.faults.error(node, f"{what} needs the key '{needed}'", f"{needed}: constant of a {joint_type} joint")
     offset = values.get(variable)
-    if isinstance(offset, Scalar) and offset.text not in scope.names and offset.text in ("q", name, variable):
+    if isinstance(offset, ScalarNode) and offset.text not in scope.names and offset.text in ("q", name, variable):
         hint = f"{variable} is the offset added to q; write 0 for none"
         scope.faults.error(offset, f"{variable} of {what} is the joint variable itself", hint)
         del values[variable]
@@ -162,7 +162,7 @@ def read_floats(
 
     ``table`` holds the keys of the ``section``; the quantity that a key measures can depend on ``joint_type``.
     """
-    if node is None or (isinstance(node, Scalar) and node.is_null):
+    if node is None or (isinstance(node, ScalarNode) and node.is_null):
         return None
     values = read_section(node, section, f"{section} of {what}", scope.faults, ROBOT_FILE)
     if values is None:

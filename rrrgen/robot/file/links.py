@@ -9,7 +9,7 @@ from typing import Literal, cast
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import Node, Scalar, SequenceNode
+from rrrgen.base.yamltext.document import Node, ScalarNode, SequenceNode
 from rrrgen.base.yamltext.fields import read_choice, read_list, read_section, read_text
 from rrrgen.base.yamltext.suggestions import with_unit
 from rrrgen.robot.file.fields import INERTIA, MAX_JOINTS, ROBOT_FILE
@@ -113,7 +113,7 @@ def _check_scale(items: list[Node], numbers: Row[int], scope: Scope, start: int)
     for number, item in zip(numbers, items, strict=True):
         com = next((value for key, value in getattr(item, "entries", ()) if getattr(key, "text", "") == "com"), None)
         for entry in com.items if isinstance(com, SequenceNode) else ():
-            if isinstance(entry, Scalar) and re.fullmatch(r"-?[\d.]*[1-9][\d.]*", entry.text):
+            if isinstance(entry, ScalarNode) and re.fullmatch(r"-?[\d.]*[1-9][\d.]*", entry.text):
                 message = f"com of link {number} is {entry.text} mm, and none of this file is longer than 5 mm"
                 hint = f"com is in the units of the file; write {with_unit(entry.text, 'm')}"
                 scope.faults.error(entry, message, f"{hint}, or {with_unit(entry.text, 'mm')} if that is meant")

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import MappingNode, Node, Scalar, SequenceNode, describe
+from rrrgen.base.yamltext.document import MappingNode, Node, ScalarNode, SequenceNode, describe
 from rrrgen.base.yamltext.fields import read_entries
 from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.robot.file.fields import BASE
@@ -103,28 +103,28 @@ def mechanism_of_rows(
     return counted, MechanismSpec(bare, parents, tip, tuple(matrix))
 
 
-def _keys_of(item: Node) -> dict[str, tuple[Scalar, Node]]:
-    return {key.text: (key, value) for key, value in getattr(item, "entries", ()) if isinstance(key, Scalar)}
+def _keys_of(item: Node) -> dict[str, tuple[ScalarNode, Node]]:
+    return {key.text: (key, value) for key, value in getattr(item, "entries", ()) if isinstance(key, ScalarNode)}
 
 
 def _named(node: Node, names: Row[str], what: str, scope: Scope) -> str | None:
     """Read one of the joint names ``names``; a fault and None for anything else."""
-    if isinstance(node, Scalar) and node.text in names:
+    if isinstance(node, ScalarNode) and node.text in names:
         return node.text
-    word = node.text if isinstance(node, Scalar) else ""
+    word = node.text if isinstance(node, ScalarNode) else ""
     hint = " ".join(part for part in (did_you_mean(word, names), f"allowed are {', '.join(names)}") if part)
     scope.faults.error(node, f"{what} is {describe(node)}", hint if names else "no joint stands before it")
     return None
 
 
-def _read_parent(entry: tuple[Scalar, Node] | None, i: int, names: list[str], scope: Scope) -> int:
+def _read_parent(entry: tuple[ScalarNode, Node] | None, i: int, names: list[str], scope: Scope) -> int:
     if entry is None:
         return i - 1
     name = _named(entry[1], [BASE, *names[:i]], f"parent of joint {i + 1}", scope)
     return names.index(name) if name in names[:i] else -1
 
 
-def _read_follows(entry: tuple[Scalar, Node] | None, row: JointSpec, scope: Scope) -> Factors | None:
+def _read_follows(entry: tuple[ScalarNode, Node] | None, row: JointSpec, scope: Scope) -> Factors | None:
     """Read the factors, by joint name, of the joints that a row follows; None for a row with a drive of its own.
 
     A row that follows none is fixed.
@@ -145,7 +145,7 @@ def _read_follows(entry: tuple[Scalar, Node] | None, row: JointSpec, scope: Scop
 
 
 def _check_followed(
-    keys: dict[str, tuple[Scalar, Node]],
+    keys: dict[str, tuple[ScalarNode, Node]],
     row: JointSpec,
     factors: Factors,
     driven: list[str],

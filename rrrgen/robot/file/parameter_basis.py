@@ -8,7 +8,7 @@ from typing import Literal, cast
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import MappingNode, Node, Place, Scalar, SequenceNode, describe
+from rrrgen.base.yamltext.document import MappingNode, Node, Place, ScalarNode, SequenceNode, describe
 from rrrgen.base.yamltext.expressions import ExpressionError, Name, parse_expression
 from rrrgen.base.yamltext.fields import read_choice, read_entries, read_section
 from rrrgen.base.yamltext.units import NUMBER
@@ -66,7 +66,7 @@ def _read_entry(node: Node, number: int, joints: int, scope: Scope) -> tuple[str
             scope.faults.error(node, f"base parameter {number} is not one entry", "write {p1: expression}")
             return None
         ((name, (_, text)),) = pairs.items()
-    if not isinstance(text, Scalar):
+    if not isinstance(text, ScalarNode):
         scope.faults.error(text, f"base parameter {number} is {describe(text)}, not an expression")
         return None
     expression = text.text

@@ -14,8 +14,8 @@ from itertools import pairwise
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar, describe
-from rrrgen.base.yamltext.expressions import ExpressionError, Name, Value, parse_expression
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, describe
+from rrrgen.base.yamltext.expressions import ExpressionError, Name, ParsedValue, parse_expression
 from rrrgen.base.yamltext.fields import read_list
 from rrrgen.base.yamltext.suggestions import added_number, comma_advice, number_cut_by_comma, with_unit
 from rrrgen.base.yamltext.units import QUANTITIES, Dimension, FileUnits, Quantity, Unit, quantity_name
@@ -42,7 +42,7 @@ class Scope:
     units: FileUnits = field(default_factory=FileUnits)
     names: dict[str, Name] = field(default_factory=dict)
     nominal: dict[str, sp.Expr] = field(default_factory=dict)
-    declared_at: dict[str, Scalar] = field(default_factory=dict)
+    declared_at: dict[str, ScalarNode] = field(default_factory=dict)
     parameter_units: dict[str, str] = field(default_factory=dict)
     bare_lengths: list[float] = field(default_factory=list)  # m, of values without unit in a mm file
     undeclared: set[str] = field(default_factory=set)  # parameters declared further down in the file
@@ -62,7 +62,7 @@ def read_value(node: Node, what: str, quantity: str, scope: Scope, file_units: b
     the units of the file, otherwise in SI.
     """
     value = parse_scalar(node, what, scope)
-    if value is None or not isinstance(node, Scalar):
+    if value is None or not isinstance(node, ScalarNode):
         return None
     target = QUANTITIES[quantity]
     unit = value.unit or (scope.units.of(target) if file_units else FileUnits().of(target))
@@ -125,7 +125,7 @@ def read_vector(node: Node, what: str, quantity: str, scope: Scope, file_units: 
 
 def _warn_about_commas(node: Node, items: list[Node], what: str, scope: Scope) -> None:
     """Warn of a list such as ``[0, -9,81]``, in which a decimal comma has split a number into two entries."""
-    scalars = [item for item in items if isinstance(item, Scalar)]
+    scalars = [item for item in items if isinstance(item, ScalarNode)]
     pairs = list(pairwise(scalars))
     tight = [right.place.column - left.place.column - len(left.text) == 1 for left, right in pairs]
     if any(tight) and not all(tight):
@@ -136,9 +136,9 @@ def _warn_about_commas(node: Node, items: list[Node], what: str, scope: Scope) -
             scope.faults.warning(right, f"{what} contains {left.text},{right.text}", hint)
 
 
-def parse_scalar(node: Node, what: str, scope: Scope) -> Value | None:
+def parse_scalar(node: Node, what: str, scope: Scope) -> ParsedValue | None:
     """Parse a scalar without applying its unit; a fault and None if it is not a valid expression."""
-    if not isinstance(node, Scalar) or node.is_null:
+    if not isinstance(node, ScalarNode) or node.is_null:
         scope.faults.error(node, f"{what} is {describe(node)}, not a value", "write a number or an expression")
         return None
     try:
@@ -149,7 +149,7 @@ def parse_scalar(node: Node, what: str, scope: Scope) -> Value | None:
     return value
 
 
-def report_expression(error: ExpressionError, node: Scalar, what: str, scope: Scope, offset: int = 0) -> None:
+def report_expression(error: ExpressionError, node: ScalarNode, what: str, scope: Scope, offset: int = 0) -> None:
     """Report an invalid expression, unless its only fault is a parameter whose own fault is already reported."""
     if error.unknown_name in scope.broken:
         return
@@ -194,7 +194,7 @@ def _units_hint(target: Quantity) -> str:
     return f"units of {target.name}: {', '.join(target.units)}"
 
 
-def _is_ambiguous(node: Scalar, value: Value, what: str, target: Quantity, unit: Unit, scope: Scope) -> bool:
+def _is_ambiguous(node: ScalarNode, value: ParsedValue, what: str, target: Quantity, unit: Unit, scope: Scope) -> bool:
     """Whether a value without a unit has the wrong dimension or two possible readings; if so, a fault is added."""
     faults = scope.faults
     if value.dimension is not None and not value.open_names and value.dimension != target.dimension:
@@ -224,7 +224,7 @@ def _is_ambiguous(node: Scalar, value: Value, what: str, target: Quantity, unit:
 
 
 def _confusion(
-    node: Scalar, value: Value, number: float, what: str, target: Quantity, unit: Unit
+    node: ScalarNode, value: ParsedValue, number: float, what: str, target: Quantity, unit: Unit
 ) -> tuple[str, str] | None:
     """Message and hint where a bare number looks as if it were meant in another unit."""
     written = node.text.strip()
@@ -262,7 +262,7 @@ def _right_angle(radians: float, decimals: int | None) -> int:
     return multiple if meant <= max(SUSPICIOUS_RIGHT_ANGLE if digits >= 5 else 0.0, 1e-12) else 0
 
 
-def _warn_about_right_angle(node: Scalar, value: Value, angle: sp.Expr, what: str, scope: Scope) -> None:
+def _warn_about_right_angle(node: ScalarNode, value: ParsedValue, angle: sp.Expr, what: str, scope: Scope) -> None:
     multiple = _right_angle(float(angle), value.decimals)
     if not multiple and not 0 < abs(float(angle)) < SUSPICIOUS_ZERO:
         return
@@ -273,7 +273,7 @@ def _warn_about_right_angle(node: Scalar, value: Value, angle: sp.Expr, what: st
     scope.faults.warning(node, message, f"write {meant}, so that sines and cosines vanish exactly")
 
 
-def read_parameters(entries: dict[str, tuple[Scalar, Node]], scope: Scope) -> None:
+def read_parameters(entries: dict[str, tuple[ScalarNode, Node]], scope: Scope) -> None:
     """Declare ``entries`` in order: exact nominal values in SI, expressions in earlier parameters allowed."""
     scope.undeclared = set(entries)
     for name, (key, item) in entries.items():
@@ -297,9 +297,9 @@ def _si_unit(dimension: Dimension) -> str:
 
 
 def _parameter_value(
-    name: str, item: Node, value: Value | None, scope: Scope
+    name: str, item: Node, value: ParsedValue | None, scope: Scope
 ) -> tuple[sp.Expr, Dimension | None] | None:
-    if value is None or not isinstance(item, Scalar):
+    if value is None or not isinstance(item, ScalarNode):
         return None
     zero: Dimension = (Fraction(0),) * 5
     if value.unit is not None:

@@ -13,7 +13,16 @@ from typing import cast
 import sympy as sp
 
 from rrrgen.base.errors import Fault, InputError
-from rrrgen.base.yamltext.document import MAX_BYTES, FaultList, Node, Scalar, decode, describe, parse_document, shorten
+from rrrgen.base.yamltext.document import (
+    MAX_BYTES,
+    FaultList,
+    Node,
+    ScalarNode,
+    decode,
+    describe,
+    parse_document,
+    shorten,
+)
 from rrrgen.base.yamltext.fields import read_choice, read_choices, read_entries, read_list, read_section, read_text
 from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.base.yamltext.units import FileUnits
@@ -65,7 +74,7 @@ def _read_fit(node: Node, what: str, faults: FaultList) -> FitSpec | None:
 
 
 def _whole_number(node: Node, what: str, faults: FaultList) -> int | None:
-    if isinstance(node, Scalar) and re.fullmatch(r"\d{1,15}", node.text):
+    if isinstance(node, ScalarNode) and re.fullmatch(r"\d{1,15}", node.text):
         return int(node.text)
     faults.error(node, f"{what} is {describe(node)}, not a whole number")
     return None
@@ -78,7 +87,7 @@ def _read_hashes(node: Node, what: str, faults: FaultList) -> tuple[int, ...] | 
         return None
     found: list[int] = []
     for line in lines:
-        text = line.text if isinstance(line, Scalar) else ""
+        text = line.text if isinstance(line, ScalarNode) else ""
         if not text or len(text) % HASH_DIGITS or not re.fullmatch(r"[0-9a-f]+", text):
             shown = f"'{shorten(text, 20)}'" if text else describe(line)
             faults.error(
@@ -105,7 +114,7 @@ def read_transform(node: Node, what: str, scope: Scope) -> FixedTransform | None
     ``rpy`` are rotations about the fixed axes x, y, z in this order: ``R = Rz(y) Ry(p) Rx(r)``. A fault and None if the
     rotation is not orthonormal or a reflection.
     """
-    if isinstance(node, Scalar) and node.is_null:
+    if isinstance(node, ScalarNode) and node.is_null:
         return FixedTransform()
     values = read_section(node, "transform", what, scope.faults, ROBOT_FILE)
     if values is None:
@@ -359,7 +368,7 @@ def _refuse_beside_floating_base(values: dict[str, Node], scope: Scope) -> None:
 def _read_name(node: Node | None, scope: Scope) -> str:
     if node is None:
         return ""
-    if not isinstance(node, Scalar):
+    if not isinstance(node, ScalarNode):
         scope.faults.error(node, f"name is {describe(node)}, not a word", "letters, digits and _")
         return ""
     if fault := name_fault(node.text, "robot"):

@@ -27,7 +27,7 @@ class _NumPy:
     tanh = staticmethod(np.tanh)
 
 
-class _Smooth(_NumPy):
+class _SmoothNumPy(_NumPy):
     """NumPy operations with sgn(x) replaced by tanh(x/width), so that friction is smooth at rest."""
 
     def __init__(self, width: Array) -> None:
@@ -97,7 +97,7 @@ class FrictionModel:
         ``width`` > 0, a number or one per joint, replaces sgn(x) by the smooth tanh(x/width).
         """
         speeds = np.asarray(dq, dtype=float)
-        ops = _Smooth(np.asarray(width)) if np.all(np.asarray(width) > 0.0) else NUMPY
+        ops = _SmoothNumPy(np.asarray(width)) if np.all(np.asarray(width) > 0.0) else NUMPY
         return np.asarray(self.law.torque(ops, speeds, self._under(load)) + 0.0 * speeds)
 
     def columns(self, dq: ArrayLike) -> Array:

@@ -387,7 +387,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         refuse_repeated(body, ("inertial",), faults)
     refuse_unknown(described, ATTRIBUTES, (), faults)
     values = Values(faults, source.chain.angle_tolerance)
-    reader = _Reader(root, values, {source.chain.base, source.chain.tip} - {""})
+    reader = _MjcfReader(root, values, {source.chain.base, source.chain.tip} - {""})
     reader.read_body(world, WORLD, "main")
     reader.read_equalities(root)
     if not source.chain.tip:
@@ -407,7 +407,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
     return robot_of_tree(tree, source, values.rounded, faults)
 
 
-class _Reader:
+class _MjcfReader:
     """Collects the bodies and joints of a file; ``ends`` are the links that the user has named, which may be sites."""
 
     def __init__(self, root: Element, values: Values, ends: set[str]) -> None:

@@ -44,7 +44,7 @@ _SYMBOL = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 
 
 @dataclass(frozen=True)
-class Entry:
+class ListEntry:
     """One entry of a list: its exact value and its place (line and column) in the file."""
 
     expr: sp.Expr
@@ -59,7 +59,7 @@ class Assignments:
         self.text = _COMMENT.sub(lambda found: re.sub(r"\S", " ", found.group()), source.text)
         self.items: dict[str, tuple[str, int]] = {}
         self.place: dict[str, Place] = {}
-        self._lists: dict[tuple[str, int], list[Entry]] = {}
+        self._lists: dict[tuple[str, int], list[ListEntry]] = {}
         self._split()
 
     def _split(self) -> None:
@@ -87,17 +87,17 @@ class Assignments:
         """The text of a plain value ``NAME = VALUE``; empty if the file does not assign it."""
         return self.items.get(name, ("", 0))[0].strip()
 
-    def entries(self, name: str, count: int, needed: bool = False) -> list[Entry]:
+    def entries(self, name: str, count: int, needed: bool = False) -> list[ListEntry]:
         """The ``count`` entries of one list; zeros if the file does not have it, a fault if it is ``needed``."""
         if (name, count) not in self._lists:
             self._lists[name, count] = self._read_list(name, count, needed)
         return self._lists[name, count]
 
-    def _read_list(self, name: str, count: int, needed: bool) -> list[Entry]:
+    def _read_list(self, name: str, count: int, needed: bool) -> list[ListEntry]:
         if name not in self.items:
             if needed:
                 self.faults.error(None, f"there is no list '{name}'", f"{name} = {{...}} with {count} entries")
-            return [Entry(ZERO, Place())] * count
+            return [ListEntry(ZERO, Place())] * count
         text, start = self.items[name]
         entries = []
         for part in text.split(","):
@@ -106,10 +106,10 @@ class Assignments:
         if len(entries) != count:
             message = f"{name} has {len(entries)} entries instead of {count}"
             self.faults.error(self.place[name], message, "one for each frame" if count > 4 else "")
-            return [Entry(ZERO, self.place[name])] * count
+            return [ListEntry(ZERO, self.place[name])] * count
         return entries
 
-    def _entry(self, name: str, text: str, offset: int) -> Entry:
+    def _entry(self, name: str, text: str, offset: int) -> ListEntry:
         place = place_at(self.text, offset)
         body = re.sub(r"\bPi\b", "pi", text)
         names = {word: Name(parameter_symbol(word)) for word in _SYMBOL.findall(body)}
@@ -120,12 +120,12 @@ class Assignments:
         except ExpressionError as error:
             what = f"{name}: {error.message}" if text else f"{name}: an entry is empty"
             self.faults.error(Place(place.line, place.column + error.offset * bool(text)), what, error.hint)
-            return Entry(ZERO, place)
+            return ListEntry(ZERO, place)
         if not expr.free_symbols and held_number(expr) is None:
             words, hint = held_fault(expr)
             self.faults.error(place, f"{name}: an entry {words}", hint)
-            return Entry(ZERO, place)
-        return Entry(expr, place)
+            return ListEntry(ZERO, place)
+        return ListEntry(expr, place)
 
     def words(self) -> set[str]:
         """All names that occur in the file."""
@@ -135,7 +135,7 @@ class Assignments:
         """Replace the names in ``expr`` by the values that the user gave; names without a value remain."""
         return expr.xreplace({parameter_symbol(k): v for k, v in self.source.values.items()})
 
-    def number(self, entry: Entry, what: str) -> sp.Expr:
+    def number(self, entry: ListEntry, what: str) -> sp.Expr:
         """The value of ``entry`` with every name replaced by its value; a name without a value is a fault."""
         value = self.at_given_values(entry.expr)
         self.refuse_open(value, entry.place, what)
@@ -208,7 +208,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
     return Found(spec)
 
 
-def _table(file: Assignments) -> dict[str, list[Entry]] | None:
+def _table(file: Assignments) -> dict[str, list[ListEntry]] | None:
     """Read the geometric columns of the table; None and faults where they do not describe one chain of frames."""
     faults = file.faults
     lengths = [len(file.items[name][0].split(",")) for name in ("sigma", *GEOMETRY) if name in file.items]
@@ -239,12 +239,12 @@ def _table(file: Assignments) -> dict[str, list[Entry]] | None:
     return None if faults.errors else table
 
 
-def _branches(table: dict[str, list[Entry]]) -> bool:
+def _branches(table: dict[str, list[ListEntry]]) -> bool:
     """Whether a frame follows another one than that before it."""
     return any(entry.expr != j for j, entry in enumerate(table["ant"]))
 
 
-def _tree(source: Source, file: Assignments, table: dict[str, list[Entry]]) -> Found | None:
+def _tree(source: Source, file: Assignments, table: dict[str, list[ListEntry]]) -> Found | None:
     """The robot of a branching table: a row for every frame, placed by its gamma and b; fixed frames are fixed rows.
 
     The tip is at the last frame.
@@ -280,7 +280,7 @@ def _tree(source: Source, file: Assignments, table: dict[str, list[Entry]]) -> F
     return Found(spec)
 
 
-def _fixed_row(file: Assignments, table: dict[str, list[Entry]], j: int) -> JointSpec:
+def _fixed_row(file: Assignments, table: dict[str, list[ListEntry]], j: int) -> JointSpec:
     """The row of the fixed frame ``j`` (from 0), without its gamma and b."""
     alpha, d, r, theta = (table[key][j] for key in ("alpha", "d", "r", "theta"))
     for key, entry in (("alpha", alpha), ("d", d), ("r", r), ("theta", theta)):
@@ -311,7 +311,7 @@ def _refuse_unknown_values(file: Assignments) -> None:
             file.faults.error(None, f"--set {name}: the file has no such name")
 
 
-def _joint(file: Assignments, table: dict[str, list[Entry]], j: int, kind: int) -> JointSpec:
+def _joint(file: Assignments, table: dict[str, list[ListEntry]], j: int, kind: int) -> JointSpec:
     """The joint of frame ``j`` (from 0); ``kind`` is 0 for a revolute joint, otherwise it is prismatic.
 
     The parameters ``gamma`` and ``b`` of the first moving joint are not part of it: they belong to the base.
@@ -339,7 +339,7 @@ def _joint(file: Assignments, table: dict[str, list[Entry]], j: int, kind: int) 
     )
 
 
-def _offset(file: Assignments, entry: Entry, what: str) -> tuple[sp.Expr, str]:
+def _offset(file: Assignments, entry: ListEntry, what: str) -> tuple[sp.Expr, str]:
     """Split the entry of the joint variable, such as ``t2 + pi/2``, into the offset and the variable's name."""
     open_names = [s for s in sorted(entry.expr.free_symbols, key=str) if str(s) not in file.source.values]
     if not open_names:
@@ -394,7 +394,7 @@ def _drive(file: Assignments, j: int) -> DriveSpec | None:
     return None if inertia is None else DriveSpec(inertia=inertia)
 
 
-def _step(table: dict[str, list[Entry]], j: int) -> sp.Matrix:
+def _step(table: dict[str, list[ListEntry]], j: int) -> sp.Matrix:
     """The transform of fixed frame ``j``: ``Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r)``."""
     gamma, b, alpha, d, theta, r = (table[k][j].expr for k in ("gamma", "b", "alpha", "d", "theta", "r"))
     return _screw_z(gamma, b) * _screw_x(alpha, d) * _screw_z(theta, r)
@@ -410,7 +410,7 @@ def _screw_x(angle: sp.Expr, length: sp.Expr) -> sp.Matrix:
     return sp.Matrix([[1, 0, 0, length], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]])
 
 
-def _base(file: Assignments, table: dict[str, list[Entry]], first: int) -> sp.Matrix:
+def _base(file: Assignments, table: dict[str, list[ListEntry]], first: int) -> sp.Matrix:
     """The pose of the base: that of frame 0, times the fixed frames and the gamma and b of the first moving joint."""
     base = _pose_of_frame_0(file)
     for j in range(first):
@@ -460,7 +460,7 @@ def _links(file: Assignments, count: int, first: int, last: int) -> tuple[LinkSp
     return tuple(_link(file, table, j) for j in range(first, last + 1))
 
 
-def _about_fixed_mass(file: Assignments, table: dict[str, list[Entry]], j: int, before: bool) -> None:
+def _about_fixed_mass(file: Assignments, table: dict[str, list[ListEntry]], j: int, before: bool) -> None:
     place = table["M"][j].place
     if before:
         file.faults.warning(place, f"inertia of frame {j + 1} is left out", "it is fixed to the base and never moves")
@@ -481,7 +481,7 @@ def _warn_about_rest(file: Assignments, count: int) -> None:
             file.faults.warning(entry.place, f"joint {j + 1} is passive", "a robot file takes every joint as driven")
 
 
-def _link(file: Assignments, table: dict[str, list[Entry]], j: int) -> LinkSpec:
+def _link(file: Assignments, table: dict[str, list[ListEntry]], j: int) -> LinkSpec:
     def value(name: str) -> sp.Expr:
         number = file.number(table[name][j], f"{name} of frame {j + 1}")
         if not number.is_Rational:

@@ -13,7 +13,7 @@ import re
 import numpy as np
 import sympy as sp
 
-from rrrgen.base.yamltext.document import FaultList, Node, Scalar, describe, parse_document
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, describe, parse_document
 from rrrgen.base.yamltext.expressions import ExpressionError, parse_expression
 from rrrgen.base.yamltext.fields import read_entries, read_list
 from rrrgen.robot.file.quantities import held_fault, held_number
@@ -77,7 +77,7 @@ def _column(node: Node, key: str, faults: FaultList) -> list[sp.Expr]:
 
 
 def _value(node: Node, key: str, faults: FaultList) -> sp.Expr:
-    if not isinstance(node, Scalar) or node.is_null:
+    if not isinstance(node, ScalarNode) or node.is_null:
         faults.error(node, f"an entry of {key} is {describe(node)}, not a number", "rad or m")
         return sp.S.Zero
     try:

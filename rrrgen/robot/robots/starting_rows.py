@@ -15,7 +15,7 @@ LENGTHS = (0.4, 0.5, 0.4, 0.3, 0.2, 0.1)
 
 
 @dataclass(frozen=True)
-class Row:
+class StartingRow:
     """One row: ``alpha`` and ``theta`` in deg, ``a`` and ``d`` as text, a number or the name of a parameter.
 
     ``role`` says what the joint does, for a comment.
@@ -35,7 +35,7 @@ class StartingRows:
     The offset is measured in the frame of the last link.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[StartingRow, ...]
     parameters: dict[str, float]
     tip: str
 
@@ -54,8 +54,8 @@ def starting_rows(joints: str, convention: str) -> StartingRows:
             break
     if convention == "standard":
         return StartingRows(rows, parameters, "0")
-    before = [Row(0, "0", "0", 0, ""), *rows[:-1]]
-    moved = [Row(old.alpha, old.a, row.d, row.theta, row.role) for old, row in zip(before, rows, strict=True)]
+    before = [StartingRow(0, "0", "0", 0, ""), *rows[:-1]]
+    moved = [StartingRow(old.alpha, old.a, row.d, row.theta, row.role) for old, row in zip(before, rows, strict=True)]
     return StartingRows(tuple(moved), parameters, rows[-1].a)
 
 
@@ -74,7 +74,7 @@ def _candidates(joints: str, wrist: bool) -> Iterator[list[int]]:
                 yield [changed.get(k, twist) for k, twist in enumerate(usual)] + end
 
 
-def _standard_rows(joints: str, twists: list[int], wrist: bool) -> tuple[tuple[Row, ...], dict[str, float]]:
+def _standard_rows(joints: str, twists: list[int], wrist: bool) -> tuple[tuple[StartingRow, ...], dict[str, float]]:
     """Make rows in the standard convention with the given ``twists`` (deg): (rows, lengths in m by parameter name)."""
     parameters: dict[str, float] = {}
     rows = []
@@ -86,11 +86,11 @@ def _standard_rows(joints: str, twists: list[int], wrist: bool) -> tuple[tuple[R
         if along_x or along_z:
             parameters[name] = LENGTHS[min(i, len(LENGTHS) - 1)]
         role = f"wrist, joint {number} of 3: their axes meet in one point" if number > 0 else ""
-        rows.append(Row(alpha, name if along_x else "0", name if along_z else "0", 90 * (joint == "P"), role))
+        rows.append(StartingRow(alpha, name if along_x else "0", name if along_z else "0", 90 * (joint == "P"), role))
     return tuple(rows), parameters
 
 
-def _rank(joints: str, rows: Sequence[Row], parameters: dict[str, float]) -> int:
+def _rank(joints: str, rows: Sequence[StartingRow], parameters: dict[str, float]) -> int:
     """The rank of the Jacobian of these rows (standard convention) at a configuration without symmetry."""
     import numpy as np
 

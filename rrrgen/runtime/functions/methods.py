@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from rrrgen.derive.functions.model_function import ModelFunction
-from rrrgen.derive.functions.quantities import Quantity
+from rrrgen.derive.functions.quantities import ArgumentKind
 from rrrgen.derive.functions.table import ALWAYS, TABLE
 
 WIDTH = 120
@@ -111,7 +111,7 @@ def _signature(function: ModelFunction, with_status: str = "bool = False", retur
     return [f"def {function.name}(", *(f"{INDENT}{argument}," for argument in arguments), f") -> {kind}:"]
 
 
-def _argument(q: Quantity) -> str:
+def _argument(q: ArgumentKind) -> str:
     if q.default is not None:
         return f"{q.name}: ArrayLike = {q.default!r}"
     return f"{q.name}: ArrayLike | None = None" if q.from_file or q.optional else f"{q.name}: ArrayLike"
@@ -145,7 +145,7 @@ def _errors(function: ModelFunction) -> list[tuple[str, str]]:
     return [*function.raises, ("ValueError", text)]
 
 
-def described(q: Quantity) -> str:
+def described(q: ArgumentKind) -> str:
     """A sentence about an argument: meaning, shape, unit, default."""
     shape = "(...)" if not q.shape else f"(..., {', '.join(_sizes(q))})"
     if q.constant:
@@ -157,7 +157,7 @@ def described(q: Quantity) -> str:
     return f"{', '.join(filter(None, (q.meaning, shape, unit)))}{q.note}{default}."
 
 
-def _sizes(q: Quantity) -> list[str]:
+def _sizes(q: ArgumentKind) -> list[str]:
     return [re.sub(r"(?<=\d)n", " n", size) for size in q.shape.split()]
 
 
@@ -214,7 +214,7 @@ def _evaluation(function: ModelFunction) -> str:
     return f"self._named({name}, {{{values}}}{given})"
 
 
-def _value(function: ModelFunction, q: Quantity) -> str:
+def _value(function: ModelFunction, q: ArgumentKind) -> str:
     """The expression for one input."""
     if q.from_file:
         return FROM_FILE[q.name]

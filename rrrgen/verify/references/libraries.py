@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rrrgen.verify.references.numeric_robot import Array, Chain, centre_and_tensor, without_mass
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot, centre_and_tensor, without_mass
 
 # ------------------------------------------------------------------------------------------------------------------
 # The interface of a reference library.
@@ -48,19 +48,19 @@ class ReferenceUnavailableError(Exception):
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def _pinocchio(chain: Chain, phi: Array) -> Reference:
+def _pinocchio(chain: NumericRobot, phi: Array) -> Reference:
     return PinocchioReference(chain, phi)
 
 
-def _mujoco(chain: Chain, phi: Array) -> Reference:
+def _mujoco(chain: NumericRobot, phi: Array) -> Reference:
     return MujocoReference(chain, phi)
 
 
-def _toolbox(chain: Chain, phi: Array) -> Reference:
+def _toolbox(chain: NumericRobot, phi: Array) -> Reference:
     return ToolboxReference(chain, phi)
 
 
-LIBRARIES: dict[str, Callable[[Chain, Array], Reference]] = {
+LIBRARIES: dict[str, Callable[[NumericRobot, Array], Reference]] = {
     "Pinocchio": _pinocchio,
     "MuJoCo": _mujoco,
     "Robotics Toolbox": _toolbox,
@@ -94,7 +94,7 @@ class MujocoReference:
     ``phi`` (links, 10) are the standard parameters.
     """
 
-    def __init__(self, chain: Chain, phi: Array) -> None:
+    def __init__(self, chain: NumericRobot, phi: Array) -> None:
         try:
             import mujoco
         except ImportError as error:
@@ -114,7 +114,7 @@ class MujocoReference:
         self._coupling = chain.coupling[chain.moving]
         self._places = [self._model.joint(f"joint{i}").dofadr[0] for i in chain.moving]
 
-    def _mjcf(self, chain: Chain, phi: Array) -> str:
+    def _mjcf(self, chain: NumericRobot, phi: Array) -> str:
         """The model as MJCF text."""
         around = chain.around_joints()
         behind, bodies = [after for _, after in around], [""] * chain.links
@@ -181,7 +181,7 @@ class PinocchioReference:
     ``phi`` (links, 10) are the standard parameters.
     """
 
-    def __init__(self, chain: Chain, phi: Array) -> None:
+    def __init__(self, chain: NumericRobot, phi: Array) -> None:
         try:
             import pinocchio as pin
         except ImportError as error:
@@ -252,7 +252,7 @@ class ToolboxReference:
     called instead of ``rne``: the C routine of version 1.5.0 is wrong for most chains whose first joint is prismatic.
     """
 
-    def __init__(self, chain: Chain, phi: Array) -> None:
+    def __init__(self, chain: NumericRobot, phi: Array) -> None:
         try:
             import roboticstoolbox as rtb
         except ImportError as error:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rrrgen.verify.references.numeric_robot import Array, Chain, inertia_tensor
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot, inertia_tensor
 
 FUNCTIONS_OF_POSITION = ("forward_kinematics", "link_frames", "jacobian", "link_jacobians")
 """Methods that verification compares with the model's methods of the same name, at the same positions."""
@@ -78,7 +78,7 @@ class NewtonEuler:
 
     name = "Newton-Euler (built in)"
 
-    def __init__(self, chain: Chain, phi: Array) -> None:
+    def __init__(self, chain: NumericRobot, phi: Array) -> None:
         self.chain = chain
         self.phi = phi
         self._tensors = [inertia_tensor(row) for row in phi]

@@ -13,7 +13,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Chain:
+class NumericRobot:
     """A robot in numbers: rows of the DH table (links,) in rad and m, fixed transforms (4, 4), gravity (3,), drives.
 
     ``gravity`` is in the base frame, m/s^2. ``drive_inertia`` (n, n) is what the drives add to the mass matrix: a
@@ -95,7 +95,7 @@ class Chain:
         return pairs
 
 
-def chain_of(spec: RobotSpec) -> Chain:
+def chain_of(spec: RobotSpec) -> NumericRobot:
     """Build the chain of a robot description, with named parameters at their nominal values."""
 
     def matrix(transform: FixedTransform) -> Array:
@@ -105,7 +105,7 @@ def chain_of(spec: RobotSpec) -> Chain:
         return T
 
     rows = spec.dh_table()
-    return Chain(
+    return NumericRobot(
         name=spec.name,
         convention=spec.convention,
         revolute=tuple(row[0] == "revolute" for row in rows),
@@ -173,7 +173,7 @@ def nominal_parameters(spec: RobotSpec) -> Array | None:
     return np.array(rows)
 
 
-def without_mass(chain: Chain, phi: Array) -> list[int]:
+def without_mass(chain: NumericRobot, phi: Array) -> list[int]:
     """The links without any inertia in ``phi`` (links, 10) that only hold a fixed row: no body at all."""
     return [i for i in range(chain.links) if i not in chain.moving and not np.any(phi[i])]
 

@@ -6,11 +6,11 @@ from math import hypot
 
 from rrrgen.base.errors import InternalError
 from rrrgen.emit.c.ik.common_code import Scaffold
-from rrrgen.emit.c.ik.loop_nest import ARC, Arc
+from rrrgen.emit.c.ik.loop_nest import ARC, ArcTangent
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid_transforms import S, Vector, dot, minus, square, total
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between, users_turn
-from rrrgen.ik.recording.scalar import Scalar
+from rrrgen.ik.recording.scalar import SolverScalar
 from rrrgen.ik.tolerances import SIZE_OF_NOTHING, USUAL_RATIO
 
 
@@ -46,7 +46,7 @@ class CBuilder(Scaffold):
         return self._angle(joint, self._turned(tag, a * k - b * v, b * k + a * v))
 
     def _fixed_pair(
-        self, joint: Joint, a: float, b: float, k: Scalar, label: Label, tag: str, radicand: S | None, unit: float
+        self, joint: Joint, a: float, b: float, k: SolverScalar, label: Label, tag: str, radicand: S | None, unit: float
     ) -> Turn:
         """Print the solution of ``a cos(x) + b sin(x) = k`` with constant a and b, and a loop over both angles."""
         h = hypot(a, b)
@@ -97,7 +97,7 @@ class CBuilder(Scaffold):
         wide = f"(least > IK_TOL_FREE) ? ik_wide(slack, {size}, {self._real(unit)}) : slack"
         return self._slack.replace("slack", wide, 1)
 
-    def _loop(self, tag: str, n: Scalar, w: Scalar, label: Label, name: str) -> Scalar:
+    def _loop(self, tag: str, n: SolverScalar, w: SolverScalar, label: Label, name: str) -> SolverScalar:
         """Open a loop over ``n`` = 1 or 2 roots, ``w`` and ``-w``; returns the root of a pass, called ``name`` in C."""
         i = self._open(tag, n, 2)
         first, second = ("", "-") if label.positive > 0 else ("-", "")
@@ -106,7 +106,7 @@ class CBuilder(Scaffold):
             (f"const REAL {name} = (i{tag} == 0) ? {first}w{tag} : {second}w{tag};",), (i, w), defines=(name,)
         )[0]
 
-    def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> Scalar:
+    def signed_root(self, hint: str, radicand: S, *, size: S, joint: Joint, label: Label, unit: float) -> SolverScalar:
         """Print the square root of ``radicand`` and a loop over both signs.
 
         ``size`` is the magnitude of the terms of ``radicand``: a negative value that is only rounding of terms of that
@@ -154,7 +154,7 @@ class CBuilder(Scaffold):
         self._values[joint.index] = self._user(joint, x)
         return Turn(c, s)
 
-    def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> Scalar:
+    def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> SolverScalar:
         """Print the solution of ``k0 + k1 x + k2 x^2 + ... = 0`` and a loop over its (up to four) real roots x."""
         nodes = tuple(self.pool.of(x) for x in k)
         if len(nodes) == 2:
@@ -248,11 +248,11 @@ class CBuilder(Scaffold):
         self._residual.append(self.pool.of(square((before - after, total(v[2], -u[2]), 0)) / (unit * unit)))
         return turn
 
-    def _length(self, hint: str, v: Vector) -> Scalar:
+    def _length(self, hint: str, v: Vector) -> SolverScalar:
         """Name the length of ``v`` perpendicular to z, ``sqrt(x^2 + y^2)``."""
         return self.name(hint, self.pool.sqrt(self.pool.of(square((v[0], v[1], 0)))))
 
-    def _unscaled(self, joint: Joint, tag: str) -> Arc | None:
+    def _unscaled(self, joint: Joint, tag: str) -> ArcTangent | None:
         """The arc tangent of a joint without offset, computed from (c, s) before these are scaled to a unit vector.
 
         That way it does not have to wait for the square root and the division of the scaling. None for other joints.
@@ -260,9 +260,9 @@ class CBuilder(Scaffold):
         if joint.index not in self._joints or joint.offset:
             return None
         angle = self._values[joint.index] = self._angle_variable(joint)
-        return Arc(angle, f"c{tag}", f"{'-' if joint.sign < 0 else ''}s{tag}")
+        return ArcTangent(angle, f"c{tag}", f"{'-' if joint.sign < 0 else ''}s{tag}")
 
-    def _directed(self, joint: Joint, tag: str, reference: str, arc: Arc | None) -> tuple[str, ...]:
+    def _directed(self, joint: Joint, tag: str, reference: str, arc: ArcTangent | None) -> tuple[str, ...]:
         """C lines that scale (c, s) to a unit vector; where both vanish, it is that of the reference angle."""
         self._needs.add("unit")
         self._flags.append(f"f{tag}")
@@ -278,13 +278,13 @@ class CBuilder(Scaffold):
             "}",
         )
 
-    def slide(self, joint: Joint, x: S) -> Scalar:
+    def slide(self, joint: Joint, x: S) -> SolverScalar:
         """Set a prismatic joint to the displacement ``x``, or a joint that depends on others to the angle ``x``."""
         node = self.name(f"x{self._tag(joint)}", x)
         self._values[joint.index] = self._user(joint, node)
         return node
 
-    def given(self, joint: Joint) -> Turn | Scalar:
+    def given(self, joint: Joint) -> Turn | SolverScalar:
         """The joint whose value the caller prescribes, an argument of the solver; returns its displacement or angle."""
         raw = joint.sign * self.pool.var("lock") + float(joint.offset)
         self._values[joint.index] = self.pool.var("lock")
@@ -333,7 +333,7 @@ class CBuilder(Scaffold):
         return self._flipped(joints, turns, f"{first}f", n)
 
     def _flipped(
-        self, joints: tuple[Joint, Joint, Joint], turns: tuple[Turn, Turn, Turn], tag: str, n: Scalar
+        self, joints: tuple[Joint, Joint, Joint], turns: tuple[Turn, Turn, Turn], tag: str, n: SolverScalar
     ) -> tuple[Turn, Turn, Turn]:
         """Print a loop over both solutions of a wrist: in the second x4 and x6 are rotated by pi, and x5 is negated."""
         middle = joints[1]

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from rrrgen.base.errors import InternalError
 from rrrgen.base.templates import render
-from rrrgen.emit.c.ik.kernels import KernelDialect, Settings, specialize
-from rrrgen.emit.c.ik.loop_nest import ARC, RESERVED, STOP, Arc, Flip, Item, Leaf, Loop, LoopNest, Statement
-from rrrgen.emit.c.ik.passes import Pass
+from rrrgen.emit.c.ik.kernels import KernelDialect, KernelSettings, specialize
+from rrrgen.emit.c.ik.loop_nest import ARC, RESERVED, STOP, ArcTangent, Flip, Item, Leaf, LoopNest, RootLoop, Statement
+from rrrgen.emit.c.ik.passes import LoopPass
 from rrrgen.emit.c.ik.statements import CBody, printed
 from rrrgen.emit.c.language import CTarget, Dialect, LibmSinCos
 from rrrgen.emit.interface import Target
@@ -18,7 +18,7 @@ from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector, square, total
 from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
 from rrrgen.ik.recording.builder import Turn, users_turn
 from rrrgen.ik.recording.newton_step import error_program, newton_program
-from rrrgen.ik.recording.scalar import Pool, Scalar
+from rrrgen.ik.recording.scalar import Pool, SolverScalar
 from rrrgen.program import Op, Program
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -26,7 +26,7 @@ from rrrgen.program import Op, Program
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def newton_text(plan: SolverPlan, dialect: Dialect, chosen: Settings) -> str:
+def newton_text(plan: SolverPlan, dialect: Dialect, chosen: KernelSettings) -> str:
     """The C functions ``ik_newton``, a Newton step of several configurations, and ``ik_missed``, their errors."""
     step = _body(newton_program(plan.chain, plan.locked), plan.locked, dialect)
     missed = _body(error_program(plan.chain), plan.locked, dialect)
@@ -85,11 +85,11 @@ class Scaffold:
         self._joints = {joint.index: joint for joint in joints}
         self._position_only = position_only
         self._items: list[Item] = []
-        self._loops: list[Loop] = []
-        self._values: dict[int, Scalar] = {}
+        self._loops: list[RootLoop] = []
+        self._values: dict[int, SolverScalar] = {}
         self._flags: list[str] = []
         self._branch: list[tuple[str, int]] = []  # expression, bits
-        self._residual: list[Scalar] = []
+        self._residual: list[SolverScalar] = []
         self._taken: set[str] = set(RESERVED)
         self._needs: set[str] = set()
 
@@ -111,7 +111,7 @@ class Scaffold:
         """The position of the tool, which follows that of the target in the C argument ``T``."""
         return (self.pool.var("T[3]"), self.pool.var("T[4]"), self.pool.var("T[5]"))
 
-    def reference(self, joint: Joint) -> Scalar:
+    def reference(self, joint: Joint) -> SolverScalar:
         """The caller's reference value of a joint, as raw variable ``sign q + offset``; q = 0 for a virtual joint."""
         if joint.index not in self._joints:
             return self.pool.of(float(joint.offset))
@@ -119,7 +119,7 @@ class Scaffold:
 
     # -- values -------------------------------------------------------------------------------------------------------
 
-    def name(self, hint: str, x: S) -> Scalar:
+    def name(self, hint: str, x: S) -> SolverScalar:
         """Define the C constant ``const REAL hint = x;`` and return it; numbers and variables stay as they are."""
         node = self.pool.of(x)
         if node.is_plain:
@@ -130,13 +130,13 @@ class Scaffold:
         """Define a C constant for each coordinate of ``v`` (3,): ``<hint>x``, ``<hint>y`` and ``<hint>z``."""
         return (self.name(f"{hint}x", v[0]), self.name(f"{hint}y", v[1]), self.name(f"{hint}z", v[2]))
 
-    def sqrt(self, x: S) -> Scalar:
+    def sqrt(self, x: S) -> SolverScalar:
         """The square root of ``x``; a negative ``x``, which round-off can cause, counts as zero."""
         return self.pool.clamped_sqrt(self.pool.of(x))
 
     # -- angles -------------------------------------------------------------------------------------------------------
 
-    def _turned(self, tag: str, c: Scalar, s: Scalar) -> Turn:
+    def _turned(self, tag: str, c: SolverScalar, s: SolverScalar) -> Turn:
         """Define the C constants ``c<tag>`` and ``s<tag>``, the cosine and sine of the joint with this tag."""
         self._taken -= {f"c{tag}", f"s{tag}"}
         return Turn(self.name(f"c{tag}", c), self.name(f"s{tag}", s))
@@ -153,13 +153,13 @@ class Scaffold:
             self._residual.append(self.pool.of(total(square((1 - users.c, users.s, 0)))))
         return turn
 
-    def _arc(self, joint: Joint, users: Turn) -> Scalar:
+    def _arc(self, joint: Joint, users: Turn) -> SolverScalar:
         """Define the user's angle of a joint as the arc tangent of ``users``, its cosine and sine."""
-        arc = Arc(self._angle_variable(joint), "{0}", "{1}")
+        arc = ArcTangent(self._angle_variable(joint), "{0}", "{1}")
         self._add((ARC,), (self.pool.of(users.c), self.pool.of(users.s)), calls=("arc",), arc=arc)
         return arc.angle
 
-    def _flip(self, joint: Joint, choice: Scalar, other: Scalar | None, formula: str = "") -> None:
+    def _flip(self, joint: Joint, choice: SolverScalar, other: SolverScalar | None, formula: str = "") -> None:
         """Give ``joint`` a second angle, which it has in the second pass of the loop with the variable ``choice``.
 
         That angle is the variable ``other``, or is computed from the first one by the C text ``formula``.
@@ -178,7 +178,7 @@ class Scaffold:
         )
         self._values[joint.index] = variable
 
-    def _angle_variable(self, joint: Joint) -> Scalar:
+    def _angle_variable(self, joint: Joint) -> SolverScalar:
         return self.pool.var(self._fresh(f"q{joint.index + 1}"))
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
@@ -192,7 +192,7 @@ class Scaffold:
 
     # -- printing -----------------------------------------------------------------------------------------------------
 
-    def body(self, passes: Sequence[Pass]) -> CBody:
+    def body(self, passes: Sequence[LoopPass]) -> CBody:
         """Print the body of the C function that lists the candidates, rewritten by ``passes`` first.
 
         An equation must have been recorded for every joint.
@@ -226,7 +226,7 @@ class Scaffold:
 
     # -- loops, flags and names ---------------------------------------------------------------------------------------
 
-    def _open(self, tag: str, count: Scalar, most: int, *, sure: bool = False) -> Scalar:
+    def _open(self, tag: str, count: SolverScalar, most: int, *, sure: bool = False) -> SolverScalar:
         """Open a C loop over the roots of one equation; returns its loop variable.
 
         ``count`` is the C variable with the number of roots, ``most`` its largest value. Unless at least one root is
@@ -235,7 +235,7 @@ class Scaffold:
         k = len(self._loops)
         failed = f"if ({{0}} == 0) {{ *stage = (*stage < {k + 1}) ? {k + 1} : *stage; {STOP}}}"
         self._add(() if sure else (failed,), (count,), opens=k)
-        self._loops.append(Loop(f"i{tag}", count.text, most, k))
+        self._loops.append(RootLoop(f"i{tag}", count.text, most, k))
         return self.pool.var(f"i{tag}")
 
     def _open_bit(self, joint: Joint) -> str:
@@ -253,17 +253,17 @@ class Scaffold:
     def _add(
         self,
         lines: tuple[str, ...],
-        operands: tuple[Scalar, ...],
+        operands: tuple[SolverScalar, ...],
         *,
         defines: tuple[str, ...] = (),
         optional: bool = False,
-        beside: tuple[Scalar, ...] = (),
+        beside: tuple[SolverScalar, ...] = (),
         calls: tuple[str, ...] = (),
         rare: tuple[int, ...] = (),
-        arc: Arc | None = None,
+        arc: ArcTangent | None = None,
         flip: Flip | None = None,
         opens: int | None = None,
-    ) -> tuple[Scalar, ...]:
+    ) -> tuple[SolverScalar, ...]:
         """Add a :class:`Statement` inside all open loops; returns the variables that it defines."""
         variables = tuple(map(self.pool.var, defines))
         every = variables if arc is None else (*variables, arc.angle)
@@ -272,12 +272,14 @@ class Scaffold:
         )
         return variables
 
-    def _defined(self, text: str, formula: str, operands: tuple[Scalar, ...], calls: tuple[str, ...] = ()) -> Scalar:
+    def _defined(
+        self, text: str, formula: str, operands: tuple[SolverScalar, ...], calls: tuple[str, ...] = ()
+    ) -> SolverScalar:
         """Define the C constant ``text`` by ``formula``, in which ``{0}``, ... are operands; left out if unused."""
         line = f"const REAL {text} = {formula};"
         return self._add((line,), operands, defines=(text,), calls=calls, optional=True)[0]
 
-    def _user(self, joint: Joint, raw: Scalar) -> Scalar:
+    def _user(self, joint: Joint, raw: SolverScalar) -> SolverScalar:
         """Convert the raw joint variable ``raw`` to the user's joint value ``sign (raw - offset)``.
 
         An angle is reduced to (-pi, pi].

@@ -22,9 +22,9 @@ from rrrgen.emit.c.ik.costs import (
     sum_of,
 )
 from rrrgen.emit.c.ik.header_comments import branch_text, explanation, opening
-from rrrgen.emit.c.ik.kernels import KernelDialect, Settings, kernel, reopening, settings, specialize, target_size
+from rrrgen.emit.c.ik.kernels import KernelDialect, KernelSettings, kernel, reopening, settings, specialize, target_size
 from rrrgen.emit.c.ik.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
-from rrrgen.emit.c.ik.passes import PASSES, Pass
+from rrrgen.emit.c.ik.passes import PASSES, LoopPass
 from rrrgen.emit.c.ik.statements import CBody
 from rrrgen.emit.c.language import CTarget, Dialect, LibmSinCos
 from rrrgen.ik.classify import plan as make_plan
@@ -120,7 +120,7 @@ def _public(spec: RobotSpec) -> list[str]:
     return [f"{spec.name}_{name}" for name in FUNCTIONS]
 
 
-def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Sequence[Pass] = PASSES) -> Emitted:
+def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Sequence[LoopPass] = PASSES) -> Emitted:
     """The emitted files of ``plan`` with their stack and operations; DerivationError if the robot has no solver.
 
     ``passes`` rewrite the loops of the solver in order, to make it faster.
@@ -142,7 +142,7 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Seque
     return Emitted(plan, files, rows, public, operations)
 
 
-def _body(plan: SolverPlan, part: SolverPlan, dialect: Dialect, passes: Sequence[Pass]) -> CBody | None:
+def _body(plan: SolverPlan, part: SolverPlan, dialect: Dialect, passes: Sequence[LoopPass]) -> CBody | None:
     """The C body that lists the candidate solutions of ``part``, or None if a numerical kernel lists them.
 
     ``part`` is ``plan`` itself or its companion, a simpler arm that is nearly this one.
@@ -206,7 +206,7 @@ def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> t
 
 
 def _chain_parts(
-    plan: SolverPlan, bodies: list[CBody | None], chosen: Settings, stem: str, dialect: Dialect
+    plan: SolverPlan, bodies: list[CBody | None], chosen: KernelSettings, stem: str, dialect: Dialect
 ) -> list[str]:
     """The C text that solves a chain for one target: constants, kernels, lists of candidates."""
     general = ("trig_roots", "general6r", "aspect", "candidates6r") if plan.general else ()
@@ -236,7 +236,7 @@ PUBLIC = ("batch", "closest", "texts")
 candidates, BEHIND them, and PUBLIC, which build on the solver for one target: batches, closest solution, messages."""
 
 
-def _list(name: str, comment: str, body: CBody, chosen: Settings) -> str:
+def _list(name: str, comment: str, body: CBody, chosen: KernelSettings) -> str:
     return specialize(render("c/ik/candidates.c.j2", name=name, comment=comment, body=body.text), chosen)
 
 

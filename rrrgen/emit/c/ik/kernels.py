@@ -25,7 +25,7 @@ _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 
 
 @dataclass(frozen=True)
-class Settings:
+class KernelSettings:
     """The adaptation of a kernel's C text to one robot: the parts that are kept, and the replacements of names.
 
     ``options`` are the values of the names that ``#if`` tests. ``words`` maps whole names to the text that replaces
@@ -52,7 +52,7 @@ class KernelDialect(Dialect):
         return name.upper()
 
 
-def kernel(name: str, settings: Settings) -> str:
+def kernel(name: str, settings: KernelSettings) -> str:
     """The text of the kernel ``templates/c/<name>`` adapted to one robot, without the lines up to its #include."""
     text = template_text(f"c/{name}")
     include = _INCLUDE.search(text)
@@ -61,13 +61,13 @@ def kernel(name: str, settings: Settings) -> str:
     return specialize(text[include.end() :], settings)
 
 
-def specialize(text: str, settings: Settings) -> str:
+def specialize(text: str, settings: KernelSettings) -> str:
     """Adapt ``text`` to one robot: #if lines of known options are resolved, names and prefixes replaced."""
     replaced = _TOKEN.sub(lambda token: _replaced(token, settings), "".join(_settled(text, settings.options)))
     return re.sub(f" {_GAP}|{_GAP} ?", "", replaced)
 
 
-def _replaced(token: re.Match[str], settings: Settings) -> str:
+def _replaced(token: re.Match[str], settings: KernelSettings) -> str:
     name = token["name"]
     if name is None:
         return token[0]
@@ -146,7 +146,7 @@ def settings(
     rows: int,
     reasons: Sequence[str],
     texts: Sequence[str],
-) -> Settings:
+) -> KernelSettings:
     """Compute the options, words and prefixes that adapt the kernels to the robot of ``plan``.
 
     ``needs`` are the template functions that the candidates call; ``opens`` lists, for each list of candidates, the
@@ -220,7 +220,7 @@ def settings(
         more, tables = _general(plan, dialect)
         options, words = options | more, words | tables
     prefixes = {"ik_": f"{stem}_", "IK_": f"{macro}_", "robot_": f"{dialect.prefix}_"}
-    return Settings(options, words, prefixes)
+    return KernelSettings(options, words, prefixes)
 
 
 def target_size(plan: SolverPlan) -> int:
@@ -228,7 +228,7 @@ def target_size(plan: SolverPlan) -> int:
     return 16 if plan.task == "pose" else 3 if plan.last_link is None else 6
 
 
-def reopening(base: Settings, stem: str, name: str, opens: Iterable[tuple[int, int]]) -> Settings:
+def reopening(base: KernelSettings, stem: str, name: str, opens: Iterable[tuple[int, int]]) -> KernelSettings:
     """The settings of the kernel ``reopen``, which chooses the values of joints that a target leaves free.
 
     The kernel is emitted once for each function ``<stem>_<name>`` that lists candidates. ``opens`` are the joints that
@@ -239,7 +239,7 @@ def reopening(base: Settings, stem: str, name: str, opens: Iterable[tuple[int, i
         f"ik_{function}": f"{stem}_{function}_{name}" for function in ("merged", "with", "search", "fit", "reopen")
     }
     words |= {"ik_candidates": f"{stem}_{name}", "MERGED_BITS": "\n    ".join(bits)}
-    return Settings({**base.options, "MERGES": bool(bits)}, {**base.words, **words}, base.prefixes)
+    return KernelSettings({**base.options, "MERGES": bool(bits)}, {**base.words, **words}, base.prefixes)
 
 
 def literals(values: Iterable[float], dialect: Dialect) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from math import prod
 from typing import TypeAlias
 
-from rrrgen.ik.recording.scalar import Scalar
+from rrrgen.ik.recording.scalar import SolverScalar
 from rrrgen.program import Op
 
 ARC = "{arc}"
@@ -24,7 +24,7 @@ loops."""
 
 
 @dataclass(frozen=True)
-class Loop:
+class RootLoop:
     """A loop over the roots of one equation.
 
     ``variable`` is the loop variable, ``count`` the variable with the number of roots, ``most`` its largest value,
@@ -38,13 +38,13 @@ class Loop:
 
 
 @dataclass(frozen=True)
-class Arc:
+class ArcTangent:
     """The arc tangent that a statement takes: the variable ``angle`` and the C texts of its cosine and sine.
 
     Cosine and sine may have any common factor; ``{0}``, ``{1}``, ... in the texts are operands of the statement.
     """
 
-    angle: Scalar
+    angle: SolverScalar
     cosine: str
     sine: str
 
@@ -57,8 +57,8 @@ class Flip:
     """
 
     choice: str
-    source: Scalar
-    other: Scalar | None
+    source: SolverScalar
+    other: SolverScalar | None
     formula: str
 
 
@@ -79,13 +79,13 @@ class Statement:
 
     depth: int
     lines: tuple[str, ...]
-    operands: tuple[Scalar, ...] = ()
-    defines: tuple[Scalar, ...] = ()
+    operands: tuple[SolverScalar, ...] = ()
+    defines: tuple[SolverScalar, ...] = ()
     optional: bool = False
-    beside: tuple[Scalar, ...] = ()
+    beside: tuple[SolverScalar, ...] = ()
     calls: tuple[str, ...] = ()
     rare: tuple[int, ...] = ()
-    arc: Arc | None = None
+    arc: ArcTangent | None = None
     flip: Flip | None = None
     opens: int | None = None
 
@@ -95,10 +95,10 @@ class Value:
     """A value that is computed here, inside ``depth`` loops, before any statement at that depth uses it."""
 
     depth: int
-    value: Scalar
+    value: SolverScalar
 
     @property
-    def operands(self) -> tuple[Scalar, ...]:
+    def operands(self) -> tuple[SolverScalar, ...]:
         """The operands of this item: the one value that it computes."""
         return (self.value,)
 
@@ -111,13 +111,13 @@ class Leaf:
     """
 
     depth: int
-    joints: tuple[tuple[int, Scalar], ...]
+    joints: tuple[tuple[int, SolverScalar], ...]
     flags: str
     branch: str
-    error: Scalar
+    error: SolverScalar
 
     @property
-    def operands(self) -> tuple[Scalar, ...]:
+    def operands(self) -> tuple[SolverScalar, ...]:
         """The values that are stored."""
         return (*(value for _, value in self.joints), self.error)
 
@@ -143,14 +143,14 @@ class LoopNest:
     ``before`` and ``after`` are C lines outside the loops, ``calls`` the kernels that ``after`` calls.
     """
 
-    loops: tuple[Loop, ...]
+    loops: tuple[RootLoop, ...]
     items: tuple[Item, ...]
     before: tuple[str, ...] = ()
     after: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
 
 
-def position(loops: Sequence[Loop]) -> tuple[list[str], int]:
+def position(loops: Sequence[RootLoop]) -> tuple[list[str], int]:
     """The array index of one pass through ``loops``, as C terms to be added, and the number of all passes."""
     terms = []
     for k, loop in enumerate(loops):
@@ -159,7 +159,7 @@ def position(loops: Sequence[Loop]) -> tuple[list[str], int]:
     return terms, prod(loop.most for loop in loops)
 
 
-def opening(loop: Loop, count: str = "") -> str:
+def opening(loop: RootLoop, count: str = "") -> str:
     """The C line that opens a loop, ``for (int i = 0; i < count; ++i) {``.
 
     ``count`` is the C text of the number of passes, by default the variable ``loop.count``.
@@ -173,15 +173,15 @@ class Dependence:
     Values that no statement defines (target, reference, prescribed joint) depend on no loop.
     """
 
-    def __init__(self, loops: Sequence[Loop]) -> None:
+    def __init__(self, loops: Sequence[RootLoop]) -> None:
         self._variables = {loop.variable: frozenset([k]) for k, loop in enumerate(loops)}
         self._values: dict[int, frozenset[int]] = {}
 
-    def of(self, values: Sequence[Scalar]) -> frozenset[int]:
+    def of(self, values: Sequence[SolverScalar]) -> frozenset[int]:
         """The loops on which any of ``values`` depends."""
         return frozenset().union(*map(self._loops, values))
 
-    def depth(self, values: Sequence[Scalar]) -> int:
+    def depth(self, values: Sequence[SolverScalar]) -> int:
         """The number of loops inside which all of ``values`` are known."""
         return max(self.of(values), default=-1) + 1
 
@@ -190,7 +190,7 @@ class Dependence:
         loops = self.of((*item.operands, *item.beside))
         self._variables.update({variable.text: loops for variable in item.defines})
 
-    def _loops(self, value: Scalar) -> frozenset[int]:
+    def _loops(self, value: SolverScalar) -> frozenset[int]:
         if value.op is Op.INPUT:
             return self._variables.get(value.text, frozenset())
         found = self._values.get(id(value))
@@ -199,7 +199,7 @@ class Dependence:
         return found
 
 
-def collect(value: Scalar, found: set[int]) -> None:
+def collect(value: SolverScalar, found: set[int]) -> None:
     """Add the ids of ``value`` and of everything that it depends on to ``found``."""
     if id(value) not in found:
         found.add(id(value))
@@ -314,7 +314,7 @@ class _Gathering:
         at = " + ".join(position(self.nest.loops[: loop.level])[0])
         return [item, Statement(item.depth, (f"{_kept_count(loop)}[{at}] = {loop.count};",))]
 
-    def _stored(self, item: Statement, arc: Arc, around: Sequence[int]) -> Statement:
+    def _stored(self, item: Statement, arc: ArcTangent, around: Sequence[int]) -> Statement:
         """Rewrite ``item`` to store an angle in slots, one for every pass through the loops ``around``."""
         terms, count = position([self.nest.loops[k] for k in around])
         slot = self.slots[arc.angle.text] = _Slot(self.taken, count, tuple(terms))
@@ -364,7 +364,7 @@ def _in_place_of_arc(line: str, stores: tuple[str, ...]) -> list[str]:
     return [line.replace(ARC, store) for store in stores] if ARC in line else [line]
 
 
-def _kept_count(loop: Loop) -> str:
+def _kept_count(loop: RootLoop) -> str:
     """Name of the C array that stores how many roots an inner loop had in each pass of the outer loops."""
     return f"m{loop.variable[1:]}"
 
@@ -400,7 +400,7 @@ class Hoist:
         return replace(nest, loops=tuple(loops), items=tuple(items))
 
 
-def _moved(value: Scalar, depth: int, dependence: Dependence, seen: set[int]) -> Iterator[Value]:
+def _moved(value: SolverScalar, depth: int, dependence: Dependence, seen: set[int]) -> Iterator[Value]:
     """Yield the parts of ``value`` that are known in fewer loops than ``depth``, where it is needed first.
 
     ``seen`` holds the ids of values that were visited before; they are not yielded again.

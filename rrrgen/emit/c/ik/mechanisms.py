@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from rrrgen.emit.c.ik.kernels import Settings, kernel, literals, quoted, table
+from rrrgen.emit.c.ik.kernels import KernelSettings, kernel, literals, quoted, table
 from rrrgen.emit.c.language import Dialect
 from rrrgen.ik.geometry.mechanism import Coupling
 from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
@@ -15,7 +15,7 @@ KERNELS = ("coupling", "order", "refine", "finish", "coupled", "descend", "solve
 """The kernels that a mechanism has in addition to those of its chain, in the order in which they are emitted."""
 
 
-def chain_settings(chosen: Settings, dialect: Dialect) -> Settings:
+def chain_settings(chosen: KernelSettings, dialect: Dialect) -> KernelSettings:
     """Change the settings ``chosen`` such that the kernels become the solver of the chain inside a mechanism.
 
     Its functions are static and have names with ``_chain_``; the mechanism has the public ones.
@@ -27,7 +27,7 @@ def chain_settings(chosen: Settings, dialect: Dialect) -> Settings:
         "ik_last_candidates": chosen.words["ik_last_candidates"].replace(f"{stem}_", f"{stem}_chain_"),
         "robot_inverse_kinematics": f"{stem}_chain_solve",
     }
-    return Settings(chosen.options, {**chosen.words, **words}, {**chosen.prefixes, "ik_": f"{stem}_chain_"})
+    return KernelSettings(chosen.options, {**chosen.words, **words}, {**chosen.prefixes, "ik_": f"{stem}_chain_"})
 
 
 def chain_type(plan: SolverPlan, dialect: Dialect) -> str:
@@ -50,7 +50,7 @@ def chain_type(plan: SolverPlan, dialect: Dialect) -> str:
     )
 
 
-def mechanism_settings(chain: Settings, plan: SolverPlan, coupling: Coupling, dialect: Dialect) -> Settings:
+def mechanism_settings(chain: KernelSettings, plan: SolverPlan, coupling: Coupling, dialect: Dialect) -> KernelSettings:
     """The settings of the kernels that work on joint positions, from those of the chain."""
     stem = f"{dialect.prefix}_ik"
     locked = None if plan.locked in (None, ARM_ANGLE) else plan.locked
@@ -89,10 +89,10 @@ def mechanism_settings(chain: Settings, plan: SolverPlan, coupling: Coupling, di
         words |= {"LOCKED_JOINT": str(leader), "LOCKED_FACTOR": repr(coupling.matrix[locked][leader])}
     kept = {name: text for name, text in chain.words.items() if not name.startswith(("ik_", "robot_"))}
     prefixes = {**chain.prefixes, "ik_": f"{stem}_", "chain_": f"{stem}_chain_"}
-    return Settings({**chain.options, **options}, {**kept, **words}, prefixes)
+    return KernelSettings({**chain.options, **options}, {**kept, **words}, prefixes)
 
 
-def mechanism_parts(chosen: Settings) -> list[str]:
+def mechanism_parts(chosen: KernelSettings) -> list[str]:
     """The C text of the kernels of the mechanism, which follows the text of its chain."""
     return [kernel(f"ik/{name}.c", chosen) for name in KERNELS]
 

@@ -11,7 +11,7 @@ from rrrgen.emit.c.ik.costs import CALLS, SolverOperations, block_operations, su
 from rrrgen.emit.c.ik.loop_nest import ARC, STOP, Leaf, LoopNest, Statement, Value, collect, opening
 from rrrgen.emit.interface import Target
 from rrrgen.emit.printing import Names, Statements
-from rrrgen.ik.recording.scalar import Scalar
+from rrrgen.ik.recording.scalar import SolverScalar
 from rrrgen.program import Node, Op, Port, Program
 
 
@@ -32,7 +32,7 @@ class _Blocks:
 
     def __init__(self, nest: LoopNest) -> None:
         depths = len(nest.loops) + 1
-        self.values: list[list[Scalar]] = [[] for _ in range(depths)]
+        self.values: list[list[SolverScalar]] = [[] for _ in range(depths)]
         self.items: list[list[tuple[int, Statement | Leaf]]] = [[] for _ in range(depths)]
         self.exported: set[int] = set()
         self._places: dict[int, int] = {}
@@ -42,7 +42,7 @@ class _Blocks:
             if not isinstance(item, Value):
                 self.items[item.depth].append((len(self.values[item.depth]), item))
 
-    def _need(self, node: Scalar, depth: int) -> None:
+    def _need(self, node: SolverScalar, depth: int) -> None:
         if node.is_plain:
             return
         place = self._places.get(id(node))
@@ -73,14 +73,14 @@ class _Recorded:
     def __len__(self) -> int:
         return len(self._nodes)
 
-    def add(self, node: Scalar) -> int:
+    def add(self, node: SolverScalar) -> int:
         """Record ``node`` with everything it depends on, unless it is recorded already; returns its index."""
         index = self._index.get(id(node))
         if index is None:
             index = self._index[id(node)] = self._new(node)
         return index
 
-    def _new(self, node: Scalar) -> int:
+    def _new(self, node: SolverScalar) -> int:
         if node.is_const:
             return self._node(Node(Op.CONST, (), Fraction(repr(node.value))))
         text = node.text if node.op is Op.INPUT else self._outside.get(id(node), "")
@@ -95,7 +95,7 @@ class _Recorded:
         self._nodes.append(node)
         return len(self._nodes) - 1
 
-    def use(self, nodes: Sequence[Scalar]) -> tuple[int, ...]:
+    def use(self, nodes: Sequence[SolverScalar]) -> tuple[int, ...]:
         """Make ``nodes`` an output, because a statement or a deeper block reads them; returns their indices."""
         self._results.append(tuple(self.add(node) for node in nodes))
         return self._results[-1]
@@ -106,13 +106,13 @@ class _Recorded:
         inputs = (Port("variables", (len(self.texts),)),)
         return Program(f"block{self._level}", inputs, outputs, tuple(self._nodes), tuple(self._results))
 
-    def restricted(self, values: Iterable[Scalar]) -> Program:
+    def restricted(self, values: Iterable[SolverScalar]) -> Program:
         """A program of the nodes of ``values`` alone, for counting operations; it has no outputs."""
         kept = [self._nodes[self.add(node)] for node in values]
         return replace(self.program(), outputs=(), nodes=tuple(kept), results=())
 
 
-class _Lines(Statements):
+class _BlockPrinter(Statements):
     """Prints one block: each of its statements, preceded by the definitions of the values that it reads."""
 
     def __init__(self, block: _Recorded, exported: Iterable[int], target: Target, names: Names) -> None:
@@ -164,7 +164,7 @@ def printed(nest: LoopNest, target: Target, taken: Iterable[str]) -> tuple[str, 
 
 def _block(
     blocks: _Blocks, depth: int, outside: dict[int, str], target: Target, names: Names
-) -> tuple[_Recorded, _Lines]:
+) -> tuple[_Recorded, _BlockPrinter]:
     """Print the block at one depth of loops.
 
     ``outside`` maps the values known from outer blocks to their C names; those that deeper blocks read are added to it.
@@ -181,7 +181,7 @@ def _block(
     for node in values[done:]:
         block.add(node)
     exported = {id(node): block.add(node) for node in values if id(node) in blocks.exported}
-    printer = _Lines(block, exported.values(), target, names)
+    printer = _BlockPrinter(block, exported.values(), target, names)
     for count, item, operands in uses:
         printer.advance(count)
         texts = [printer.texts[index].code for index in operands]

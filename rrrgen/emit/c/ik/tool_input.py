@@ -14,7 +14,7 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.base.templates import render
 from rrrgen.emit import Real
 from rrrgen.emit.c.ik.files import Emitted, emit
-from rrrgen.emit.interface import Check
+from rrrgen.emit.interface import SelfTestCheck
 from rrrgen.ik.run_time_tool import plan_with_tool
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def tool_solver_files(spec: RobotSpec, real: Real) -> dict[str, str]:
         return {}
 
 
-def tool_solver_check(spec: RobotSpec) -> Check | None:
+def tool_solver_check(spec: RobotSpec) -> SelfTestCheck | None:
     """The part of the self-test for this solver: every solution is checked by ``tool_kinematics``; None without it."""
     try:
         plan = plan_with_tool(spec)
@@ -49,4 +49,4 @@ def tool_solver_check(spec: RobotSpec) -> Check | None:
         reach=plan.chain.reach,
         periods=", ".join(f"R({period!r})" for period in periods),
     )
-    return Check("tool_inverse_kinematics", f"{spec.name}_tool_ik.h", text)
+    return SelfTestCheck("tool_inverse_kinematics", f"{spec.name}_tool_ik.h", text)

@@ -76,7 +76,7 @@ _Z = vector((0, 0, 1))
 
 
 @dataclass
-class Row:
+class TableRow:
     """One row of the table at q = 0: ``theta`` about and ``d`` along z, then ``a`` along and ``alpha`` about the new x.
 
     Angles are in rad, lengths in m. ``joint`` is the number (from 0) of its joint in the chain; None for a fixed row.
@@ -97,7 +97,7 @@ class DenavitHartenberg:
     """
 
     base: Array
-    rows: list[Row]
+    rows: list[TableRow]
     tool: Array
     link_frames: list[Array]
     rounded: list[Any] = field(default_factory=list)
@@ -118,7 +118,7 @@ class _Walk:
         self.chain, self.tolerance = chain, tolerance
         self.parallel = max(tolerance, number(NO_TILT if fixed_rows else PARALLEL))
         self.frame, d = _first_frame(chain)
-        self.rows = [Row(d=d, joint=0)]
+        self.rows = [TableRow(d=d, joint=0)]
         self.result = DenavitHartenberg(self.frame, self.rows, identity(), [])
         self._move(transform(identity(3), (0, 0, d)))
         for k, joint in enumerate(chain.joints[1:], 1):
@@ -169,7 +169,7 @@ class _Walk:
         self._link_frame(convention, "modified")
         self._move(transform(rotation((1, 0, 0), alpha), (a, 0, 0)))
         self._link_frame(convention, "standard")
-        self.rows.append(Row(joint=joint))
+        self.rows.append(TableRow(joint=joint))
 
     def _link_frame(self, convention: Convention, ends_here: Convention) -> None:
         if convention == ends_here:
@@ -342,7 +342,7 @@ def _rows(names: list[str], chain: SerialChain, table: DenavitHartenberg, choice
     rows: list[JointSpec] = []
     taken = set(names)
     for i, row in enumerate(table.rows):
-        twist = row if choice.convention == "standard" else table.rows[i - 1] if i else Row()
+        twist = row if choice.convention == "standard" else table.rows[i - 1] if i else TableRow()
         geometry = {"alpha": exact_angle(twist.alpha), "a": exact_length(twist.a)}
         geometry |= {"d": exact_length(row.d), "theta": exact_angle(row.theta)}
         if row.joint is None:

@@ -29,7 +29,7 @@ MAX_NAMED = 12  # candidates that one message lists
 
 
 @dataclass(frozen=True)
-class ChainJoint:
+class SerialJoint:
     """A joint of the chain at its zero position, in the base frame: a point (3,) on its axis, its unit direction (3,).
 
     ``frame`` (4, 4) is the frame in which the file states the axis.
@@ -51,7 +51,7 @@ class SerialChain:
 
     base: str
     tip: str
-    joints: tuple[ChainJoint, ...]
+    joints: tuple[SerialJoint, ...]
     links: tuple[Inertia | None, ...]
     tip_pose: Array
     gravity: Array
@@ -223,7 +223,7 @@ def _in_space(
         if joint.name in on_chain:
             frame = poses[joint.parent] @ joint.origin
             direction = frame[:3, :3] @ joint.axis
-            joints.append(ChainJoint(joint, frame[:3, 3], direction if forward else -direction, frame))
+            joints.append(SerialJoint(joint, frame[:3, 3], direction if forward else -direction, frame))
         body = joint.child if forward else joint.parent
         owner[body] = len(joints)
     links = _links(tree, owner, poses, len(joints))

@@ -7,7 +7,7 @@ from typing import Protocol
 from rrrgen.emit.c.ik.loop_nest import DropUnused, Hoist, LoopNest, TakeArcsTogether
 
 
-class Pass(Protocol):
+class LoopPass(Protocol):
     """Rewrites a loop nest to one that finds the same candidates with less work, or returns it unchanged.
 
     Passes are frozen dataclasses: their fields are their options.
@@ -18,4 +18,4 @@ class Pass(Protocol):
         ...
 
 
-PASSES: tuple[Pass, ...] = (DropUnused(), Hoist(), TakeArcsTogether())
+PASSES: tuple[LoopPass, ...] = (DropUnused(), Hoist(), TakeArcsTogether())
