@@ -34,7 +34,7 @@ from rrrgen.derive.functions.regressors import regressor_transpose
 from rrrgen.derive.recursions import energy_and_momentum as momentum
 from rrrgen.derive.recursions import kinematics, newton_euler
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
-from rrrgen.derive.recursions.linear_algebra import add, scale, subtract, times, transpose
+from rrrgen.derive.recursions.linear_algebra import add, elementwise, scale, subtract, times, transpose
 from rrrgen.program import Port, Program, Role, Value
 from rrrgen.program.differentiation import Tangent, is_zero, record, tangents
 
@@ -157,11 +157,6 @@ Vector = list[Any]
 DESIRED = ("q_d", "dq_d", "ddq_d")
 
 
-def _times(x: Sequence[Any], y: Sequence[Any]) -> Vector:
-    """The element-wise product of two joint vectors (n,)."""
-    return [u * v for u, v in zip(x, y, strict=True)]
-
-
 class _TrackingLaw:
     """The common part of the tracking laws: inputs, errors e and e', PID feedback, integral action, torque limits."""
 
@@ -174,8 +169,8 @@ class _TrackingLaw:
     def feedback(self) -> Vector:
         """The feedback ``kp e + kd e' + ki z``, (n,), with z the state of the integral action."""
         self.z = self.r.take("z")
-        total = add(_times(self.gains["kp"], self.e), _times(self.gains["kd"], self.de))
-        return add(total, _times(self.gains["ki"], self.z))
+        total = add(elementwise(self.gains["kp"], self.e), elementwise(self.gains["kd"], self.de))
+        return add(total, elementwise(self.gains["ki"], self.z))
 
     def limited(self, tau: Vector) -> tuple[Vector, Vector]:
         """Add friction at the desired speed to ``tau`` (n,) and limit the sum; also returns 1 per limited joint.
@@ -274,11 +269,11 @@ def slotine_li(r: Recording) -> Program:
     """
     loop = _TrackingLaw(r, ("lam", "k"))
     b, lam = r.builder, loop.gains["lam"]
-    v, a = add(loop.dq_d, _times(lam, loop.e)), add(loop.ddq_d, _times(lam, loop.de))
+    v, a = add(loop.dq_d, elementwise(lam, loop.e)), add(loop.ddq_d, elementwise(lam, loop.de))
     s = subtract(loop.dq, v)
     reference: dict[Role, Sequence[Value]] = {Role.REFERENCE_VELOCITY: v, Role.REFERENCE_ACCELERATION: a}
     (tau,) = along_reference(r, inverse_dynamics(block_frames_first), reference)
-    held, at_limit = loop.limited(subtract(tau, _times(loop.gains["k"], s)))
+    held, at_limit = loop.limited(subtract(tau, elementwise(loop.gains["k"], s)))
     (slope,) = along_reference(r, regressor_transpose, {**reference, Role.COVECTOR: s})
     gamma = r.take("gamma")
     lower, upper = (r.take(f"beta_{end}") for end in ("min", "max"))
@@ -323,7 +318,7 @@ def impedance(r: Recording) -> Program:
     T, J = kinematics.forward_kinematics(chain), kinematics.jacobian(chain)
     turn = rotation_error([row[:3] for row in T[:3]], [T_d[4 * i : 4 * i + 3] for i in range(3)])
     error = [*(T_d[4 * i + 3] - T[i][3] for i in range(3)), *turn]
-    F = add(_times(stiffness, error), _times(damping, subtract(V_d, times(J, dq))))
+    F = add(elementwise(stiffness, error), elementwise(damping, subtract(V_d, times(J, dq))))
     tau = add(times(transpose(J), F), composite.gravity(chain, r.inertias()))
     b = r.builder
     tau_max = r.take("tau_max")

@@ -22,17 +22,13 @@ from rrrgen.derive.functions.operational_space import limited
 from rrrgen.derive.functions.recording import Recorder, Recording
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions import newton_euler
-from rrrgen.derive.recursions.linear_algebra import LDLFactors, Vector, add, factorize, status_at, subtract
+from rrrgen.derive.recursions.linear_algebra import LDLFactors, Vector, add, elementwise, factorize, status_at, subtract
 from rrrgen.program import Builder, Port, Program, Role, Value
 from rrrgen.program.differentiation import Tangent, is_zero, record, tangents
 
 MOTION = ("q", "dq", "ddq", "d3q", "d4q")
 DESIRED = ("q_d", "dq_d", "ddq_d", "d3q_d", "d4q_d")
 NO_DAMPING = "Damping of the joints is left out: with it the motion of the rotors follows from a differential equation."
-
-
-def _times(x: Sequence[Any], y: Sequence[Any]) -> Vector:
-    return [u * v for u, v in zip(x, y, strict=True)]
 
 
 def _over(x: Sequence[Any], y: Sequence[Any]) -> Vector:
@@ -107,7 +103,7 @@ def _rotor_motion(r: Recording, links: Program, motion: Sequence[Vector]) -> tup
     torques = _link_torques(r, links, motion)
     J, K = _rotors(r)
     theta, dtheta, ddtheta = (add(x, _over(t, K)) for x, t in zip(motion, torques, strict=False))
-    return add(_times(J, ddtheta), torques[0]), theta, dtheta
+    return add(elementwise(J, ddtheta), torques[0]), theta, dtheta
 
 
 def elastic_inverse_dynamics(r: Recording, links: Program) -> Program:
@@ -152,7 +148,7 @@ def elastic_forward_dynamics(r: Recording) -> Program:
     factors, h = _solver(r, _links(r, link_frames_only), q, dq)
     J, K = _rotors(r)
     D = list(r.take("damping"))
-    load = add(_times(K, subtract(theta, q)), _times(D, subtract(dtheta, dq)))
+    load = add(elementwise(K, subtract(theta, q)), elementwise(D, subtract(dtheta, dq)))
     ddq = factors.solve(subtract(load, h))
     unit = r.unit("rad/s^2 | m/s^2")
     meaning = "accelerations of the links; zero when the status is not ok"
@@ -206,7 +202,7 @@ def elastic_feedforward(r: Recording, links: Program) -> Program:
     if r.model.spec.gravity_input:
         r.gravity()
     tau, theta_d, dtheta_d = _rotor_motion(r, links, motion)
-    tau = add(tau, add(_times(kp, subtract(theta_d, theta)), _times(kd, subtract(dtheta_d, dtheta))))
+    tau = add(tau, add(elementwise(kp, subtract(theta_d, theta)), elementwise(kd, subtract(dtheta_d, dtheta))))
     return _law(
         r,
         "elastic_feedforward",
@@ -231,18 +227,18 @@ def elastic_feedback_linearization(r: Recording, links: Program) -> Program:
     w = list(r.take("w"))
     factors, h = _solver(r, links, q, dq)
     J, K = _rotors(r)
-    ddq = factors.solve(subtract(_times(K, subtract(theta, q)), h))
+    ddq = factors.solve(subtract(elementwise(K, subtract(theta, q)), h))
     # tau_l' = M q''' + rest, so rest is tau_l' evaluated at q''' = 0
     rest = _link_torques(r, links, [q, dq, ddq, [0] * r.n])[1]
-    d3q = factors.solve(subtract(_times(K, subtract(dtheta, dq)), rest))
+    d3q = factors.solve(subtract(elementwise(K, subtract(dtheta, dq)), rest))
     v = desired[4]
     for factor, power, wanted, found in zip((1, 4, 6, 4), (4, 3, 2, 1), desired, (q, dq, ddq, d3q), strict=False):
         gain: Vector = [factor] * r.n
         for _ in range(power):
-            gain = _times(gain, w)
-        v = add(v, _times(gain, subtract(wanted, found)))
+            gain = elementwise(gain, w)
+        v = add(v, elementwise(gain, subtract(wanted, found)))
     torques = _link_torques(r, links, [q, dq, ddq, d3q, v])
-    tau = add(_times(J, add(ddq, _over(torques[2], K))), _times(K, subtract(theta, q)))
+    tau = add(elementwise(J, add(ddq, _over(torques[2], K))), elementwise(K, subtract(theta, q)))
     return _law(
         r,
         "elastic_feedback_linearization",

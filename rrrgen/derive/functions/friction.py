@@ -12,7 +12,7 @@ from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.functions.recording import Recording
-from rrrgen.derive.recursions.drive_inertia import along
+from rrrgen.derive.recursions.linear_algebra import dot
 from rrrgen.derive.recursions.link_frames import rational, rational_float
 from rrrgen.program import Builder, Port, Program, Role
 from rrrgen.robot.friction.laws import LAWS, FrictionLaw
@@ -76,7 +76,7 @@ def friction(r: Recording) -> Program:
     surfaces = friction_of(spec)
     loads = _loads(r, surfaces)
     torques = _at_joints(
-        r, surfaces, lambda surface: _sliding(r, surface, along(surface.direction, dq), loads.get(surface, 0))
+        r, surfaces, lambda surface: _sliding(r, surface, dot(surface.direction, dq), loads.get(surface, 0))
     )
     named = any(surface.law is not None for surface in surfaces)
     formula, notes = ("", _laws(surfaces)) if named else (LINEAR, [])
@@ -98,7 +98,7 @@ def friction_step(r: Recording) -> Program:
     following: list[Any] = []
 
     def torque(surface: Surface) -> Any:
-        speed = along(surface.direction, dq)
+        speed = dot(surface.direction, dq)
         if surface not in z:
             return _sliding(r, surface, speed, loads.get(surface, 0))
         law, values, offset = _numbers(surface)
@@ -158,7 +158,7 @@ class RunTimeFriction:
         def torque(surface: Surface) -> Any:
             ops = b if self.widths is None else _SmoothFunctions(b, self.widths[surfaces.index(surface)])
             at = loads.get(surface, 0)
-            return _given(ops, surface, along(surface.direction, dq), self.values[surface], at)
+            return _given(ops, surface, dot(surface.direction, dq), self.values[surface], at)
 
         return _at_joints(self.recording, surfaces, torque)
 
@@ -253,7 +253,7 @@ def _loads(r: Recording, surfaces: Sequence[Surface], load: Sequence[Any] | None
     if not loaded:
         return {}
     tau = load if load is not None else r.take("tau_load")
-    return {surface: r.builder.abs(along(surface.load, tau)) for surface in loaded}
+    return {surface: r.builder.abs(dot(surface.load, tau)) for surface in loaded}
 
 
 def _given(ops: Any, surface: Surface, speed: Any, values: Sequence[Any], load: Any) -> Any:

@@ -14,6 +14,7 @@ from rrrgen.derive.functions.quantities import QUANTITIES
 from rrrgen.derive.parameters.base_parameters import BaseSet
 from rrrgen.derive.parameters.user_basis import BasisChange
 from rrrgen.derive.recursions.drive_inertia import DriveInertia, directions
+from rrrgen.derive.recursions.linear_algebra import dot
 from rrrgen.derive.recursions.link_frames import Chain, nominal_constant, program_chain, symbolic_constant
 from rrrgen.derive.recursions.pseudo_inertia import PseudoInertia
 from rrrgen.program import Builder, Domain, Port, Program, Role, Value
@@ -98,19 +99,11 @@ class Parametrization:
         """
         values = list(beta)
         if self.inverse is not None:
-            values = [_combine([constant(v) for v in row], beta) for row in self.inverse]
+            values = [dot([constant(v) for v in row], beta) for row in self.inverse]
         entries: list[dict[str, Any]] = [{} for _ in range(n)]
         for (i, entry), value in zip(self.basis.parameters, values, strict=True):
             entries[i][entry] = value
         return [PseudoInertia(**link) for link in entries]
-
-
-def _combine(row: Sequence[Any], values: Sequence[Any]) -> Any:
-    total: Any = 0
-    for factor, value in zip(row, values, strict=True):
-        if factor:
-            total = total + factor * value
-    return total
 
 
 def parametrize(basis: BaseSet, change: BasisChange | None) -> Parametrization:

@@ -7,7 +7,6 @@ and invertible. Then ``beta = S^-1 pi``, and the regressor of the user's paramet
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +15,7 @@ from sympy.polys.matrices import DomainMatrix
 
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.derive.parameters.base_parameters import BaseSet, linear_expression, standard_symbols
+from rrrgen.derive.recursions.linear_algebra import dot
 from rrrgen.derive.recursions.link_frames import ResidueConstants
 from rrrgen.program.finite_field import Residue, row_echelon
 from rrrgen.program.polynomials import Polynomial, PolynomialRing, to_expression
@@ -69,7 +69,7 @@ def change_basis(spec: RobotSpec, compiler_set: BaseSet) -> BasisChange:
             rows.append([0] * (10 * len(spec.rows)))
     if faults:
         raise InputError(faults)
-    S = [[_combine(row, column) for column in zip(*compiler_set.lift, strict=True)] for row in rows]
+    S = [[dot(row, column) for column in zip(*compiler_set.lift, strict=True)] for row in rows]
     faults = _foreign(spec, basis, compiler_set, rows, S)
     if not faults:
         faults = _rank_faults(spec, basis, compiler_set, S)
@@ -130,14 +130,6 @@ def _standard_name(factors: list[str]) -> str | None:
     return None
 
 
-def _combine(row: Sequence[Any], column: Sequence[Any]) -> Any:
-    total: Any = 0
-    for x, y in zip(row, column, strict=True):
-        if x and y:
-            total = total + x * y
-    return total
-
-
 def _fault(spec: RobotSpec, basis: BasisSpec, k: int, message: str) -> Fault:
     line, column = basis.places[k] if k < len(basis.places) else (0, 0)
     return Fault(spec.file or "robot", line, column, f"basis: {basis.names[k]}: {message}")
@@ -154,7 +146,7 @@ def _foreign(
     symbols = standard_symbols(len(spec.rows))
     for k, (row, s) in enumerate(zip(rows, S, strict=True)):
         factors = [to_expression(v) for v in s]
-        rebuilt = [_combine(factors, column) for column in zip(*compiler_set.projection, strict=True)]
+        rebuilt = [dot(factors, column) for column in zip(*compiler_set.projection, strict=True)]
         rest = [_vanishing(to_expression(x) - y) for x, y in zip(row, rebuilt, strict=True)]
         if any(rest):
             extra = with_signs(linear_expression(rest, symbols), basis)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.recursions.linear_algebra import Matrix
+from rrrgen.derive.recursions.linear_algebra import Matrix, dot
 from rrrgen.derive.recursions.link_frames import rational
 from rrrgen.program import Value
 from rrrgen.program.builder import Number
@@ -42,7 +42,7 @@ class DriveInertia:
         """Add the drive inertia to joint torques ``tau`` (n,): ``tau + sum of w_k Ia_k (w_k . ddq)``."""
         result = list(tau)
         for Ia, w in zip(self.values, self.directions, strict=True):
-            force = Ia * along(w, ddq)
+            force = Ia * dot(w, ddq)
             for i, weight in enumerate(w):
                 if weight:
                     result[i] = result[i] + weight * force
@@ -55,7 +55,7 @@ class DriveInertia:
     def added_to_energy(self, kinetic: Any, dq: Sequence[Any]) -> Any:
         """Add the drive inertia to the ``kinetic`` energy (J): ``kinetic + sum of Ia_k (w_k . dq)^2 / 2``."""
         for Ia, w in zip(self.values, self.directions, strict=True):
-            rate = along(w, dq)
+            rate = dot(w, dq)
             kinetic = kinetic + Fraction(1, 2) * Ia * (rate * rate)
         return kinetic
 
@@ -69,20 +69,11 @@ def inertia_columns(spec: RobotSpec, ddq: Sequence[Any]) -> list[list[Any]]:
     """The columns (n,) of the drive inertias in a regressor: ``w_k (w_k . ddq)``."""
     columns = []
     for w in directions(spec):
-        rate = along(w, ddq)
+        rate = dot(w, ddq)
         columns.append([weight * rate if weight else 0 for weight in w])
     return columns
 
 
 def virtual_work(spec: RobotSpec, ddq: Sequence[Any], e: Sequence[Any]) -> list[Any]:
     """The products of these columns and a vector ``e`` (n,): ``(w_k . e) (w_k . ddq)``, one per drive inertia."""
-    return [along(w, e) * along(w, ddq) for w in directions(spec)]
-
-
-def along(w: Sequence[Number], rates: Sequence[Any]) -> Any:
-    """``w . rates``: the component of a joint vector along the direction ``w``."""
-    total: Any = 0
-    for weight, rate in zip(w, rates, strict=True):
-        if weight:
-            total = total + weight * rate
-    return total
+    return [dot(w, e) * dot(w, ddq) for w in directions(spec)]

@@ -159,6 +159,11 @@ def scale(factor: Any, u: Sequence[Any]) -> Vector:
     return [factor * x for x in u]
 
 
+def elementwise(u: Sequence[Any], v: Sequence[Any]) -> Vector:
+    """The products of the entries, (u_k v_k)."""
+    return [x * y for x, y in zip(u, v, strict=True)]
+
+
 def dot(u: Sequence[Any], v: Sequence[Any]) -> Any:
     """u . v."""
     total: Any = 0

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rrrgen.base.errors import InputError
 from rrrgen.derive.derived_model import DerivedModel
+from rrrgen.derive.recursions.linear_algebra import dot
 from rrrgen.derive.recursions.link_frames import rational
 from rrrgen.emit import Real
 from rrrgen.emit.c.function_files import Extension, function_files
@@ -141,9 +142,9 @@ class _Recorder:
         (transposed,) = replay(
             self.derived.programs["regressor_transpose"], builder, self._motion("regressor_transpose", inputs, used)
         )
-        along = [_dot(w, used) * f for w, f in zip(self.directions, forces, strict=True)]
+        along = [dot(w, used) * f for w, f in zip(self.directions, forces, strict=True)]
         r = [[*transposed[: self.derived.b], *along][k] for k in self.estimated]
-        step, shortened = safe_step(builder, gain, _dot(r, r), _dot(used, used))
+        step, shortened = safe_step(builder, gain, dot(r, r), dot(used, used))
         outputs = [
             (
                 Port("p_next", (len(r),), "SI", "", "parameters after this sample"),
@@ -188,11 +189,11 @@ class _Recorder:
         for term, w in zip(self.terms, self.directions, strict=True):
             match term.kind:
                 case "inertia":
-                    found.append(_dot(w, inputs["ddq"]))
+                    found.append(dot(w, inputs["ddq"]))
                 case "viscous":
-                    found.append(_dot(w, inputs["dq"]))
+                    found.append(dot(w, inputs["dq"]))
                 case "coulomb":
-                    found.append(builder.sign(_dot(w, inputs["dq"])))
+                    found.append(builder.sign(dot(w, inputs["dq"])))
                 case _:
                     found.append(1)
         return found
@@ -228,7 +229,7 @@ class _Recorder:
         for direction in directions:
             w = [part if type(part) is int else rational(part) for part in direction]
             size = math.sqrt(sum(float(part) ** 2 for part in w))
-            speed = builder.abs(_dot(w, inputs["dq"]))
+            speed = builder.abs(dot(w, inputs["dq"]))
             limit = rest if size == 1.0 else Fraction(size) * rest
             for i in range(self.n):
                 if w[i]:
@@ -239,13 +240,6 @@ class _Recorder:
 def _rest(builder: Builder) -> Any:
     meaning = "speed below which a joint counts as at rest"
     return builder.input(Port("rest", (), "rad/s | m/s", "", meaning))[0]
-
-
-def _dot(weights: Sequence[Any], values: Sequence[Any]) -> Any:
-    total: Any = 0
-    for weight, value in zip(weights, values, strict=True):
-        total = total + weight * value
-    return total
 
 
 def safe_step(builder: Builder, gain: Any, rr: Any, ee: Any) -> tuple[Any, Any]:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
+from rrrgen.derive.recursions.linear_algebra import cross
 from rrrgen.robot.model.canonical_frames import NO_TWIST, Twist, dh_rows
 
 if TYPE_CHECKING:
@@ -78,6 +79,16 @@ class Joint:
     name: str = ""
 
 
+def backwards(joint: Joint) -> Joint:
+    """The same joint passed in the opposite direction: its transform is the inverse, so its raw variable is -x."""
+    return replace(joint, sign=-joint.sign, offset=-joint.offset)
+
+
+def joint_types(joints: Sequence[Joint]) -> str:
+    """The types of ``joints`` in order, for example ``"RRP"``."""
+    return "".join("R" if joint.revolute else "P" for joint in joints)
+
+
 @dataclass(frozen=True)
 class Chain:
     """A serial chain in the form of this module: ``base``, the ``joints`` with ``links`` between them, and ``tip``.
@@ -105,7 +116,7 @@ class Chain:
     @property
     def types(self) -> str:
         """The joint types in order, e.g. ``"RRP"``."""
-        return "".join("R" if joint.revolute else "P" for joint in self.joints)
+        return joint_types(self.joints)
 
     @property
     def reach(self) -> float:
@@ -306,17 +317,13 @@ def arm_angle(chain: Chain, q: Any) -> float:
         return 0.0
     e = [x / size for x in away]
     # n = ((e + z) x x_axis) x e, the direction from which psi is counted; y its unit vector, w = e x y
-    n = _cross(_cross([e[0], e[1], e[2] + 1.0], [1.0, 0.0, 0.0]), e)
+    n = cross(cross([e[0], e[1], e[2] + 1.0], [1.0, 0.0, 0.0]), e)
     length = hypot(*n)
     if length == 0.0:
         return 0.0
     y = [x / length for x in n]
-    w = _cross(e, y)
+    w = cross(e, y)
     return atan2(*(sum(a * b for a, b in zip(across, v, strict=True)) for v in (w, y)))
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> list[float]:
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import atan2
 
-from rrrgen.ik.geometry.chain import Chain, Joint
+from rrrgen.ik.geometry.chain import Chain, Joint, backwards, joint_types
 from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
@@ -77,11 +77,6 @@ def turned(link: AnyLink, v: Vector) -> Vector:
     return link.turn(v) if isinstance(link, Closing) else rotate(link.rigid().R, v)
 
 
-def backwards(joint: Joint) -> Joint:
-    """The same joint passed in the opposite direction: its transform is the inverse, so its raw variable is -x."""
-    return replace(joint, sign=-joint.sign, offset=-joint.offset)
-
-
 @dataclass(frozen=True)
 class Loop:
     """A closed chain of joints and links, the target in its last link: the product of all transforms is 1.
@@ -104,7 +99,7 @@ class Loop:
     @property
     def types(self) -> str:
         """The joint types in order, for example ``"RRRPRR"``."""
-        return "".join("R" if joint.revolute else "P" for joint in self.joints)
+        return joint_types(self.joints)
 
 
 def close(b: DerivationBuilder, chain: Chain) -> Loop:
@@ -119,14 +114,15 @@ def lock(b: DerivationBuilder, loop: Loop, k: int) -> Loop:
     value = b.given(joint)
     middle = screw(value.c, value.s) if isinstance(value, Turn) else screw(1, 0, value)
     before, after = loop.links[k - 1], loop.links[k]
-    merged = Closing((*_factors(before), middle, *_factors(after)))
+    merged = Closing((*factors(before), middle, *factors(after)))
     links = list(loop.links)
     links[k - 1] = merged
     del links[k]
     return Loop(loop.joints[:k] + loop.joints[k + 1 :], tuple(links))
 
 
-def _factors(link: AnyLink) -> tuple[Rigid, ...]:
+def factors(link: AnyLink) -> tuple[Rigid, ...]:
+    """The transforms whose product is ``link``."""
     return link.factors if isinstance(link, Closing) else (link.rigid(),)
 
 
@@ -170,7 +166,7 @@ def commuted(loop: Loop, i: int, direction: int) -> Loop | None:
         return None
     merged: AnyLink | None
     if i == 0:
-        merged = Closing((*_factors(before), between.rigid()))
+        merged = Closing((*factors(before), between.rigid()))
     else:
         merged = Crossing.planar(before.rigid() @ between.rigid()) if isinstance(before, Crossing) else None
     if merged is None:

@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rrrgen.base.errors import InternalError
-from rrrgen.ik.geometry.loop import Closing, Loop, Motion, apply, move, straightened, turned
+from rrrgen.ik.geometry.loop import Closing, Loop, Motion, apply, factors, move, straightened, turned
 from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
@@ -64,13 +64,9 @@ class Frame:
             return None
         others = loop.started((k + 3) % len(loop.joints))
         before = loop.links[(k + 2) % len(loop.joints)]
-        lead = Closing((triple.E0, *_factors(before)))
-        trail = Closing((*_factors(others.links[len(loop.joints) - 4]), triple.Q))
+        lead = Closing((triple.E0, *factors(before)))
+        trail = Closing((*factors(others.links[len(loop.joints) - 4]), triple.Q))
         return Frame(triple, others, lead, trail)
-
-
-def _factors(link: Crossing | Closing) -> tuple[Rigid, ...]:
-    return link.factors if isinstance(link, Closing) else (link.rigid(),)
 
 
 def cost(loop: Loop, k: int) -> int:

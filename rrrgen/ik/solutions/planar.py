@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from rrrgen.base.errors import InternalError
-from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.chain import Joint, backwards
 from rrrgen.ik.geometry.loop import Loop, Motion
 from rrrgen.ik.geometry.rigid_transforms import Crossing, Rigid, S, Vector, is_zero, product, rotate_z, screw, total
 from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
@@ -50,12 +50,8 @@ class Triple:
 
     def reversed(self) -> Triple:
         """Invert ``e1 e2 e3``: joints in reverse order with negated variables, the same ``Q`` and ``E0``."""
-        turned = [replace(e, joint=_negated(e.joint)) for e in reversed(self.elements)]
+        turned = [replace(e, joint=backwards(e.joint)) for e in reversed(self.elements)]
         return replace(self, elements=(turned[0], turned[1], turned[2]))
-
-
-def _negated(joint: Joint) -> Joint:
-    return replace(joint, sign=-joint.sign, offset=-joint.offset)
 
 
 def triple_of(loop: Loop, k: int) -> Triple | None:
@@ -80,7 +76,7 @@ def triple_of(loop: Loop, k: int) -> Triple | None:
             if not (_flat(axis[0]) and _flat(axis[1])):
                 return None
             sense = 1 if axis[2] > 0 else -1
-            signed = joint if sense > 0 else _negated(joint)
+            signed = joint if sense > 0 else backwards(joint)
             elements.append(PlaneMotion(signed, (local.t[0], local.t[1])))
         else:
             if not _flat(axis[2]):

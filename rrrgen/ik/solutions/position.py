@@ -15,10 +15,10 @@ and whose equation is simpler.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from rrrgen.base.errors import InternalError
-from rrrgen.ik.geometry.chain import Joint
+from rrrgen.ik.geometry.chain import Joint, backwards, joint_types
 from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
@@ -56,7 +56,7 @@ class Arm:
     @property
     def types(self) -> str:
         """The kinds of the three joints, for example ``"RRP"``."""
-        return "".join("R" if joint.revolute else "P" for joint in self.joints)
+        return joint_types(self.joints)
 
     def reversed(self) -> Arm:
         """State the problem from the other end: ``J3^-1 L2^-1 J2^-1 L1^-1 J1^-1 p = c``, joint variables negated."""
@@ -67,11 +67,6 @@ class Arm:
             self.p,
             self.c,
         )
-
-
-def backwards(joint: Joint) -> Joint:
-    """The same joint passed in the opposite direction: its transform is the inverse, so its raw variable is -x."""
-    return replace(joint, sign=-joint.sign, offset=-joint.offset)
 
 
 UNUSABLE = 9

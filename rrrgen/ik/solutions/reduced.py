@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from rrrgen.base.errors import InternalError
 from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
-from rrrgen.ik.geometry.loop import AnyLink, Closing, Loop, Motion, apply, move, straightened, turned
+from rrrgen.ik.geometry.loop import AnyLink, Closing, Loop, Motion, apply, factors, move, straightened, turned
 from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
@@ -76,11 +76,6 @@ def upright(b: DerivationBuilder, frame: Frame, motions: list[Motion]) -> None:
         v = move(motion, v, direction=True)
     v = frame.lead.turn(v)
     b.residual((), (v[0], v[1], 0))
-
-
-def factors(link: AnyLink) -> tuple[Rigid, ...]:
-    """The transforms whose product is ``link``."""
-    return link.factors if isinstance(link, Closing) else (link.rigid(),)
 
 
 def turning_axes(loop: Loop) -> Loop | None:
