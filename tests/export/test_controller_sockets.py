@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import re
 import shutil
 import sys
@@ -366,6 +367,18 @@ int main()
     std::fclose(found);
     c->on_deactivate({});
     REQUIRE(effort[0] == 0.0 && brake == 1.0);
+
+    /* until a reference arrives the arm stays where it is, in joints and at the tip */
+    double torques[2][2];
+    for (const int mode : {IMPEDANCE, GRAVITY}) {
+        node->publish("~/mode", std_msgs::msg::String{modes.at(mode)});
+        node->publish("~/reference", std_msgs::msg::Float64MultiArray{std::vector<double>(COLUMNS - 7, 9.0)});
+        state[0] = 0.3, state[2] = -0.8, state[1] = state[3] = 0.0;
+        REQUIRE(c->on_activate({}) == CallbackReturn::SUCCESS);
+        (void)c->update({}, {0.001});
+        std::copy(effort, effort + 2, torques[mode == GRAVITY]);
+    }
+    for (int j = 0; j < 2; j++) REQUIRE(std::abs(torques[0][j] - torques[1][j]) < 1e-9);
     return 0;
 }
 """
@@ -383,7 +396,9 @@ def test_ros2_control(reference, tmp_path):
     folder = exported("ros2", tmp_path)
     np.savetxt(folder / "inputs.txt", flat(inputs), "%.17g")
     words = ", ".join(f'{{{number}, "{name}"}}' for name, number in c.description["modes"].items())
-    text = ROS2.replace("MODES", words).replace("TICKS", "240").replace("COLUMNS", str(flat(inputs).shape[1]))
+    numbers = {name.upper(): str(number) for name, number in c.description["modes"].items()}
+    text = ROS2.replace("IMPEDANCE", numbers["IMPEDANCE"]).replace("GRAVITY", numbers["GRAVITY"])
+    text = text.replace("MODES", words).replace("TICKS", "240").replace("COLUMNS", str(flat(inputs).shape[1]))
     (folder / "use.cpp").write_text(text, encoding="utf-8")
     sources = ["arm.c", *OF_UNIT]
     run("gcc", "-std=c99", "-O1", "-ffp-contract=off", "-c", *sources, cwd=folder / "model")
@@ -404,6 +419,50 @@ def test_ros2_control(reference, tmp_path):
         np.testing.assert_array_equal(config[name], getattr(defaults, name))
     assert (folder / "urdf" / "arm.urdf").is_file()
     compile((folder / "launch" / "controller.launch.py").read_text(), "launch", "exec")
+
+
+LOADED = """
+#include <cstdio>
+#include <class_loader/class_loader.hpp>
+#include <controller_interface/controller_interface.hpp>
+
+int main(int, char **arguments)
+{
+    using Interface = controller_interface::ControllerInterface;
+    class_loader::ClassLoader loader(arguments[1]);
+    const auto names = loader.getAvailableClasses<Interface>();
+    const auto made = loader.createUniqueInstance<Interface>(names.at(0));
+    std::printf("%d %s\\n", int(names.size()), names.at(0).c_str());
+    return made->on_init() == controller_interface::CallbackReturn::SUCCESS ? 0 : 1;
+}
+"""
+
+
+def of_ros2(header: str) -> Path | None:
+    """The prefix that has a header of a package of ROS 2: one that a sourced ROS 2 names, or /usr."""
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(":"), "/usr"]
+    return next((Path(p) for p in prefixes if p and (Path(p) / "include" / header).is_file()), None)
+
+
+def test_the_loader_of_ros2_finds_the_controller(tmp_path):
+    """With pluginlib and class_loader as they are; of the rest of ROS 2 there are stand-ins."""
+    prefix = of_ros2("pluginlib/pluginlib/class_list_macros.hpp")
+    if prefix is None or of_ros2("class_loader/class_loader/class_loader.hpp") != prefix:
+        pytest.skip("needs pluginlib of ROS 2 (Debian: pluginlib-dev)")
+    folder = exported("ros2", tmp_path)
+    (folder / "use.cpp").write_text(LOADED, encoding="utf-8")
+    found = [f"-isystem{path}" for path in (prefix / "include", *(prefix / "include").glob("*/"))]
+    libraries = [path.parent for path in (prefix / "lib").rglob("libclass_loader.so")]
+    link = [f"{option}{path}" for path in libraries for option in ("-L", "-Wl,-rpath,")]
+    options = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fPIC", "-Imodel", *found, f"-isystem{STAND_INS}"]
+    for source in ("arm", "arm_controller", "arm_differential_ik"):
+        run("gcc", "-std=c99", "-O0", "-fPIC", "-c", f"model/{source}.c", cwd=folder)
+    objects = ["arm.o", "arm_controller.o", "arm_differential_ik.o"]
+    run("g++", *options, "-shared", "src/controller.cpp", *objects, "-o", "libarm_controller.so", cwd=folder)
+    run("g++", *options, "use.cpp", *link, "-lclass_loader", "-lconsole_bridge", "-ldl", "-o", "use", cwd=folder)
+    assert run(folder / "use", folder / "libarm_controller.so", cwd=folder) == "1 arm_ros::Controller\n"
+    plugin = (folder / "controller_plugin.xml").read_text(encoding="utf-8")
+    assert 'type="arm_ros::Controller"' in plugin
 
 
 CARGO = shutil.which("cargo") or shutil.which("cargo", path=Path.home() / ".cargo" / "bin")

@@ -11,11 +11,11 @@
 namespace hardware_interface {
 struct LoanedStateInterface {
     double *value;
-    std::optional<double> get_optional() const { return *value; }
+    template <class Type = double> [[nodiscard]] std::optional<Type> get_optional(unsigned = 10) const { return *value; }
 };
 struct LoanedCommandInterface {
     double *value;
-    bool set_value(double to)
+    template <class Type> [[nodiscard]] bool set_value(const Type &to, unsigned = 10)
     {
         *value = to;
         return true;
