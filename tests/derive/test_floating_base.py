@@ -117,6 +117,41 @@ def test_torques_and_mass_matrix_of_pinocchio_with_a_free_flyer(model):
             np.testing.assert_array_equal(one, other)
 
 
+def test_functions_take_a_moving_base_by_keyword(model):
+    s = draw(model.n, 4)
+    base = {"orientation": s.orientation, "twist": s.twist}
+    forces = model.inverse_dynamics(s.q, s.dq, s.ddq, **base, twist_rate=s.twist_rate)
+    np.testing.assert_array_equal(joined(forces), ask(model, s))
+    Y = model.regressor(s.q, s.dq, s.ddq, **base, twist_rate=s.twist_rate)
+    np.testing.assert_array_equal(Y, model.floating_regressor(s.q, s.dq, s.ddq, s.orientation, s.twist, s.twist_rate))
+    h = model.bias(s.q, s.dq, **base)
+    np.testing.assert_array_equal(h, model.floating_bias(s.q, s.dq, s.orientation, s.twist))
+    back = model.forward_dynamics(s.q, s.dq, forces.tau, **base, wrench=forces.wrench)
+    assert difference(np.concatenate(back), np.concatenate([s.twist_rate, s.ddq])) < 1e-9
+    assert model.inverse_dynamics(s.q, s.dq, s.ddq).shape == (model.n,)
+    with pytest.raises(ValueError, match="no floating base"):
+        rrrgen.compile("pendulum", backend="numpy").inverse_dynamics([0], [0], [0], **base, twist_rate=s.twist_rate)
+
+
+@pytest.mark.parametrize(("off", "expected"), [(9e-7, 0), (-9e-7, 0), (1.1e-6, 2), (-1.1e-6, 2), (np.nan, 2)])
+def test_an_orientation_that_is_no_unit_quaternion_is_refused(model, off, expected):
+    s = draw(model.n, 5)
+    orientation = s.orientation * (1 + off)
+    calls = {
+        "floating_inverse_dynamics": (s.q, s.dq, s.ddq, orientation, s.twist, s.twist_rate),
+        "floating_bias": (s.q, s.dq, orientation, s.twist),
+        "floating_regressor": (s.q, s.dq, s.ddq, orientation, s.twist, s.twist_rate),
+        "floating_forward_dynamics": (s.q, s.dq, s.ddq, orientation, s.twist, s.twist_rate),
+    }
+    for name, values in calls.items():
+        _, status = getattr(model, name)(*values, with_status=True)
+        assert status == expected or np.isnan(off)  # forward dynamics sees no pivot that is positive
+        assert (status != 0) == (expected != 0)
+    if expected:
+        with pytest.raises(ValueError, match="no unit quaternion"):
+            model.floating_bias(s.q, s.dq, orientation, s.twist)
+
+
 class FreeMujoco(MujocoReference):
     """The robot on a free joint."""
 

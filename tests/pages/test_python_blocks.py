@@ -61,7 +61,7 @@ expected = m.forward_dynamics_hessian(q, dq, at[6:], w).H
 assert np.abs(ca.Function("H", [x, weights], [H])(at, w).full() - expected).max() < 1e-10 * np.abs(expected).max()
 """,
     "trees": """
-falling = m.floating_inverse_dynamics(q, dq, fall.ddq, orientation, twist, fall.twist_rate)
+falling = m.floating_inverse_dynamics(q, dq, fall.ddq, [0, 0, 0, 1], np.zeros(6), fall.twist_rate)
 assert abs(falling.wrench).max() < 1e-9 and abs(falling.tau - held.tau).max() < 1e-9
 """,
     "online-estimation": "assert estimator.parameters.shape == (13,)",

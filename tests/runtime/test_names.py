@@ -70,6 +70,9 @@ def results(method: object) -> tuple[str, ...] | None:
     return getattr(getattr(rrrgen.runtime.results, kind, None), "_fields", None)
 
 
+OF_BASE = ("orientation", "twist", "twist_rate", "wrench")  # of a moving base, in methods of every robot
+
+
 @pytest.mark.parametrize("name", ["rrr", "gantry", "scara", "puma560", "panda", "with_friction"])
 def test_arguments_and_results(name):
     found = programs(name)
@@ -80,7 +83,7 @@ def test_arguments_and_results(name):
         outputs = [port.name for port in program.outputs]
         taken = arguments(method)
         assert [argument for argument in taken if argument in inputs] == inputs, function
-        assert set(taken) - set(inputs) <= {"beta", "Ia", "gravity", "tau_load"}, (
+        assert set(taken) - set(inputs) <= {"beta", "Ia", "gravity", "tau_load", *OF_BASE}, (
             f"{function}: parameters that this robot does not have"
         )
         prototyped = re.findall(r"(\w+)(?:\[[^]]*\])?[,)]", prototype(program, Dialect(name, "double")))

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.functions.dynamics import Frames, block_frames_first, link_frames_only, torque_port
@@ -27,6 +28,7 @@ from rrrgen.derive.recursions.linear_algebra import (
     Vector,
     add,
     cross,
+    dot,
     factorize,
     flat,
     rows,
@@ -36,7 +38,7 @@ from rrrgen.derive.recursions.linear_algebra import (
 )
 from rrrgen.derive.recursions.link_frames import BaseMotion, Chain
 from rrrgen.derive.recursions.regressor import columns_by_axes, columns_passed_down
-from rrrgen.program import Port, Program, Role
+from rrrgen.program import Failure, Port, Program, Role, Status, Value
 from rrrgen.program.builder import replay
 
 EQUATION = "[wrench; tau] = M(q) [twist_rate; ddq] + h(q, dq, orientation, twist)"
@@ -50,6 +52,25 @@ def in_base_axes(orientation: Sequence[Any], vector: Vector) -> Vector:
     *axis, w = orientation
     across = cross(axis, vector)
     return add(vector, cross([2 * x for x in axis], subtract(across, scale(w, vector))))
+
+
+NO_UNIT = Failure(
+    2,
+    "no unit quaternion",
+    "the orientation is no unit quaternion",
+    "the squared norm of the orientation differs from 1 by more than 2e-6",
+)
+"""The failure of an orientation that is no rotation; the results are then those of the formulas for it."""
+
+
+def _status_of(r: Recording) -> Value:
+    """The status of the input ``orientation``: 0, or 2 if it is no unit quaternion or not a number."""
+    b, orientation = r.builder, r.on_base("orientation")
+    excess = b.sub(dot(orientation, orientation), 1)
+    return b.select(b.sub(Fraction(4, 10**12), b.mul(excess, excess)), 0, NO_UNIT.code)
+
+
+STATUS = Port("status", (), "1")
 
 
 def _moving_chain(r: Recording, *rates: str, accelerated: bool) -> Chain:
@@ -79,9 +100,14 @@ def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
         dq, ddq = r.joints("dq"), r.joints("ddq")
         forces = newton_euler.inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
         tau = r.drive_inertia().added_to_torques(forces[6:], ddq)
-        ports = [(_wrench_port(), forces[:6]), (torque_port(r, "tau", "joint torques, friction not included"), tau)]
+        ports = [
+            (_wrench_port(), forces[:6]),
+            (torque_port(r, "tau", "joint torques, friction not included"), tau),
+            (STATUS, [_status_of(r)]),
+        ]
+        summary = "Wrench on the floating base and joint torques."
         return r.builder.program(
-            "floating_inverse_dynamics", ports, "Wrench on the floating base and joint torques.", EQUATION
+            "floating_inverse_dynamics", ports, summary, EQUATION, status=Status(len(ports) - 1, (NO_UNIT,))
         )
 
     return record
@@ -98,9 +124,9 @@ def bias(frames: Frames) -> Callable[[Recording], Program]:
         h = newton_euler.inverse_dynamics(chain, r.joints("dq"), [0] * r.n, r.inertias(), frames(chain))
         meaning = "force and moment on the base, then joint torques, for twist_rate = 0 and ddq = 0"
         port = Port("h", (6 + r.n,), "SI", "", meaning)
-        return r.builder.program(
-            "floating_bias", [(port, h)], "Wrench and torques of velocities and gravity on a floating base.", EQUATION
-        )
+        ports = [(port, h), (STATUS, [_status_of(r)])]
+        summary = "Wrench and torques of velocities and gravity on a floating base."
+        return r.builder.program("floating_bias", ports, summary, EQUATION, status=Status(1, (NO_UNIT,)))
 
     return record
 
@@ -130,8 +156,10 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
         Y = regressor_rows(r, canonical, drives)
         then = ", then of the drive inertias" if r.drives else ""
         port = Port("Y", (6 + r.n, len(Y[0])), "SI", "", f"columns in the order of the base parameters{then}")
+        ports = [(port, flat(Y)), (STATUS, [_status_of(r)])]
+        formula = "[wrench; tau] = Y beta"
         return r.builder.program(
-            "floating_regressor", [(port, flat(Y))], "Regressor on a floating base.", "[wrench; tau] = Y beta"
+            "floating_regressor", ports, "Regressor on a floating base.", formula, status=Status(1, (NO_UNIT,))
         )
 
     return record
@@ -140,7 +168,8 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
 def forward_dynamics(r: Recording, mass: Program, forces: Program) -> Program:
     """Record twist_rate (6,) and ddq (n,) by M = L D L', from the programs of the mass matrix and of h.
 
-    The status is 1 if M is not positive definite; the accelerations then are 0.
+    The status is 1 if M is not positive definite; the accelerations then are 0. It is 2 for an orientation that is no
+    unit quaternion.
     """
     tau = [r.joints(name) for name in ("q", "dq", "tau")][2]
     wrench = [r.on_base(name) for name in ("orientation", "twist", "wrench")][2]
@@ -149,24 +178,25 @@ def forward_dynamics(r: Recording, mass: Program, forces: Program) -> Program:
     if mass.takes(Role.BASE_PARAMETERS):
         r.beta()
     M = rows(6 + r.n, replay(mass, r.builder, r.inputs_of(mass))[0])
-    h = replay(forces, r.builder, r.inputs_of(forces))[0]
+    h, (unit_status,) = replay(forces, r.builder, r.inputs_of(forces))
     factors = factorize(r.builder, M, tips_first=True)
     status, solution = factors.status, factors.solve(subtract([*wrench, *tau], h))
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
-    zero = "; zero when the status is not ok"
+    zero = "; zero when M is not positive definite"
     meaning = f"rates of the components of the twist, linear part first, in base axes{zero}"
     ports = [
         (Port("twist_rate", (6,), "m/s^2, rad/s^2", "base", meaning, Role.TWIST_RATE), solution[:6]),
         (Port("ddq", (r.n,), unit, "", f"joint accelerations{zero}", Role.ACCELERATION), solution[6:]),
-        (Port("status", (), "1"), [status]),
+        (STATUS, [r.builder.select(status, status, unit_status)]),
     ]
+    definite = status_at(len(ports) - 1)
     return r.builder.program(
         "floating_forward_dynamics",
         ports,
         "Accelerations of a floating base and of the joints.",
         "M(q) [twist_rate; ddq] = [wrench; tau] - h, solved by L D L'",
         ["The status tells when M is not positive definite (a singular or unphysical set of parameters)."],
-        status_at(len(ports) - 1),
+        replace(definite, failures=(*definite.failures, NO_UNIT)),
     )
 
 

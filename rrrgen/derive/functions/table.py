@@ -40,6 +40,11 @@ MOTIONS = "rrrgen.derive.functions.motions"
 FLOATING = "rrrgen.derive.functions.floating_base"
 FRICTION = "rrrgen.derive.functions.friction"
 
+NO_FLOATING_BASE = (
+    "the robot file states no floating base, or the orientation is no unit quaternion (its norm is off by more than "
+    "1e-6, status 2) and ``with_status`` is False."
+)
+
 TABLE = (
     ModelFunction(
         "forward_kinematics",
@@ -977,7 +982,8 @@ TABLE = (
         record=f"{FLOATING}:INVERSE_DYNAMICS",
         details="``[wrench; tau] = M(q) [twist_rate; ddq] + h(q, dq, orientation, twist)``. A robot that flies has "
         "wrench zero; one that stands has ``wrench = sum of J' f`` of the forces at its feet.",
-        raises=(("ValueError", "the robot file states no floating base."),),
+        raises=(("ValueError", NO_FLOATING_BASE),),
+        status=True,
         result="FloatingForces",
         needs=Needs.FLOATING_BASE,
         absent="the robot has no floating base: state it under floating_base in the robot file",
@@ -1001,7 +1007,8 @@ TABLE = (
         takes="q dq orientation twist beta * gravity",
         returns="h, (..., 6 + n), in SI units: force and moment on the base, then joint torques.",
         record=f"{FLOATING}:BIAS",
-        raises=(("ValueError", "the robot file states no floating base."),),
+        raises=(("ValueError", NO_FLOATING_BASE),),
+        status=True,
         needs=Needs.FLOATING_BASE,
         absent="the robot has no floating base: state it under floating_base in the robot file",
     ),
@@ -1013,7 +1020,8 @@ TABLE = (
         returns="Y, (..., 6 + n, b), in SI units: rows of force and moment on the base, then of the joints.",
         record=f"{FLOATING}:REGRESSOR",
         links_only="Y",
-        raises=(("ValueError", "the robot file states no floating base."),),
+        raises=(("ValueError", NO_FLOATING_BASE),),
+        status=True,
         needs=Needs.FLOATING_BASE,
         absent="the robot has no floating base: state it under floating_base in the robot file",
     ),
@@ -1024,11 +1032,11 @@ TABLE = (
         takes="q dq tau orientation twist wrench beta * Ia gravity",
         returns="The named tuple (twist_rate, ddq): rates of the components of the twist, (..., 6), m/s^2 and "
         "rad/s^2, and joint accelerations, (..., n), rad/s^2 or m/s^2; zero where M is not positive definite. The "
-        "status, (...), is 0 where M is positive definite and 1 elsewhere.",
+        "status, (...), is 1 there, 2 where the orientation is no unit quaternion, and else 0.",
         combine=f"{FLOATING}:forward_dynamics",
         of=("floating_mass_matrix", "floating_bias"),
         raises=(
-            ("ValueError", "the robot file states no floating base."),
+            ("ValueError", NO_FLOATING_BASE),
             ("numpy.linalg.LinAlgError", "M is indefinite or singular at some state, and ``with_status`` is False."),
         ),
         result="FloatingAccelerations",

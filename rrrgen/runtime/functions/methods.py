@@ -16,7 +16,7 @@ from typing import Any
 
 from rrrgen.derive.functions.model_function import ModelFunction
 from rrrgen.derive.functions.quantities import ArgumentKind
-from rrrgen.derive.functions.table import ALWAYS, TABLE
+from rrrgen.derive.functions.table import ALWAYS, FUNCTIONS, TABLE
 
 WIDTH = 120
 """Longest line of a docstring and of the stub."""
@@ -70,7 +70,7 @@ def stub() -> str:
     used = sorted({function.result for function in made_functions() if function.result})
     head = [
         '"""The methods of a model that are made from the table of model functions. Written by `make stubs`."""\n',
-        "from typing import Literal, overload\n",
+        "from typing import Any, Literal, overload\n",
         "from numpy.typing import ArrayLike\n",
         "from rrrgen.runtime.functions.calls import Array, Calls",
         "from rrrgen.runtime.results import (",
@@ -87,28 +87,53 @@ def stub() -> str:
 def _stub_of(function: ModelFunction) -> str:
     """The signatures of one method in the stub: of a function with a status, one for each kind of result."""
     document = textwrap.indent(f'"""{docstring(function, len(INDENT))}\n"""', INDENT)
-    if not function.status:
-        return "\n".join([*_signature(function), document]) + "\n"
+    moving = _on_moving_base(function)
     kind = function.result or "Array"
-    kinds = {"Literal[False] = ...": kind, "Literal[True]": f"tuple[{kind}, Array]"}
-    kinds["bool"] = " | ".join(kinds.values())
-    first, *others = (["@overload", *_signature(function, *of)] for of in kinds.items())
+    kinds = {"": kind}
+    if function.status:
+        kinds = {"Literal[False] = ...": kind, "Literal[True]": f"tuple[{kind}, Array]"}
+        kinds["bool"] = " | ".join(kinds.values())
+    elif moving is None:
+        return "\n".join([*_signature(function), document]) + "\n"
+    first, *others = (["@overload", *_signature(function, *of, "None = None")] for of in kinds.items())
+    if moving is not None:
+        returned = "Any" if function.status else moving.result or "Array"
+        others.append(["@overload", *_signature(function, "bool = False", returned, "ArrayLike")])
     overloads = [[*first, document], *([*lines[:-1], f"{lines[-1]} ..."] for lines in others)]
     return "\n".join("\n".join(lines) for lines in overloads) + "\n"
 
 
-def _signature(function: ModelFunction, with_status: str = "bool = False", returned: str = "") -> list[str]:
-    """The lines of the signature of ``function``'s method."""
+def _signature(
+    function: ModelFunction,
+    with_status: str = "bool = False",
+    returned: str = "",
+    of_base: str = "ArrayLike | None = None",
+) -> list[str]:
+    """The lines of the signature of ``function``'s method; ``of_base`` is the type of what describes a moving base."""
     arguments = ["self", *(_argument(q) for q in function.arguments if q not in function.keywords)]
+    moving = _on_moving_base(function)
     keywords = [_argument(q) for q in function.keywords]
+    keywords += [f"{q.name}: {of_base}" for q in _of_base(function)]
     if function.status:
         keywords.append(f"with_status: {with_status}")
     arguments += ["*", *keywords] if keywords else []
-    kind = returned or ("Any" if function.status else function.result or "Array")
+    kind = returned or ("Any" if function.status or moving else function.result or "Array")
     short = f"def {function.name}({', '.join(arguments)}) -> {kind}:"
     if len(INDENT) + len(short) + len(" ...") <= WIDTH:
         return [short]
     return [f"def {function.name}(", *(f"{INDENT}{argument}," for argument in arguments), f") -> {kind}:"]
+
+
+def _on_moving_base(function: ModelFunction) -> ModelFunction | None:
+    """The function that ``function`` is on a floating base that moves, if there is one."""
+    moving = FUNCTIONS.get(f"floating_{function.name}")
+    return moving if moving is not None and "orientation" in moving.takes.split() else None
+
+
+def _of_base(function: ModelFunction) -> tuple[ArgumentKind, ...]:
+    """What describes the moving base: the arguments that ``function`` has besides its own on a floating base."""
+    moving = _on_moving_base(function)
+    return tuple(q for q in moving.arguments if q not in function.arguments) if moving else ()
 
 
 def _argument(q: ArgumentKind) -> str:
@@ -124,14 +149,19 @@ def docstring(function: ModelFunction, margin: int = 0) -> str:
     """The docstring of ``function``'s method, in lines that leave room for the indentation and ``margin``."""
     width = WIDTH - len(INDENT) - margin
     entries = [f"{q.name}: {described(q)}" for q in function.arguments]
+    entries += [f"{q.name}: of a floating base that moves: {described(q)}" for q in _of_base(function)]
     if function.status:
         kinds = " or ".join(dict.fromkeys(kind.removeprefix("numpy.linalg.") for kind, _ in _errors(function)))
         entries.append(f"with_status: return ``(result, status)`` instead of raising {kinds}.")
     parts = [_wrapped(function.summary, width - 3)]
     parts += [_wrapped(paragraph, width) for paragraph in function.details.split("\n\n") if paragraph]
     parts.append(_section("Args", entries, width))
+    moving = _on_moving_base(function)
+    on_base = f" Of a floating base that moves, what :meth:`{moving.name}` returns." if moving else ""
     refused = f" Where the input is refused the status, (...), is 2; {function.refuses}." if function.refuses else ""
-    parts.append("Returns:\n" + textwrap.indent(_wrapped(function.returns + refused, width - len(INDENT)), INDENT))
+    parts.append(
+        "Returns:\n" + textwrap.indent(_wrapped(function.returns + on_base + refused, width - len(INDENT)), INDENT)
+    )
     if errors := _errors(function):
         parts.append(_section("Raises", [f"{kind}: {text}" for kind, text in errors], width))
     return "\n\n".join(parts)
@@ -175,6 +205,12 @@ def _wrapped(text: str, width: int, further: str = "") -> str:
 
 def _body(function: ModelFunction) -> Iterator[str]:
     """The statements of ``function``'s method."""
+    if moving := _on_moving_base(function):
+        given = ", ".join(f"{q.name}={q.name}" for q in moving.arguments)
+        given += ", with_status=with_status" if function.status else ""
+        asked = " or ".join(f"{q.name} is not None" for q in _of_base(function))
+        yield f"{INDENT}if {asked}:"
+        yield f"{INDENT * 2}return self.{moving.name}({given})"
     if function.absent and function.group in ALWAYS:
         yield f"{INDENT}if {function.name!r} not in self.derived.programs:"
         yield f"{INDENT * 2}raise ValueError({function.absent!r})"
@@ -182,7 +218,9 @@ def _body(function: ModelFunction) -> Iterator[str]:
     if function.status:
         yield f"{INDENT}*values, status = {results}"
         value = f"{function.result}(*values)" if function.result else "values[0]"
-        if function.result and function.links_only:
+        if function.links_only and not function.result:
+            value = f"self._of_links({value})"
+        elif function.links_only:
             yield f"{INDENT}result = {value}"
             value = f"result._replace({function.links_only}=self._of_links(result.{function.links_only}))"
         yield f"{INDENT}return self._checked({function.name!r}, {value}, status, with_status)"

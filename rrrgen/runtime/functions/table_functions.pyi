@@ -1,6 +1,6 @@
 """The methods of a model that are made from the table of model functions. Written by `make stubs`."""
 
-from typing import Literal, overload
+from typing import Any, Literal, overload
 
 from numpy.typing import ArrayLike
 
@@ -159,6 +159,7 @@ class TableFunctions(Calls):
             g, (..., n), N m or N.
         """
 
+    @overload
     def bias(
         self,
         q: ArrayLike,
@@ -166,6 +167,8 @@ class TableFunctions(Calls):
         beta: ArrayLike | None = None,
         *,
         gravity: ArrayLike | None = None,
+        orientation: None = None,
+        twist: None = None,
     ) -> Array:
         """Bias torques ``h = c(q, dq) + g(q)``: the joint torques for ddq = 0, without friction.
 
@@ -174,11 +177,25 @@ class TableFunctions(Calls):
             dq: joint velocities, (..., n), rad/s or m/s.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            orientation: of a floating base that moves: orientation of the base in the world, (..., 4): the unit
+                quaternion x, y, z, w.
+            twist: of a floating base that moves: velocity of the base origin, then angular velocity of the base, (...,
+                6), m/s and rad/s, base axes.
 
         Returns:
-            h, (..., n), N m or N.
+            h, (..., n), N m or N. Of a floating base that moves, what :meth:`floating_bias` returns.
         """
-
+    @overload
+    def bias(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        gravity: ArrayLike | None = None,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+    ) -> Array: ...
     def dynamics_terms(
         self,
         q: ArrayLike,
@@ -201,6 +218,7 @@ class TableFunctions(Calls):
             The named tuple (M, c, g): (..., n, n), (..., n) and (..., n).
         """
 
+    @overload
     def inverse_dynamics(
         self,
         q: ArrayLike,
@@ -210,6 +228,9 @@ class TableFunctions(Calls):
         *,
         Ia: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
+        orientation: None = None,
+        twist: None = None,
+        twist_rate: None = None,
     ) -> Array:
         """Joint torques ``tau = M ddq + c + g`` of rigid body and drive inertia, without friction. Source: (14.6).
 
@@ -220,11 +241,30 @@ class TableFunctions(Calls):
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            orientation: of a floating base that moves: orientation of the base in the world, (..., 4): the unit
+                quaternion x, y, z, w.
+            twist: of a floating base that moves: velocity of the base origin, then angular velocity of the base, (...,
+                6), m/s and rad/s, base axes.
+            twist_rate: of a floating base that moves: time derivatives of the components of the twist, (..., 6), m/s^2
+                and rad/s^2; the base origin is accelerated by ``dv/dt + omega x v``.
 
         Returns:
-            tau, (..., n), N m or N.
+            tau, (..., n), N m or N. Of a floating base that moves, what :meth:`floating_inverse_dynamics` returns.
         """
-
+    @overload
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+    ) -> FloatingForces: ...
     @overload
     def forward_dynamics(
         self,
@@ -235,6 +275,9 @@ class TableFunctions(Calls):
         *,
         Ia: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
+        orientation: None = None,
+        twist: None = None,
+        wrench: None = None,
         with_status: Literal[False] = ...,
     ) -> Array:
         """Joint accelerations ``ddq = M^-1 (tau - c - g)``; friction is not part of it: subtract it from ``tau``.
@@ -246,11 +289,18 @@ class TableFunctions(Calls):
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            orientation: of a floating base that moves: orientation of the base in the world, (..., 4): the unit
+                quaternion x, y, z, w.
+            twist: of a floating base that moves: velocity of the base origin, then angular velocity of the base, (...,
+                6), m/s and rad/s, base axes.
+            wrench: of a floating base that moves: force, then moment about the base origin, on the base, (..., 6), N
+                and N m, base axes.
             with_status: return ``(result, status)`` instead of raising LinAlgError.
 
         Returns:
             ddq, (..., n), rad/s^2 or m/s^2; zero where M is not positive definite. The status, (...), is 0 where M is
-            positive definite and 1 elsewhere.
+            positive definite and 1 elsewhere. Of a floating base that moves, what :meth:`floating_forward_dynamics`
+            returns.
 
         Raises:
             numpy.linalg.LinAlgError: M is indefinite or singular at some state, and ``with_status`` is False.
@@ -265,6 +315,9 @@ class TableFunctions(Calls):
         *,
         Ia: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
+        orientation: None = None,
+        twist: None = None,
+        wrench: None = None,
         with_status: Literal[True],
     ) -> tuple[Array, Array]: ...
     @overload
@@ -277,8 +330,26 @@ class TableFunctions(Calls):
         *,
         Ia: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
+        orientation: None = None,
+        twist: None = None,
+        wrench: None = None,
         with_status: bool,
     ) -> Array | tuple[Array, Array]: ...
+    @overload
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        tau: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        wrench: ArrayLike,
+        with_status: bool = False,
+    ) -> Any: ...
     def inverse_dynamics_derivatives(
         self,
         q: ArrayLike,
@@ -358,7 +429,18 @@ class TableFunctions(Calls):
         gravity: ArrayLike | None = None,
         with_status: bool,
     ) -> ForwardDynamicsDerivatives | tuple[ForwardDynamicsDerivatives, Array]: ...
-    def regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, gravity: ArrayLike | None = None) -> Array:
+    @overload
+    def regressor(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+        orientation: None = None,
+        twist: None = None,
+        twist_rate: None = None,
+    ) -> Array:
         """Base regressor: ``tau = Y(q, dq, ddq) beta``, rigid body without drive inertia. Source: (14.10).
 
         Args:
@@ -366,11 +448,29 @@ class TableFunctions(Calls):
             dq: joint velocities, (..., n), rad/s or m/s.
             ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            orientation: of a floating base that moves: orientation of the base in the world, (..., 4): the unit
+                quaternion x, y, z, w.
+            twist: of a floating base that moves: velocity of the base origin, then angular velocity of the base, (...,
+                6), m/s and rad/s, base axes.
+            twist_rate: of a floating base that moves: time derivatives of the components of the twist, (..., 6), m/s^2
+                and rad/s^2; the base origin is accelerated by ``dv/dt + omega x v``.
 
         Returns:
-            Y, (..., n, b), in SI units; its columns belong to ``base_parameter_names``.
+            Y, (..., n, b), in SI units; its columns belong to ``base_parameter_names``. Of a floating base that moves,
+            what :meth:`floating_regressor` returns.
         """
-
+    @overload
+    def regressor(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+    ) -> Array: ...
     def regressor_transpose(
         self,
         q: ArrayLike,
@@ -2209,6 +2309,7 @@ class TableFunctions(Calls):
             i, j, k]`` is the derivative of tau_i by dq_j and q_k.
         """
 
+    @overload
     def floating_inverse_dynamics(
         self,
         q: ArrayLike,
@@ -2221,6 +2322,7 @@ class TableFunctions(Calls):
         *,
         Ia: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
+        with_status: Literal[False] = ...,
     ) -> FloatingForces:
         """Wrench on the floating base and joint torques, without friction.
 
@@ -2238,15 +2340,46 @@ class TableFunctions(Calls):
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            with_status: return ``(result, status)`` instead of raising ValueError.
 
         Returns:
             The named tuple (wrench, tau): force (N) and moment (N m) on the base about its origin, in base axes, (...,
             6), and the joint torques, (..., n), N m or N.
 
         Raises:
-            ValueError: the robot file states no floating base.
+            ValueError: the robot file states no floating base, or the orientation is no unit quaternion (its norm is
+                off by more than 1e-6, status 2) and ``with_status`` is False.
         """
-
+    @overload
+    def floating_inverse_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[True],
+    ) -> tuple[FloatingForces, Array]: ...
+    @overload
+    def floating_inverse_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: bool,
+    ) -> FloatingForces | tuple[FloatingForces, Array]: ...
     def floating_mass_matrix(
         self,
         q: ArrayLike,
@@ -2269,6 +2402,7 @@ class TableFunctions(Calls):
             ValueError: the robot file states no floating base.
         """
 
+    @overload
     def floating_bias(
         self,
         q: ArrayLike,
@@ -2278,6 +2412,7 @@ class TableFunctions(Calls):
         beta: ArrayLike | None = None,
         *,
         gravity: ArrayLike | None = None,
+        with_status: Literal[False] = ...,
     ) -> Array:
         """Wrench on the floating base and joint torques where neither twist nor dq changes, without friction.
 
@@ -2288,14 +2423,40 @@ class TableFunctions(Calls):
             twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            with_status: return ``(result, status)`` instead of raising ValueError.
 
         Returns:
             h, (..., 6 + n), in SI units: force and moment on the base, then joint torques.
 
         Raises:
-            ValueError: the robot file states no floating base.
+            ValueError: the robot file states no floating base, or the orientation is no unit quaternion (its norm is
+                off by more than 1e-6, status 2) and ``with_status`` is False.
         """
-
+    @overload
+    def floating_bias(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[True],
+    ) -> tuple[Array, Array]: ...
+    @overload
+    def floating_bias(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        gravity: ArrayLike | None = None,
+        with_status: bool,
+    ) -> Array | tuple[Array, Array]: ...
+    @overload
     def floating_regressor(
         self,
         q: ArrayLike,
@@ -2306,6 +2467,7 @@ class TableFunctions(Calls):
         twist_rate: ArrayLike,
         *,
         gravity: ArrayLike | None = None,
+        with_status: Literal[False] = ...,
     ) -> Array:
         """Regressor of the floating base, ``[wrench; tau] = Y beta``, linear in the base parameters.
 
@@ -2318,14 +2480,41 @@ class TableFunctions(Calls):
             twist_rate: time derivatives of the components of the twist, (..., 6), m/s^2 and rad/s^2; the base origin is
                 accelerated by ``dv/dt + omega x v``.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            with_status: return ``(result, status)`` instead of raising ValueError.
 
         Returns:
             Y, (..., 6 + n, b), in SI units: rows of force and moment on the base, then of the joints.
 
         Raises:
-            ValueError: the robot file states no floating base.
+            ValueError: the robot file states no floating base, or the orientation is no unit quaternion (its norm is
+                off by more than 1e-6, status 2) and ``with_status`` is False.
         """
-
+    @overload
+    def floating_regressor(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[True],
+    ) -> tuple[Array, Array]: ...
+    @overload
+    def floating_regressor(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        *,
+        gravity: ArrayLike | None = None,
+        with_status: bool,
+    ) -> Array | tuple[Array, Array]: ...
     @overload
     def floating_forward_dynamics(
         self,
@@ -2358,10 +2547,11 @@ class TableFunctions(Calls):
         Returns:
             The named tuple (twist_rate, ddq): rates of the components of the twist, (..., 6), m/s^2 and rad/s^2, and
             joint accelerations, (..., n), rad/s^2 or m/s^2; zero where M is not positive definite. The status, (...),
-            is 0 where M is positive definite and 1 elsewhere.
+            is 1 there, 2 where the orientation is no unit quaternion, and else 0.
 
         Raises:
-            ValueError: the robot file states no floating base.
+            ValueError: the robot file states no floating base, or the orientation is no unit quaternion (its norm is
+                off by more than 1e-6, status 2) and ``with_status`` is False.
             numpy.linalg.LinAlgError: M is indefinite or singular at some state, and ``with_status`` is False.
         """
     @overload
