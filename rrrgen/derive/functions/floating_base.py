@@ -67,7 +67,7 @@ def _status_of(r: Recording) -> Value:
     """The status of the input ``orientation``: 0, or 2 if it is no unit quaternion or not a number."""
     b, orientation = r.builder, r.on_base("orientation")
     excess = b.sub(dot(orientation, orientation), 1)
-    return b.select(b.sub(Fraction(4, 10**12), b.mul(excess, excess)), 0, NO_UNIT.code)
+    return b.select(b.sub(Fraction(2, 10**6), b.abs(excess)), 0, NO_UNIT.code)
 
 
 STATUS = Port("status", (), "1")
