@@ -37,11 +37,11 @@ $(CORE): pyproject.toml
 setup: $(READY)  ## the same with everything that the tests need, about 2 GB
 
 $(READY): $(CORE)
-	$(BIN)/python -m pip install --quiet -e ".[test]"
+	$(BIN)/python -m pip install --quiet --no-compile -e ".[test]"
 	touch $@
 
 $(READY_CORE): $(CORE)
-	$(BIN)/python -m pip install --quiet -e ".[test-core]"
+	$(BIN)/python -m pip install --quiet --no-compile -e ".[test-core]"
 	touch $@
 
 test: setup lint types unit generated  ## everything that continuous integration runs
