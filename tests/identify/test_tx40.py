@@ -135,15 +135,16 @@ def test_interleaved_blocks(case):
     assert found(case, "blocks:0.5", correlated=False).consistent_held_out["relative_error"] <= 0.06
 
 
-@pytest.mark.parametrize(("split", "most"), [("none", 0.05), ("blocks:0.5", 0.054), ("first:0.6", 0.08)])
-def test_friction_with_presliding_and_an_exponential_term(case, split, most):
-    """All samples, slow ones too, friction evaluated at 5 kHz, shapes tuned on the fitted part alone."""
+def test_friction_with_presliding_and_an_exponential_term(case):
+    """All samples, slow ones too, friction evaluated at 5 kHz, shapes tuned on the fitted part alone.
+
+    In sample, the command on the page of the identification prints the figure.
+    """
     laws = LawChoice("dahl_exponential")
-    result = found(case, split, guard=0.0, friction=laws, consistent=False, correlated=False, poses=2)
-    data = "in sample" if split == "none" else "held out"
-    (score,) = [each for each in result.scores if each.torque != "unfiltered" and each.data == data]
+    result = found(case, "first:0.6", guard=0.0, friction=laws, consistent=False, correlated=False, poses=2)
+    (score,) = [each for each in result.scores if each.torque != "unfiltered" and each.data == "held out"]
     assert (score.rows, score.share) == ("all", 1.0)
-    assert score.relative_error <= most
+    assert score.relative_error <= 0.08
 
 
 def test_the_figures_say_what_they_were_measured_on(everything):

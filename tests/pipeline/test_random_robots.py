@@ -24,8 +24,8 @@ from rrrgen.verify import verify
 SINGLE = 1e-4  # relative to the largest value; hundreds of roundings of 6e-8 with cancellation
 FINDING = (Phase.explicit, Phase.generate)  # a robot prints as it is; shrinking one would take minutes
 
-# joints -> robots: 40 in all, with the compiled ones; most of them small, since the time grows with the joints' square
-SIZES = {1: 3, 2: 8, 3: 9, 4: 7, 5: 4, 6: 2, 7: 1}
+# joints -> robots: 28 in all, with the compiled ones; most of them small, since the time grows with the joints' square
+SIZES = {1: 2, 2: 5, 3: 6, 4: 5, 5: 3, 6: 1, 7: 1}
 SAMPLES = 25  # states for singular values: 25 n rows for 10 n columns
 
 
@@ -61,7 +61,7 @@ def test_every_recorded_and_every_optimized_function_equals_the_independent_dyna
     compare()
 
 
-@pytest.mark.parametrize("joints", [1, 2, 3, 4, 5, 6])
+@pytest.mark.parametrize("joints", [1, 2, 3, 4, 5])
 def test_every_compiled_function_equals_the_independent_dynamics(joints):
     """All functions and twins through C; tests/backends runs some of them on more robots.
 
