@@ -81,14 +81,6 @@ def every_figure(monkeypatch: pytest.MonkeyPatch, one_figure_of_a_name: Callable
     monkeypatch.setattr(RunFolder, "figure", one_figure_of_a_name)
 
 
-@pytest.fixture(scope="module")
-def optimized() -> Iterator[None]:
-    """Emitted code is built at -O1: for tests that spend longer in compiled code than on compiling it."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("RRRGEN_CFLAGS", "-O1")
-        yield
-
-
 @pytest.fixture
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Commands draw no figures, which take most of their time: for tests beside one that draws the same figures."""

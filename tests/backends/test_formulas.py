@@ -10,16 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from backends.formula_reading import compute, raise_functions, read_latex, read_mathml, read_plain
+from backends.transcribed import TRANSCRIBED, VALUES, S, value_of
 from rrrgen.base.errors import BackendError
 from rrrgen.emit.html.mathml import MathmlMarkup
-from rrrgen.emit.latex import Walk, break_sum, latex, latex_expression, notation, plain, plain_expression
+from rrrgen.emit.latex import Walk, break_sum, latex_expression, notation, plain, plain_expression
 from rrrgen.emit.latex.formulas import TextMarkup
-
-TRANSCRIBED = 1e-9  # numbers may be shown to 12 digits; a wrong sign or grouping is of order one
-
-NAMES = ("q1", "q2", "q3", "dq1", "ddq2", "p3", "p12", "a2", "mx2", "Ixx3", "tau1", "beta4")
-S = {name: sp.Symbol(name, real=True) for name in NAMES}
-VALUES = {name: 0.3 + 0.37 * k for k, name in enumerate(NAMES)}
 
 rationals = st.builds(sp.Rational, st.integers(-9, 9), st.sampled_from([1, 2, 3, 7, 20, 1000]))
 angles = st.builds(
@@ -41,10 +36,6 @@ expressions = st.recursive(
     ),
     max_leaves=12,
 )
-
-
-def value_of(expression: sp.Expr) -> float:
-    return float(expression.subs({S[name]: value for name, value in VALUES.items()}))
 
 
 READERS = {
@@ -110,40 +101,9 @@ def test_chapter_notation() -> None:
     assert plain_expression(S["p3"] * sp.cos(q2 + q3) - sp.Rational(981, 100) * S["p12"]) == "p3*c23 - 9.81*p12"
 
 
-def test_small_matrix_stays_a_matrix_and_large_entries_become_equations() -> None:
-    q2, p3, p12 = S["q2"], S["p3"], S["p12"]
-    small = sp.Matrix([[p12, p3 * sp.cos(q2)], [p3 * sp.cos(q2), 0]])
-    assert r"\begin{bmatrix}" in latex({"mass_matrix": small})
-    long = sum((p3**k * sp.cos(k * q2) for k in range(1, 15)), sp.S.Zero)
-    text = plain({"mass_matrix": sp.Matrix([[long, p3], [p3, 0]])})
-    assert "symmetric" in text
-    assert "M[1,2] = p3" in text
-    assert "M[2,1]" not in text
-    assert max(map(len, text.splitlines())) <= 120
-
-
-def test_common_subexpressions_keep_the_meaning() -> None:
-    """Definitions and equations together compute the entries, and no angle is taken apart."""
-    q2, q3, p3, p12 = S["q2"], S["q3"], S["p3"], S["p12"]
-    shared = (p3 + p12 * sp.cos(q2 + q3)) ** 2
-    entries = sp.Matrix([shared * sp.sin(2 * q2 + q3) + p3, shared + sp.sin(2 * q2)])
-    values = dict(VALUES)
-    for line in plain({"coriolis": entries}, cse_limit=1).splitlines()[1:]:
-        if " = " in line:
-            left, right = line.strip().split(" = ")
-            values[left] = compute(read_plain(right), values)
-    assert any(name.startswith("t") and name != "tau1" for name in values)
-    for k in range(2):
-        assert values[f"c[{k + 1}]"] == pytest.approx(value_of(entries[k]), rel=TRANSCRIBED)
-
-
 def test_a_parameter_called_c2_switches_the_short_form_off() -> None:
     text = plain({"gravity": sp.Matrix([sp.Symbol("c2", real=True) * sp.cos(S["q2"])])})
     assert "c2*cos(q2)" in text
-
-
-def test_single_entry_carries_its_indices() -> None:
-    assert plain({"mass_matrix[3,3]": S["p12"]}).splitlines()[1].strip() == "M[3,3] = p12"
 
 
 def test_unknown_functions_are_refused() -> None:

@@ -11,9 +11,9 @@ import pytest
 from backends.casadi_cases import arguments, random_program
 from rrrgen.base.errors import BackendError
 from rrrgen.emit.c.batches import declarations
-from rrrgen.emit.c.header_comments import explanation, prototype
+from rrrgen.emit.c.header_comments import prototype
 from rrrgen.emit.c.language import Dialect, LibmSinCos, print_body
-from rrrgen.emit.printing import decimal, plain
+from rrrgen.emit.printing import decimal
 from rrrgen.program import Builder, Port, Program, Role, Status, evaluate
 from rrrgen.runtime.build import build_extension
 
@@ -207,15 +207,3 @@ def test_the_status_becomes_the_return_value_and_nan_is_not_ok():
     last = print_body(program, DIALECT)[-1]
     assert last.startswith("return (")
     assert last.endswith("< (t_real)0.5) ? T_OK : T_TOO_COLD;")
-
-
-def test_comments_cannot_be_broken_by_what_users_write():
-    port = Port("x", (1,), "m */ int evil;", "/* base", "a \\\n multi-line ??/ text \u202e\x07")
-    b = Builder()
-    program = b.program("f", [(Port("y", (1,)), b.input(port))], "Ends here: */ exit(1); /*")
-    text = "\n".join(explanation(program, DIALECT))
-    assert "*/" not in text
-    assert "/*" not in text
-    assert "??/" not in text
-    assert plain("tab\tnewline\n back\\") == "tab newline back"
-    assert "\u202e" not in text

@@ -8,9 +8,17 @@ import numpy as np
 
 from rrrgen.lab.calibrate.geometry import Geometry, geometry_of, rigid, rotation
 from rrrgen.lab.calibrate.measurements import Measurements
+from rrrgen.robot.file import load_spec
 
 NOISE, ANGLE_NOISE = 5e-5, 1e-4  # m, rad
 ROWS, FRAMES = 5e-4, 5e-3  # m and rad, errors of rows, and of base and tool
+
+
+def turned(name):
+    """A robot with its base off the world frame and its tool off the axes."""
+    found = geometry_of(load_spec(name))
+    base = rigid([0.3, -0.2, 0.5, 0.2, 0.3, 0.1]) @ found.base
+    return replace(found, base=base, tool=found.tool @ rigid([0.1, 0.05, 0.15, 0.3, 0, 0]))
 
 
 def positions(spec, count: int, random) -> np.ndarray:

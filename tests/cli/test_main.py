@@ -11,13 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.cli.commands import COMMANDS, FURTHER, GROUPS, RENAMED
-from rrrgen.cli.main import LazyGroup, cli, run
+from cli.golden_files import golden
+from rrrgen.cli.commands import COMMANDS, FURTHER, GROUPS
 from rrrgen.robot.file import bundled_names, load_spec
 
 ROOT = Path(__file__).resolve().parents[2]
-GOLDEN = Path(__file__).parent / "golden"
-UPDATE = "RRRGEN_UPDATE_GOLDEN"  # set to 1 to write what is printed today, then look at the diff
 
 BAD = """schema: rrrgen/1
 name: bad
@@ -27,27 +25,6 @@ gravity: [0, 0, -9.81]
 joints:
   - {type: revolute, alpha: 0, a: 0,35, d: 0, theta: 0}
 """
-
-
-def golden(name: str, text: str) -> None:
-    file = GOLDEN / name
-    if os.environ.get(UPDATE):
-        file.write_text(text, encoding="utf-8", newline="\n")
-    assert text == file.read_text(encoding="utf-8"), f"if this is right: {UPDATE}=1 pytest {Path(__file__).name}"
-
-
-@pytest.fixture
-def rrrgen(capsys, monkeypatch, tmp_path):
-    """Runs a command in an empty directory; returns exit code, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "100")
-
-    def call(*arguments: object):
-        code = run([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
 
 
 def test_help_lists_every_command_with_examples_and_exit_codes(rrrgen):
@@ -65,30 +42,6 @@ def test_the_first_help_fits_24_lines_of_80_columns(rrrgen, monkeypatch):
     lines = rrrgen("--help")[1].splitlines()
     assert len(lines) <= 24
     assert max(map(len, lines)) <= 80
-
-
-def test_the_whole_help_names_every_command(rrrgen):
-    code, out, err = rrrgen("--help-all")
-    assert (code, err) == (0, "")
-    for path, (_, text) in COMMANDS.items():
-        assert re.search(rf"^  {path} +{re.escape(text[:20])}", out, re.M)
-    golden("help-all.txt", out.split("\n\n", 2)[2])
-
-
-@pytest.mark.parametrize("old", RENAMED)
-def test_old_names_of_grouped_commands_still_work_and_name_the_new_words(old, rrrgen):
-    code, out, err = rrrgen(old, "--help")
-    assert code == 0
-    assert err == f"rrrgen {old} is now called: rrrgen {RENAMED[old]}\n"
-    assert rrrgen(*RENAMED[old].split(), "--help")[1].partition("\n")[2] == out.partition("\n")[2]
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_has_help_with_an_example(name, rrrgen):
-    code, out, _ = rrrgen(*name.split(), "--help")
-    assert code == 0
-    assert re.search(r"Examples?:\n +rrrgen", out) or "Commands:" in out
-    assert COMMANDS[name][1].endswith(".")
 
 
 def test_help_is_quick_because_nothing_heavy_is_imported():
@@ -115,16 +68,6 @@ def test_processes_end_without_a_word(command, tmp_path):
     )
     assert done.returncode == 0
     assert done.stderr == ""  # for example of extensions that find leaks at the end
-
-
-def test_the_table_of_commands_points_at_commands():
-    assert isinstance(cli, LazyGroup)
-    for path in COMMANDS:
-        *groups, name = path.split()
-        group = cli
-        for word in groups:
-            group = group.get_command(None, word)
-        assert group.get_command(None, name) is not None
 
 
 @pytest.mark.parametrize(

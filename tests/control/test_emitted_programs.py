@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rrrgen
-from friction.test_models import EXAMPLES, SPEEDS
+from friction.examples import EXAMPLES, SPEEDS
 from rrrgen.base.errors import InputError
 from rrrgen.emit.controller.fourier_series import fixed_fourier_program, fourier_program
 from rrrgen.lab.design.fourier_series import FourierTrajectory

@@ -32,7 +32,7 @@ from rrrgen.robot.friction.laws import LAWS
 from rrrgen.robot.friction.programs import friction_step_program
 from rrrgen.robot.identity import identify
 from tests.backends.test_rust import compiled, crate, literal, needs_rustc
-from tests.friction.test_models import EXAMPLES
+from tests.friction.examples import EXAMPLES
 
 GROUPS = ("model", "control", "observer", "elastic", "trajectory")
 NODE = shutil.which("node")

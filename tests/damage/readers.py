@@ -260,7 +260,7 @@ def make_mechanism(folder: Path) -> None:
 
 
 def make_urdf(folder: Path) -> None:
-    from tests.robotfile.importers.test_urdf import ARM
+    from tests.robotfile.importers.urdf_files import ARM
 
     (folder / "arm.urdf").write_text(ARM, encoding="utf-8")
 

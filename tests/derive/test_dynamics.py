@@ -22,8 +22,6 @@ from rrrgen.robot.model import build_model
 
 FINDING = (Phase.explicit, Phase.generate)  # a robot prints as it is; shrinking one would take minutes
 
-NAMES_OF_FRAMES = ("link_frames", "link_jacobians")
-
 
 @without_collection()
 def derived(robot) -> tuple[np.ndarray, dict[str, tuple[Program, ...]]]:
@@ -40,25 +38,6 @@ def derived(robot) -> tuple[np.ndarray, dict[str, tuple[Program, ...]]]:
     programs["forward_dynamics"] = (forward_dynamics(recording, programs["mass_matrix"][0], programs["bias"][0]),)
     K = np.array([[float(rational(v)) for v in row] for row in own.projection]).reshape(-1, 10 * robot.n)
     return K, programs
-
-
-@settings(max_examples=12, phases=FINDING)
-@given(robots(max_joints=6))
-def test_link_jacobians_are_the_differences_of_the_link_frames(robot):
-    model = build_model(loads_spec(to_yaml(robot)))
-    parametrization = parametrize(base_set(model), None)
-    frames, jacobians = (recorders(name)[0](Recording(model, parametrization)) for name in NAMES_OF_FRAMES)
-    rng, h = np.random.default_rng(robot.n), 1e-5
-    q, dq = rng.uniform(-2, 2, (2, 5, robot.n))
-    (T,), (ahead,), (behind,), (J,) = (
-        evaluate(program, at)
-        for program, at in ((frames, q), (frames, q + h * dq), (frames, q - h * dq), (jacobians, q))
-    )
-    rate = (ahead - behind) / (2 * h)
-    W = rate[..., :3, :3] @ np.swapaxes(T[..., :3, :3], -1, -2)
-    twists = np.concatenate([rate[..., :3, 3], np.stack([W[..., 2, 1], W[..., 0, 2], W[..., 1, 0]], -1)], -1)
-    found = np.einsum("skij,sj->ski", J, dq)
-    np.testing.assert_allclose(found, twists, atol=1e-7 * max(1.0, np.abs(twists).max()))
 
 
 @settings(max_examples=15, phases=FINDING)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rrrgen
-from derive.test_mechanisms import PLACED_TREE
+from derive.trees import PLACED_TREE
 from rrrgen.base.errors import InputError
 from rrrgen.derive import prepare
 from rrrgen.derive.functions.table import functions_for

@@ -200,16 +200,6 @@ def test_bounds_hold_against_fifty_digits(rrr):
             assert abs(mpmath.mpf(value) - reference) <= bound
 
 
-def test_panda_on_the_published_box():
-    """|dq| <= 0.5, |ddq| <= 1: at most 5e-13 N m in double, 4e-4 in float, trigonometry included."""
-    spec = load_spec("panda")
-    program = derive_once(spec).programs["inverse_dynamics_nominal"]
-    box = box_of(program, spec, None, Ranges(speed=0.5, acceleration=1.0))
-    bounds = rounding_bounds(program, {name: each.bounds for name, each in box.items()})
-    assert max(bounds.double[0]) <= 5e-13
-    assert max(bounds.single[0]) <= 4e-4
-
-
 # -- where there is no bound -----------------------------------------------------------------------------------------
 
 
@@ -233,11 +223,6 @@ def test_no_bound_outside_the_kernels_range():
         rounding_bounds(program_of(lambda b, q, x: [b.sin(q[0])]), unit_box(reach=3000.0))
 
 
-def test_an_input_without_a_range_has_no_bound():
-    with pytest.raises(NoBoundError, match="x has no range"):
-        rounding_bounds(program_of(lambda b, q, x: [x[0] + x[1]]), {"q": unit_box()["q"]})
-
-
 def test_constants_count_with_their_literals():
     program = program_of(lambda b, q, x: [b.add(b.mul(x[0], 0), Fraction(1, 3)), x[1]])
     bounds = rounding_bounds(program, unit_box())
@@ -255,3 +240,8 @@ def test_sums_of_angles_round():
     alone = rounding_bounds(program_of(lambda b, q, x: [b.sin(q[0])]), unit_box())
     both = rounding_bounds(program_of(lambda b, q, x: [b.sin(q[0] + q[1])]), unit_box())
     assert both.double[0][0] > alone.double[0][0] + 4e-16
+
+
+def test_an_input_without_a_range_has_no_bound():
+    with pytest.raises(NoBoundError, match="x has no range"):
+        rounding_bounds(program_of(lambda b, q, x: [x[0] + x[1]]), {"q": unit_box()["q"]})

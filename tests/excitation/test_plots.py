@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("casadi", reason="the search for exciting trajectories needs CasADi")
 pytest.importorskip("matplotlib", reason="figures need matplotlib")
 
-from excitation.test_design import BETA, pendulum_problem
+from excitation.problems import BETA, pendulum_problem
 from rrrgen.lab.data.figure_style import save_figure
 from rrrgen.lab.design.design import ExcitationLimits, design_excitation
 from rrrgen.lab.design.plots import (

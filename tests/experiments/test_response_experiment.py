@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import rrrgen
-from oracles.linear_loop import joint_response
+from experiments.simulated_response import ARM, EXACT, NOISY, arm, experiment, record, simulated, truth
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
 from rrrgen.cli.main import run as run_command
@@ -24,90 +22,10 @@ from rrrgen.lab.experiment.response import (
     response_design,
     response_margin,
     response_plan,
-    simulate_response,
 )
-from rrrgen.lab.experiment.setup import plant_of, rigid_body_of
 from rrrgen.lab.plant.recording_files import write_recording, write_responses
 from rrrgen.lab.response.estimation import estimate_one, estimate_responses
-from rrrgen.lab.response.response_file import ResponseRecording, load_response
-
-ARM = """
-schema: rrrgen-experiment/1
-period: 1 ms
-seed: 3
-virtual_robot:
-  friction: {law: coulomb_viscous, joints: [{coulomb: 3, viscous: 1.1}, {viscous: 0.3}, {viscous: 0.2}]}
-  flexible_joints: {rotor_inertia: [0.2, 0.1, 0.02], stiffness: [2e5, 6e4, 1e4], damping: [60, 20, 3]}
-  flexible_base: {frequency: 28 Hz, damping_ratio: 0.1}
-  delay: 1
-"""
-EXACT = "  encoder_resolution: 0\n"
-NOISY = "  disturbance: [1, 0.5, 0.2]\n"
-
-
-@cache
-def arm():
-    return rrrgen.compile("rrr")
-
-
-def experiment(response: str, more: str = NOISY, control: str = ""):
-    return loads_experiment(f"{ARM}{more}{control}response: {{joint: q1, {response}}}\n", 3)
-
-
-def simulated(found, model=None):
-    model = model or arm()
-    design = response_design(found, model, response_plan(found))
-    signals, controller = simulate_response(found, model, design)
-    return design, signals, controller
-
-
-def truth(found, design, frequency, run=0):
-    """Of the arm at the start of a run, with the loops of the other joints closed."""
-    plant = plant_of(found, arm())
-    state = plant.initial_state(design.runs[run].start, design.reference(design.runs[run], np.zeros(1))[1][0])
-    Ts = design.period
-    loops = [(p + d / Ts, -d / Ts) for p, d in zip(design.kp, design.kd, strict=True)]
-    mass = rigid_body_of(found, arm()).mass(np.array(design.runs[run].start))
-    return joint_response(plant, state, mass, design.joint, loops, Ts, 1, frequency)
-
-
-def record(signals, period=1e-3):
-    rows = signals.settled()
-    return ResponseRecording(signals.run.name, period, *rows[:, 1:4].T)
-
-
-def test_without_noise_the_response_is_that_of_the_linearised_arm():
-    """Also by the indirect method: the controller that is written down is the one that ran."""
-    found = experiment("period: 1 s, periods: 2, settle: 4, band: [1 Hz, 200 Hz], rms: 3", EXACT)
-    design, (signals,), controller = simulated(found)
-    for method in ("local_polynomial", "indirect"):
-        response = estimate_one(record(signals), 1.0, controller, method)
-        assert len(response.frequency) == 200
-        expected = truth(found, design, response.frequency)
-        assert np.abs(response.P / expected - 1.0).max() < 1e-5
-        assert response.findings == ()
-    integrator = -response.P * (2.0 * np.pi * response.frequency) ** 2  # 1 for (14.35), but for hold and delay
-    assert np.allclose(np.abs(integrator[:3]), 1.0, atol=0.1)
-    lead = np.angle(integrator, deg=True) + 360.0 * 1.5e-3 * response.frequency
-    assert lead[response.frequency == 28.0] > 25.0  # the phase lead of a swinging base, as in Fig. 14.14
-
-
-@pytest.mark.parametrize("signal", ["multisine", "odd_multisine", "noise", "swept_sine"])
-def test_every_signal_gives_a_response_within_its_band(signal):
-    found = experiment(f"signal: {signal}, period: 1 s, periods: 10, settle: 3, band: [1 Hz, 180 Hz]")
-    design, (signals,), _ = simulated(found)
-    response = estimate_one(record(signals), None if signal == "noise" else 1.0)
-    assert ("noise" if signal == "noise" else "periodic") in response.method
-    assert response.findings == ()
-    use = (response.frequency >= 1.0) & (response.frequency <= 179.0)
-    expected = truth(found, design, response.frequency[use])
-    held = np.abs(response.P[use] - expected) < response.band95[use] * np.abs(response.P[use])
-    assert 0.88 < np.mean(held) <= 1.0
-    assert np.mean(response.trusted[use]) > 0.7
-    if signal == "odd_multisine":
-        measured = response.details["distortion"]["detection_lines"]
-        assert set(measured) == {"even", "odd"}
-        assert max(measured.values()) < 1.5
+from rrrgen.lab.response.response_file import load_response
 
 
 def test_the_kalman_filter_in_the_loop_is_part_of_the_controller_that_is_written():
@@ -177,23 +95,6 @@ def test_experiments_that_cannot_be_are_refused(tmp_path, monkeypatch, arguments
     monkeypatch.chdir(tmp_path)
     (tmp_path / "other.json").write_text("{}")
     assert run_command(list(arguments)) == code
-
-
-def test_a_joint_that_turns_round_under_friction_gets_the_verdict_no():
-    """At a stated speed below what the excitation adds; the speed that is chosen is trusted under the same friction."""
-    section = "signal: odd_multisine, period: 1 s, periods: 6, settle: 3, band: [1 Hz, 180 Hz]"
-    verdicts = []
-    for more in (section, f"{section}, speed: 0.0300038"):
-        _, (signals,), _ = simulated(experiment(more))
-        assert signals.clipped == 0
-        verdicts.append(estimate_one(record(signals), 1.0).findings)
-    assert verdicts[0] == ()
-    assert verdicts[1]
-
-
-def test_clipped_torques_are_told():
-    _, (signals,), _ = simulated(experiment("period: 1 s, periods: 2, settle: 1, rms: 40, band: [1 Hz, 150 Hz]"))
-    assert signals.clipped > 10
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import zipfile
 from dataclasses import replace
 from functools import cache
 
@@ -13,17 +12,14 @@ import pytest
 from click.testing import CliRunner
 
 from cli.test_coupled_wrist import WRIST
+from export.compared import mujoco_answers, only, ours, states
 from oracles.random_robots import random_robot, to_yaml
-from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
-from rrrgen.derive import derive_model
-from rrrgen.exporting import export_robot, exporters
+from rrrgen.exporting import export_robot
 from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.robot.importers.importing import import_robot
 from rrrgen.robot.importers.interface import ChainChoice
-from rrrgen.robot.spec import LinkSpec
-from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 
 AGREE = 1e-12  # relative; both sides compute with doubles
 
@@ -36,26 +32,8 @@ def specs():
     return [*bundled, *(loads_spec(to_yaml(robot)) for robot in robots)]
 
 
-def states(spec, seed=0, count=5):
-    random = np.random.default_rng(seed)
-    return (random.uniform(-3, 3, (count, spec.n)) for _ in range(3))
-
-
-def ours(spec, q, dq, ddq, drives=True):
-    """Poses and torques without friction by the built-in Newton-Euler recursion."""
-    chain = chain_of(spec)
-    reference = NewtonEuler(chain, nominal_parameters(spec))
-    tau = reference.inverse_dynamics(q, dq, ddq)
-    return reference.forward_kinematics(q), tau if drives else tau - ddq @ chain.drive_inertia.T
-
-
 def close(found, expected):
     np.testing.assert_allclose(found, expected, atol=AGREE * max(1.0, np.abs(expected).max()), rtol=0)
-
-
-def only(exported):
-    ((_, text),) = exported.files.items()
-    return text
 
 
 def test_urdf_in_pinocchio():
@@ -76,21 +54,6 @@ def test_urdf_in_pinocchio():
         expected = ours(spec, q, dq, ddq, drives=False)
         close(np.stack(poses), expected[0])
         close(np.stack(torques), expected[1])
-
-
-def mujoco_answers(text, spec, q, dq, ddq):
-    mujoco = pytest.importorskip("mujoco")
-    model = mujoco.MjModel.from_xml_string(text)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data, poses, torques = mujoco.MjData(model), [], []
-    for state in zip(q, dq, ddq, strict=True):
-        data.qpos[:], data.qvel[:], data.qacc[:] = state
-        mujoco.mj_inverse(model, data)
-        torques.append(np.array(data.qfrc_inverse))
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = np.reshape(data.site("tip").xmat, (3, 3)), data.site("tip").xpos
-        poses.append(T)
-    return np.stack(poses), np.stack(torques)
 
 
 def test_mjcf_in_mujoco():
@@ -143,45 +106,6 @@ def test_round_trips(tmp_path):
                 assert [j.limits.velocity for j in again.joints] == [j.limits.velocity for j in spec.joints]
 
 
-def test_links_that_are_no_bodies_are_lifted():
-    """All of a link's mass moved to the link before: the same torques, which no simulator accepts as bodies."""
-    spec = load_spec("rrr")
-    model = derive_model(spec, ())
-    K = np.array(model.base_projection, dtype=float)
-    beta = K @ nominal_parameters(spec).ravel()
-    exported = export_robot(replace(spec, links=None), "mjcf", dict(zip(names_of(model), beta, strict=True)))
-    assert "15 base parameters" in exported.notes[0]
-    q, dq, ddq = states(spec)
-    _, torques = mujoco_answers(only(exported), spec, q, dq, ddq)
-    np.testing.assert_allclose(torques, ours(spec, q, dq, ddq)[1], atol=1e-10)
-    nothing = (0,) * 3
-    weightless = LinkSpec(spec.links[0].mass * 0, nothing, (0,) * 6, "com")
-    light = replace(spec, links=(weightless, *spec.links[1:]))
-    exported = export_robot(light, "mjcf")
-    assert "no bodies" in exported.notes[0]
-    _, torques = mujoco_answers(only(exported), light, q, dq, ddq)
-    np.testing.assert_allclose(torques, ours(light, q, dq, ddq)[1], atol=1e-10)
-
-
-def names_of(model):
-    return [parameter.name for parameter in model.base_parameters]
-
-
-def test_what_cannot_be_done_is_refused(tmp_path):
-    bare = replace(load_spec("rrr"), links=None)
-    with pytest.raises(DerivationError, match="has no links"):
-        export_robot(bare, "mjcf")
-    with pytest.raises(InputError, match="no value for the base parameters"):
-        export_robot(bare, "mjcf", {})
-    with pytest.raises(InputError, match="'Izz9R' is no base parameter"):
-        export_robot(bare, "urdf", {"Izz9R": 1.0})
-    with pytest.raises(DerivationError, match="no rigid bodies"):
-        export_robot(bare, "mjcf", dict.fromkeys(names_of(derive_model(bare, ())), -1.0))
-    with pytest.raises(InputError, match="there is no target 'urf'; did you mean 'urdf'"):
-        export_robot(bare, "urf")
-    assert exporters().keys() >= {"urdf", "mjcf", "par"}
-
-
 def test_command(tmp_path):
     run = CliRunner().invoke(cli, ["export", "rrr", "--to", "urdf", "-o", str(tmp_path / "a.urdf")])
     assert run.exit_code == 0, run.output
@@ -192,48 +116,3 @@ def test_command(tmp_path):
     (tmp_path / "beta.json").write_text(json.dumps({"a": "b"}))
     bad = CliRunner().invoke(cli, ["export", "rrr", "--to", "urdf", "--beta", str(tmp_path / "beta.json")])
     assert "no object of names and numbers" in str(bad.exception)
-
-
-def test_a_package_has_the_modes_and_parts_that_were_chosen(tmp_path):
-    """Also where `generate` writes it; contradictions are refused."""
-    words = ["pendulum", "--with", "controller", "--modes", "computed_torque", "--parts", "none"]
-    done = CliRunner().invoke(cli, ["export", *words, "--to", "embedded", "-o", str(tmp_path / "a")])
-    assert done.exit_code == 0, done.output
-    header = (tmp_path / "a" / "src" / "pendulum_controller.h").read_text(encoding="utf-8")
-    assert re.search(r"Modes *free, gravity, computed_torque\n.*Parts *none", header)
-    with_target = ["generate", *words, "--with", "embedded", "--rate", "500", "--no-casadi-files", "-j", "1"]
-    done = CliRunner().invoke(cli, [*with_target, "-o", str(tmp_path / "b")])
-    assert done.exit_code == 0, done.output
-    own, packed = (
-        tmp_path / "b" / "pendulum_controller.c",
-        tmp_path / "b" / "embedded" / "src" / "pendulum_controller.c",
-    )
-    assert own.read_bytes() == packed.read_bytes()
-    sample = tmp_path / "b" / "embedded" / "zephyr" / "samples" / "controller" / "src" / "main.c"
-    assert "#define PERIOD_US 2000" in sample.read_text(encoding="utf-8")
-    for wrong, said in (
-        (["--parts", "none,observer"], "leaves all parts out"),
-        (["--parts", "obsever"], "did you mean"),
-        (["--modes", "gravity", "--to", "urdf"], "belong to --with controller"),
-        (["--with", "controller", "--parts", "estimator"], "accelerations"),
-    ):
-        place = ["-o", str(tmp_path / "c")]
-        refused = CliRunner().invoke(cli, ["export", "pendulum", "--to", "embedded", *wrong, *place])
-        assert refused.exit_code != 0, wrong
-        assert said in refused.output + str(refused.exception), wrong
-
-
-def test_packages_named_by_their_suffix_are_files(tmp_path, monkeypatch):
-    """`-o x.fmu` used to make a folder; the name of a wheel says its platform, so that another name is refused."""
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(cli, ["export", "pendulum", "--to", "fmu", "-o", "x.fmu"])
-    assert done.exit_code == 0, done.output
-    assert "modelDescription.xml" in zipfile.ZipFile("x.fmu").namelist()
-    again = CliRunner().invoke(cli, ["export", "pendulum", "--to", "fmu", "-o", "x.fmu"])
-    assert "the file exists already" in str(again.exception)
-    CliRunner().invoke(cli, ["export", "pendulum", "--to", "fmu", "-o", "folder"])
-    assert {path.name for path in (tmp_path / "folder").iterdir()} == {"pendulum.fmu", "README.md"}
-    wheel = CliRunner().invoke(cli, ["export", "pendulum", "--to", "wheel", "-o", "x.whl"])
-    assert isinstance(wheel.exception, InputError)
-    assert "pendulum_model-" in str(wheel.exception)
-    assert not (tmp_path / "x.whl").exists()

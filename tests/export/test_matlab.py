@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from export.arm import FURTHER, WITH_CONTROL, arm
+from export.compared import ours
 from export.rrr_library import STRICT, run
-from export.test_export import ours
 from pages.test_pages import ROOT
 from pages.test_pages import blocks as blocks_of
 from rrrgen.emit.targets.interface import ExportOptions

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from export.compared import ours
 from export.rrr_library import run
-from export.test_export import ours
 from rrrgen.exporting import export_robot
 from rrrgen.robot.file import load_spec
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from export.arm import FURTHER, TEXT, WITH_CONTROL, arm
-from export.test_export import ours
+from export.compared import ours
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
 from rrrgen.emit.targets import shared_libraries

@@ -9,144 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrrgen.base.errors import InputError
+from friction.examples import EXAMPLES, SPEEDS, model, retyped
 from rrrgen.program import evaluate
-from rrrgen.robot.friction.laws import LAWS, neural_law
-from rrrgen.robot.friction.models import NUMPY, FrictionModel, coulomb_viscous
+from rrrgen.robot.friction.laws import LAWS
+from rrrgen.robot.friction.models import FrictionModel
 from rrrgen.robot.friction.programs import (
-    friction_columns_program,
     friction_program,
-    friction_rate_program,
     friction_step_program,
 )
-
-# The same operations in another order: a few units in the last place.
-ROUND_OFF = 1e-14
-
-SPEEDS = np.concatenate([[0.0], np.linspace(-6, 6, 41), [1e-9, -1e-9, 300.0]])
-EXAMPLES = {
-    "coulomb_viscous": [[0.4, 1.5, 0.2], [0.1, 0.5, -0.1]],
-    "asymmetric": [[0.4, 0.5, 1.5, 1.2], [0.1, 0.2, 0.5, 0.6]],
-    "exponential": [[-0.3, 1.5, 0.4, 0.1], [0.3, 0.5, 0.2, 0.05]],
-    "asymmetric_exponential": [[0.4, 0.5, 1.5, 1.2, -0.4, 0.1], [0.1, 0.2, 0.5, 0.6, 0.3, 0.05]],
-    "dahl": [[1.5, 0.4, 1e-4], [0.5, 0.2, 3e-5]],
-    "dahl_exponential": [[-0.3, 1.5, 0.4, -0.02, 0.1, 1e-4], [0.3, 0.5, 0.2, 0.01, 0.05, 3e-5]],
-    "load_dependent": [[1.5, 0.4, 0.06], [0.5, 0.2, 0.02]],
-    "dahl_load_dependent": [[-0.3, 1.5, 0.4, -0.02, 0.06, 0.1, 1e-4], [0.3, 0.5, 0.2, 0.01, 0.02, 0.05, 3e-5]],
-    "stribeck": [[0.7, 1.5, 0.4, 0.1], [0.3, 0.5, 0.2, 0.05]],
-    "lugre": [[1e4, 3.0, 0.7, 1.5, 1.6, 0.1], [3e3, 1.0, 0.3, 0.5, 0.8, 0.05]],
-    "logistic": [[1.1, 9.0, 0.02], [0.6, 40.0, -0.03]],
-    "neural": [[1.0, 0.5, -0.2, 30.0, 4.0, 200.0, 0.3], [0.3, 0.2, 0.1, 60.0, 8.0, 1.0, 0.1]],
-}
-
-
-def model(name: str) -> FrictionModel:
-    return FrictionModel(LAWS[name], np.array(EXAMPLES[name]))
-
-
-def retyped(name: str, v: float, p: list[float], load: float = 0.0) -> float:
-    """The printed formulas, one joint, one speed."""
-    sign = 0.0 if v == 0 else (1.0 if v > 0 else -1.0)
-    if name == "coulomb_viscous":
-        return p[0] * v + p[1] * sign + p[2]
-    if name == "asymmetric":
-        return 0.0 if v == 0 else (p[0] * v + p[2] if v > 0 else p[1] * v - p[3])
-    if name == "asymmetric_exponential":
-        return retyped("asymmetric", v, p) + p[4] * np.exp(-abs(v) / p[5]) * sign
-    if name == "exponential":
-        return (p[0] * np.exp(-abs(v) / p[3]) + p[1]) * sign + p[2] * v
-    if name == "dahl":
-        return p[0] * sign + p[1] * v
-    if name == "dahl_exponential":
-        return (p[0] * np.exp(-abs(v) / p[4]) + p[1]) * sign + p[2] * v + p[3] * v * abs(v)
-    if name == "load_dependent":
-        return (p[0] + p[2] * abs(load)) * sign + p[1] * v
-    if name == "dahl_load_dependent":
-        level = p[0] * np.exp(-abs(v) / p[5]) + p[1] + p[4] * abs(load)
-        return level * sign + p[2] * v + p[3] * v * abs(v)
-    if name in ("stribeck", "lugre"):
-        a0, a1, a2, vs = p[-4:]
-        return (a0 * np.exp(-((v / vs) ** 2)) + a1) * sign + a2 * v
-    with np.errstate(over="ignore"):  # the printed forms overflow, which is why the code uses tanh
-        if name == "logistic":
-            return p[0] / (1 + np.exp(-p[1] * (v + p[2]))) - p[0] / (1 + np.exp(-p[1] * p[2]))
-        return sum(f * (1 - 2 / (np.exp(2 * w * v) + 1)) for f, w in zip(p[:3], p[3:6], strict=True)) + p[6] * v
-
-
-@pytest.mark.parametrize("name", list(LAWS))
-def test_laws_equal_the_printed_formulas(name: str) -> None:
-    friction = model(name)
-    loads = 30.0 * np.cos(np.arange(2 * len(SPEEDS))).reshape(-1, 2)
-    speeds = np.column_stack([SPEEDS, SPEEDS[::-1]])
-    got = friction.torque(speeds, load=loads)
-    expected = np.array(
-        [
-            [retyped(name, v, p, load) for v, p, load in zip(*row, strict=True)]
-            for row in zip(speeds, [EXAMPLES[name]] * len(SPEEDS), loads, strict=True)
-        ]
-    )
-    assert np.abs(got - expected).max() <= 1e-12 * np.abs(expected).max()
-    assert np.all(np.isfinite(got))
-
-
-@pytest.mark.parametrize("name", list(LAWS))
-def test_program_numpy_and_casadi_agree(name: str) -> None:
-    friction = model(name)
-    speeds = np.column_stack([SPEEDS, -0.7 * SPEEDS])
-    program = friction_program(friction.law, 2)
-    loads = 30.0 * np.cos(np.arange(2 * len(SPEEDS))).reshape(-1, 2) if friction.has_load else np.zeros_like(speeds)
-    parameters = np.broadcast_to(friction.parameters, (len(SPEEDS), *friction.parameters.shape))
-    (tau,) = evaluate(program, speeds, parameters, *([loads] if friction.has_load else []))
-    scale = np.abs(friction.torque(speeds, load=loads)).max()
-    assert np.abs(tau - friction.torque(speeds, load=loads)).max() <= ROUND_OFF * scale
-    pytest.importorskip("casadi", reason="CasADi is an optional extra")
-    from rrrgen.emit.casadi import function
-
-    exact = function(program)
-    smooth = function(program, name="smooth", smooth_sign=0.05)
-    for dq, load in zip(speeds, loads, strict=True):
-        given = (dq, friction.parameters, *([load] if friction.has_load else []))
-        assert np.abs(exact(*given).full().ravel() - friction.torque(dq, load=load)).max() <= ROUND_OFF * scale
-        expected = friction.torque(dq, width=0.05, load=load)
-        assert np.abs(smooth(*given).full().ravel() - expected).max() <= 1e-13 * scale
-
-
-@pytest.mark.parametrize("name", [n for n, law in LAWS.items() if n != "neural"])
-def test_smooth_surrogate_converges_and_is_differentiable_at_rest(name: str) -> None:
-    friction = model(name)
-    far = np.array([[0.5, -0.5], [-2.0, 3.0]])
-    assert np.abs(friction.torque(far, width=0.01) - friction.torque(far)).max() < 1e-9
-    h = 1e-7
-    slope = (friction.torque([h, h], width=0.01) - friction.torque([-h, -h], width=0.01)) / (2 * h)
-    nearer = (friction.torque([h / 8, h / 8], width=0.01) - friction.torque([-h / 8, -h / 8], width=0.01)) / (h / 4)
-    assert np.allclose(slope, nearer, rtol=1e-5)
-
-
-@pytest.mark.parametrize("name", ["coulomb_viscous", "asymmetric"])
-def test_linear_laws_are_columns_times_parameters(name: str) -> None:
-    friction = model(name)
-    speeds = np.column_stack([SPEEDS, 0.3 - SPEEDS])
-    Y = friction.columns(speeds)
-    assert Y.shape == (len(SPEEDS), 2, 2 * friction.parameters.shape[1])
-    assert np.abs(Y @ friction.parameters.ravel() - friction.torque(speeds)).max() <= 1e-13 * 300
-    program = friction_columns_program(friction.law, 2)
-    (recorded,) = evaluate(program, speeds)
-    assert np.array_equal(recorded, Y)
-    assert len(friction.names) == Y.shape[-1]
-    assert np.all(Y[:, 0, friction.parameters.shape[1] :] == 0.0)
-
-
-@pytest.mark.parametrize("name", list(LAWS))
-def test_separable_laws_are_factors_times_linear_parameters(name: str) -> None:
-    law, p = LAWS[name], EXAMPLES[name][0]
-    linear, shapes = law.split(p)
-    assert law.joined(linear, shapes) == pytest.approx(tuple(p), rel=1e-14)
-    factors = law.factors(NUMPY, SPEEDS, np.sign(SPEEDS), shapes)
-    if law.has_load:  # the factor of a load is left to the caller
-        assert law.linear[-1].name == "load_ratio"
-        linear = linear[:-1]
-    got = sum(factor * value for factor, value in zip(factors, linear, strict=True)) + 0.0 * SPEEDS
-    assert got == pytest.approx([retyped(name, v, p) for v in SPEEDS], rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["dahl", "dahl_exponential", "dahl_load_dependent"])
@@ -166,14 +36,6 @@ def test_presliding_builds_up_over_its_distance(name: str) -> None:
         assert tau[0] == pytest.approx(level * share + sliding - level, rel=1e-12)
     h = 1e-9
     assert friction.rate(z, dq) == pytest.approx((friction.step(z, dq, h)[0] - z) / h, rel=1e-4)
-
-
-@pytest.mark.parametrize("name", [name for name, law in LAWS.items() if law.columns is None])
-def test_nonlinear_laws_have_no_columns(name: str) -> None:
-    with pytest.raises(InputError, match="not linear"):
-        model(name).columns([0.0, 0.0])
-    with pytest.raises(InputError, match="not linear"):
-        friction_columns_program(LAWS[name], 2)
 
 
 @pytest.mark.parametrize("name", list(LAWS))
@@ -283,58 +145,7 @@ def test_passivity_margin_tells_the_sign_of_dissipation(factor: float, passive: 
     assert dissipation_can_be_negative(friction) is not passive
 
 
-def test_lugre_programs_equal_the_numpy_reference() -> None:
-    lugre = model("lugre")
-    rng = np.random.default_rng(0)
-    dq, z = rng.normal(size=(50, 2)), 1e-4 * rng.normal(size=(50, 2))
-    p = np.broadcast_to(lugre.parameters, (50, 2, 6))
-    rate, tau = evaluate(friction_rate_program(lugre.law, 2), dq, z, p)
-    assert np.allclose(rate, lugre.rate(z, dq), rtol=1e-12, atol=1e-13)
-    assert np.allclose(tau, lugre.state_torque(z, dq), rtol=1e-12, atol=1e-12)
-    following, tau, _ = evaluate(friction_step_program(lugre.law, 2), dq, z, p, np.full(50, 1e-3))
-    expected, expected_tau = lugre.step(z, dq, 1e-3)
-    assert np.allclose(following, expected, rtol=1e-12, atol=1e-18)
-    assert np.allclose(tau, expected_tau, rtol=1e-12, atol=1e-12)
-    for record in (friction_rate_program, friction_step_program):
-        with pytest.raises(InputError):
-            record(LAWS["stribeck"], 2)
-
-
 # -- data ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", list(LAWS))
-def test_mapping_round_trip(name: str) -> None:
-    friction = model(name)
-    again = FrictionModel.from_mapping(friction.to_json())
-    assert again.law.name == name
-    assert np.array_equal(again.parameters, friction.parameters)
-
-
-def test_more_neural_units() -> None:
-    friction = FrictionModel(neural_law(5), np.arange(1.0, 12.0)[None, :])
-    assert FrictionModel.from_mapping(friction.to_json()).parameters.shape == (1, 11)
-
-
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        ({"law": "stribek"}, "not one of"),
-        ({"law": "stribeck", "joints": [{"coulomb": 1.0}]}, "stribeck_speed"),
-        ({"law": "coulomb_viscous", "joints": [{"coulom": 1.0}]}, "unknown 'coulom'"),
-        ({"law": "coulomb_viscous", "joints": []}, "one mapping per joint"),
-        ({"law": "stribeck", "joints": [{"coulomb": 1.0, "stribeck_speed": -1.0}]}, "must be positive"),
-    ],
-)
-def test_faults_are_named(data: dict, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        FrictionModel.from_mapping(data)
-
-
-def test_coulomb_viscous_shorthand() -> None:
-    friction = coulomb_viscous([0.1, 0.2], [1.0, 2.0])
-    assert np.allclose(friction.torque([2.0, -2.0]), [1.2, -2.4])
-    assert friction.passivity_margin().tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("name", list(LAWS))

@@ -5,12 +5,11 @@ import json
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from slow_recording import NOISE, TERMS, recording
 
 import rrrgen
 from rrrgen.base.errors import InputError
-from rrrgen.base.option_names import options_written
 from rrrgen.cli.main import cli
-from rrrgen.lab.data.mapping import loads_mapping
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.identify.bandwidth import (
@@ -26,26 +25,9 @@ from rrrgen.lab.identify.factoring import factor_recordings
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.observations import Observations, RowMaker
-from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.scores import score_table
-from rrrgen.lab.studies.options import OptionError
-from rrrgen.lab.studies.preprocessing import PreprocessingOptions
-from rrrgen.lab.studies.sources import chosen_processing
 from samples.recordings import fourier_motion, planar_arm, write_log
-
-TERMS = DriveTerms.everywhere(2, "viscous", "coulomb", "offset")
-NOISE = 0.3
-
-
-def recording(rate=1000.0, seconds=20.0, seed=0, noise=NOISE):
-    """The planar arm on a motion of up to 1 Hz; parameters 1, noise on the torque."""
-    t = np.arange(round(rate * seconds)) / rate
-    q, dq, ddq = fourier_motion(t, 2, seed)
-    regressor = FullRegressor(planar_arm(), TERMS)
-    tau = regressor(q, dq, ddq) @ np.ones(len(regressor.names))
-    rng = np.random.default_rng(seed)
-    return Log(("a", "b"), t, np.round(q, 6), tau + noise * rng.normal(size=tau.shape), period=1.0 / rate)
 
 
 @pytest.mark.parametrize("rate", [30.0, 100.0, 1000.0])
@@ -62,14 +44,6 @@ def test_rows_come_at_ten_times_the_bandwidth_whatever_the_rate_of_the_recording
     slow = tune(Processing(), [recording(8.0)])
     assert "unfiltered, rows at 8 Hz (every sample stays: the bandwidth" in slow.sentences()[-1]
     assert "tuned by its innovations" in sentence
-
-
-def test_a_butterworth_filter_without_a_cutoff_follows_the_same_rule():
-    found = tune(Processing("butterworth"), [recording()])
-    assert found.processing.cutoff == pytest.approx(5 * found.motion)
-    named = tune(Processing("butterworth", cutoff=7.0, decimate=3), [recording()])
-    assert (named.processing.cutoff, named.processing.decimate, named.by_rule) == (7.0, 3, ())
-    assert "(as named)" in " ".join(named.sentences())
 
 
 @pytest.mark.parametrize("split", ["first:0.6", "blocks:2"])
@@ -117,49 +91,6 @@ def test_rounding_errors_of_a_periodic_motion_are_noise_although_they_are_lines(
     q, _, _ = fourier_motion(t, 2, 5, base=0.1)
     for resolution in (1e-4, 1e-3):
         assert motion_bandwidth(np.round(q / resolution) * resolution, 1 / 500) == pytest.approx(0.5, abs=0.07)
-
-
-def mapping(processing=""):
-    joints = "".join(f"  - {{name: {j}, position: q_{j}, torque: tau_{j}}}\n" for j in "ab")
-    return (
-        "schema: rrrgen-log/1\nfiles: log.csv\ntime: {column: t, unit: s}\n"
-        f"units: {{position: rad, torque: N*m}}\njoints:\n{joints}{processing}"
-    )
-
-
-def chosen(processing="", **options):
-    return chosen_processing([loads_mapping(mapping(processing))], PreprocessingOptions(**options))
-
-
-def test_every_word_on_the_command_line_changes_what_it_names_and_nothing_else():
-    assert chosen() == chosen(method="kalman") == Processing("kalman")
-    assert chosen(cutoff=20.0) == Processing("butterworth", cutoff=20.0)
-    assert chosen(decimate=7) == Processing("kalman", decimate=7)
-    file = "processing: {method: butterworth, cutoff: 12 Hz, decimate: 5, low_speed: 0.1}\n"
-    of_file = Processing("butterworth", cutoff=12.0, decimate=5, low_speed=(0.1, 0.1))
-    assert chosen(file) == of_file
-    assert chosen(file, cutoff=20.0) == Processing("butterworth", cutoff=20.0, decimate=5, low_speed=(0.1, 0.1))
-    assert chosen(file, method="kalman") == Processing("kalman", decimate=5, low_speed=(0.1, 0.1))
-    assert chosen("processing: {cutoff: 12 Hz}\n") == Processing("butterworth", cutoff=12.0)
-    assert chosen("processing: {position_resolution: 0.001}\n").method == "kalman"
-
-
-def test_words_that_would_be_ignored_are_refused():
-    with pytest.raises(OptionError, match="add method butterworth"):
-        chosen("processing: {method: kalman}\n", cutoff=20.0)
-    with options_written(lambda name: f"--{name}"), pytest.raises(OptionError, match="belongs to --method butterworth"):
-        chosen(method="kalman", cutoff=20.0)
-    with pytest.raises(InputError) as caught:
-        loads_mapping(mapping("processing: {method: kalman, cutoff: 20 Hz}\n"))
-    fault = caught.value.faults[0]
-    assert (fault.line, fault.column) == (8, 38)
-    assert "cutoff has no meaning beside method kalman" in fault.message
-    with pytest.raises(InputError, match="cutoff belongs to the method butterworth"):
-        Processing("kalman", cutoff=3.0)
-    two = [loads_mapping(mapping(f"processing: {{cutoff: {f} Hz}}\n"), f"{f}.yaml") for f in (10, 20)]
-    with pytest.raises(InputError, match=r"10\.yaml and 20\.yaml disagree on cutoff .* or set cutoff$"):
-        chosen_processing(two, PreprocessingOptions())
-    assert chosen_processing(two, PreprocessingOptions(cutoff=15.0)).cutoff == 15.0
 
 
 @pytest.fixture(scope="module")

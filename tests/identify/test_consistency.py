@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from rrrgen.base.errors import InputError
 from rrrgen.derive.parameters.physical_links import Prior, pseudo_inertia
 from rrrgen.lab.estimate.regression import least_squares
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
-from rrrgen.lab.identify.consistency import consistent_estimate, indefinite_share, mass_matrix, parameters_of
+from rrrgen.lab.identify.consistency import consistent_estimate, indefinite_share, mass_matrix
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.robot.model.inertial_parameters import standard_names
@@ -32,19 +30,6 @@ def observed(model, terms, theta, noise, seed, samples=300):
     tau = W @ theta + noise * rng.normal(size=W.shape[:2])
     use = np.ones(tau.shape, bool)
     return regressor, factor_rows(Rows(np.arange(samples) * 0.02, W, tau, use, np.zeros(samples, np.int64)))
-
-
-@given(st.integers(0, 10**6))
-def test_pseudo_inertia_of_point_masses(seed):
-    """``J = sum m [r; 1] [r; 1]'``: positive semidefinite, and back again."""
-    rng = np.random.default_rng(seed)
-    m, r = rng.uniform(0.1, 2, 6), rng.normal(size=(6, 3))
-    h = np.column_stack([r, np.ones(6)])
-    J = np.einsum("k,ki,kj->ij", m, h, h)
-    S = sum(mk * ((rk @ rk) * np.eye(3) - np.outer(rk, rk)) for mk, rk in zip(m, r, strict=True))
-    phi = np.array([m.sum(), *(m @ r), S[0, 0], S[0, 1], S[1, 1], S[0, 2], S[1, 2], S[2, 2]])
-    np.testing.assert_allclose(pseudo_inertia(phi), J, atol=1e-12)
-    np.testing.assert_allclose(parameters_of(J), phi, atol=1e-12)
 
 
 def test_exact_torques_of_a_possible_robot_are_matched():

@@ -14,7 +14,7 @@ from rrrgen.lab.data.mapping import loads_mapping
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log, open_log
 from rrrgen.lab.data.uniform_stream import LogStream
-from rrrgen.lab.identify.diagnosis.causes import Cause, Wording, merged
+from rrrgen.lab.identify.diagnosis.causes import Wording, merged
 from rrrgen.lab.identify.diagnosis.report import diagnose_fit, diagnose_recordings
 from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.parameters import DriveTerms
@@ -261,13 +261,6 @@ def test_remedies_are_lines_of_the_mapping_file():
     assert words.clock(1e3).remedy == "time: {column: t, unit: s}, in log.yaml"
     corrected = MAPPING.replace("{column: enc_1, sign: -1}", "{column: enc_1, sign: 1}")
     assert loads_mapping(corrected, "log.yaml").joints[0].position.sign == 1.0
-
-
-def test_one_cause_gathers_the_evidence_of_all_rules():
-    either = Cause("x or y", "", ("3",), either=("x", "y"))
-    found = merged([Cause("x", "do", ("1",)), Cause("x", "do", ("2",)), either, Cause("vague", "", general=True)])
-    assert [(each.cause, each.evidence) for each in found] == [("x", ("1", "2", "3"))]
-    assert told(merged([Cause("vague", "", general=True)])) == ["vague"]
 
 
 def test_identify_and_validate_print_and_store_it(sound, tmp_path):

@@ -9,15 +9,16 @@ import time
 
 import numpy as np
 import pytest
+from streams import PERIOD, PROCESSINGS, TERMS, N, recording
 
 import rrrgen
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.preprocessing import Processing
-from rrrgen.lab.data.recordings import Log, open_log, read_log
+from rrrgen.lab.data.recordings import open_log, read_log
 from rrrgen.lab.data.uniform_stream import LogStream
 from rrrgen.lab.estimate.regression import weighted_least_squares
 from rrrgen.lab.estimate.tsqr import factor_rows
-from rrrgen.lab.identify.bandwidth import motion_bandwidth, tune
+from rrrgen.lab.identify.bandwidth import motion_bandwidth
 from rrrgen.lab.identify.factoring import (
     FittedRows,
     factor_recordings,
@@ -27,34 +28,10 @@ from rrrgen.lab.identify.factoring import (
 )
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Observations, RowMaker
-from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
-from samples.recordings import fourier_motion, planar_arm, write_log
+from samples.recordings import fourier_motion
 
 SAME = 1e-9  # relative: the accuracy promised for streams against recordings in memory
-
-N, PERIOD = 6000, 1e-3
-TERMS = DriveTerms.everywhere(2, "viscous", "coulomb", "offset")
-
-
-def recording(tmp_path, seed=0):
-    arm = planar_arm()
-    rng = np.random.default_rng(seed)
-    t = PERIOD * np.arange(N)
-    q, dq, ddq = fourier_motion(t, 2, seed)
-    regressor = FullRegressor(arm, TERMS)
-    x = rng.uniform(0.2, 2.0, len(regressor.names))
-    tau = regressor(q, dq, ddq) @ x + 0.05 * rng.normal(size=q.shape)
-    write_log(tmp_path / f"log{seed}.csv", Log(("a", "b"), t, np.round(q, 5), tau))
-    return tmp_path / f"log{seed}.csv", regressor, x
-
-
-PROCESSINGS = [
-    Processing("butterworth", cutoff=20.0),
-    Processing("butterworth", cutoff=40.0, decimate=10, low_speed=(0.02, 0.02)),
-    Processing("kalman", var_eta=(8e-12,) * 2, var_xi=(1e4,) * 2, decimate=4),
-    Processing("differences"),
-]
 
 
 @pytest.mark.parametrize("processing", PROCESSINGS, ids=lambda p: f"{p.method}-{p.decimate}")
@@ -68,21 +45,6 @@ def test_a_stream_gives_what_the_recording_in_memory_gives(tmp_path, processing)
         np.testing.assert_array_equal(a.counts, b.counts)
         xa, xb = (weighted_least_squares(f, regressor.names).x for f in (a, b))
         np.testing.assert_allclose(xb, xa, rtol=SAME, atol=SAME * np.abs(xa).max())
-
-
-def test_splits_share_out_the_instants():
-    t = 3.0 + 0.01 * np.arange(1000)
-    assert np.sum(Split.parse("first:0.6").fitted(t, 3.0, 10.0)) == 600
-    blocks = Split.parse("blocks:0.5").fitted(t, 3.0, 10.0)
-    # instants within round-off of a border may fall on either side
-    assert np.sum(blocks) == pytest.approx(500, abs=10)
-    assert blocks[:49].all()
-    assert not blocks[51:99].any()
-    assert Split.parse("none").fitted(t, 3.0, 10.0).all()
-    assert "same data" in str(Split())
-    for text in ("first", "first:1.5", "blocks:0", "blocks:-1", "half", "none:3", "first:x", "first:1e"):
-        with pytest.raises(InputError):
-            Split.parse(text)
 
 
 def test_scores_are_those_of_the_rows(tmp_path):
@@ -110,19 +72,6 @@ def test_several_recordings_do_not_run_into_one_another(tmp_path):
     np.testing.assert_allclose(together.fit.R, merged.R, atol=1e-12 * np.abs(merged.R).max())
     segments = {int(s) for rows in Observations(tuple(logs), maker) for s in rows.segment}
     assert segments == {0, 1}
-
-
-def test_known_friction_is_subtracted(tmp_path):
-    path, regressor, x = recording(tmp_path)
-    b = len(regressor.model.base_parameter_names)
-    rigid = FullRegressor(regressor.model, DriveTerms())
-
-    def friction(motion):
-        return regressor(motion.q, motion.dq, motion.ddq)[..., b:] @ x[b:]
-
-    maker = RowMaker(rigid, PROCESSINGS[1], b, known=friction)
-    found = weighted_least_squares(factor_recordings(Observations((read_log(path),), maker)).fit, rigid.names)
-    assert np.max(np.abs(found.x - x[:b]) / found.std) < 5
 
 
 def test_an_interrupted_run_goes_on_to_the_same_bits(tmp_path):
@@ -211,19 +160,6 @@ def test_rows_in_memory_and_rows_computed_anew_are_the_same(tmp_path):
     assert not fits_in_memory(observations, limit=1000)
 
 
-def test_the_kalman_filter_is_tuned_when_nothing_is_said(tmp_path):
-    path, regressor, x = recording(tmp_path)
-    log = read_log(path)
-    processing = tune(Processing("kalman"), [log]).processing
-    assert len(processing.var_eta) == len(processing.var_xi) == 2
-    again = tune(processing, [log])
-    assert again.processing is processing
-    assert again.by_rule == ()
-    maker = RowMaker(regressor, processing, len(regressor.names))
-    found = weighted_least_squares(factor_recordings(Observations((log,), maker)).fit, regressor.names)
-    assert np.max(np.abs(found.x - x) / found.std) < 5
-
-
 @pytest.mark.parametrize("resolution", [0.0, 1e-5, 1e-4])
 def test_the_bandwidth_of_a_motion_is_told_through_the_noise_of_its_encoder(resolution):
     t = PERIOD * np.arange(20_000)
@@ -233,15 +169,6 @@ def test_the_bandwidth_of_a_motion_is_told_through_the_noise_of_its_encoder(reso
     assert motion_bandwidth(q, PERIOD) == pytest.approx(6.0, abs=0.5)
     with pytest.raises(InputError, match="no joint moves"):
         motion_bandwidth(np.zeros((100, 2)), PERIOD)
-
-
-def test_the_decimation_follows_the_motion_when_nothing_is_said(tmp_path):
-    path, _, _ = recording(tmp_path)
-    log = read_log(path)
-    found = tune(Processing(), [log]).processing
-    rate = 1.0 / (PERIOD * found.decimate)
-    assert 8 * motion_bandwidth(log.q, PERIOD) < rate < 25 * motion_bandwidth(log.q, PERIOD)
-    assert tune(Processing("butterworth", cutoff=20.0, decimate=3), [log]).processing.decimate == 3
 
 
 LIMITED = """

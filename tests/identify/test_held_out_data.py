@@ -6,40 +6,23 @@ import json
 
 import numpy as np
 import pytest
+from held_out_recording import LOGGED, NOISE, TERMS, recording
 
 import rrrgen
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run as rrrgen_run
-from rrrgen.lab.data.preprocessing import Processing
-from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.identify.cross_validation import cross_validate
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.identification import Options, identify
-from rrrgen.lab.identify.parameters import DriveTerms
-from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.results import identified_spec
 from rrrgen.lab.identify.scores import Coverage, TorqueBand, held_out_notes, joint_table
 from rrrgen.robot.file import dumps
 from rrrgen.runtime import load
-from samples.recordings import fourier_motion, write_log
-
-TERMS = DriveTerms.everywhere(2, "viscous", "coulomb")
-LOGGED = Processing("logged", decimate=1)
-NOISE = np.array([0.4, 0.1])
+from samples.recordings import write_log
 
 
 @pytest.fixture(scope="module")
 def arm():
     return rrrgen.compile("planar2r", backend="numpy")
-
-
-def recording(arm, seed=0, samples=1500, wrong=0.0):
-    t = 0.01 * np.arange(samples)
-    q, dq, ddq = fourier_motion(t, 2, 5, base=1 / 5)
-    tau = FullRegressor(arm, TERMS)(q, dq, ddq) @ np.concatenate([arm.beta, [0.8, 0.4, 1.5, 0.6]])
-    tau = tau + NOISE * np.random.default_rng(seed).normal(size=tau.shape)
-    tau[:, 1] += wrong * (t > 12.0)
-    return Log(("q1", "q2"), t, q, tau, dq=dq, ddq=ddq, period=0.01)
 
 
 def test_folds_hold_out_every_instant_once():
@@ -57,29 +40,6 @@ def test_folds_hold_out_every_instant_once():
     for text in ("fold:0/4", "fold:5/4", "fold:1/1", "fold:1", "fold:a/b"):
         with pytest.raises(InputError):
             Split.parse(text)
-
-
-def test_cross_validation_is_the_error_of_each_part_predicted_by_the_others(arm):
-    """Against least squares by hand on the rows of the other parts; a fault in the last part shows there alone."""
-    log = recording(arm, wrong=2.0)
-    result = cross_validate(arm, [log], LOGGED, Options(method="ordinary", terms=TERMS, consistent=False, guard=0.0), 5)
-    W = FullRegressor(arm, TERMS)(log.q, log.dq, log.ddq)
-    start, duration = log.span
-    for k, (score,) in enumerate(result.parts):
-        out = Split("fold", k + 1.0, parts=5).scored(log.t, start, duration)
-        x = np.linalg.lstsq(W[~out].reshape(-1, W.shape[-1]), log.tau[~out].ravel(), rcond=None)[0]
-        error = log.tau[out] - W[out] @ x
-        assert score.relative_error == pytest.approx(np.linalg.norm(error) / np.linalg.norm(log.tau[out]), rel=1e-6)
-        assert score.joint_rms == pytest.approx(np.sqrt(np.mean(error**2, axis=0)), rel=1e-6)
-    errors = [score.joint_rms[1] for (score,) in result.parts]
-    assert errors[4] > 2 * max(errors[:4])
-    total, joints = result.pooled(0)
-    assert total == pytest.approx(
-        np.sqrt(np.sum((joints * np.linalg.norm(log.tau, axis=0)) ** 2)) / np.linalg.norm(log.tau)
-    )
-    assert len(result.lines()) == 2 + 5 + 1 + 2
-    with pytest.raises(InputError, match="leave the split"):
-        cross_validate(arm, [log], LOGGED, Options(split=Split.parse("first:0.5")), 5)
 
 
 def test_the_band_holds_95_percent_of_torques_that_were_not_fitted(arm):

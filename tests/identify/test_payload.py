@@ -8,43 +8,21 @@ from functools import partial
 
 import numpy as np
 import pytest
+from carried_payload import COM, LOGGED, MASS, TENSOR, recording
 
 import rrrgen
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import run
-from rrrgen.lab.data.preprocessing import Processing
-from rrrgen.lab.data.recordings import Log
-from rrrgen.lab.identify.drive_gains import identify_gains
 from rrrgen.lab.identify.payload import identify_payload
 from rrrgen.lab.identify.rows import inertial, standard_of
 from rrrgen.robot.model.inertial_parameters import standard_parameters
 from rrrgen.runtime import load
-from samples.recordings import fourier_motion, write_log
-
-LOGGED = Processing("logged", decimate=2)
-MASS, COM, TENSOR = 2.3, np.array([0.03, -0.02, 0.09]), np.array([0.012, 0.010, 0.006, 0.001, -0.0005, 0.0008])
-
-
-def recording(model, seed, carried=True, noise=0.05, friction=0.0, seconds=15.0, gains=1.0, size=0.8):
-    """Torques of the arm with the payload by the compiled add_payload, which shares nothing with the estimation."""
-    t = 0.01 * np.arange(round(seconds / 0.01))
-    q, dq, ddq = fourier_motion(t, model.n, seed, base=1 / 7, size=size)
-    xx, yy, zz, xy, xz, yz = TENSOR
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    beta = model.add_payload(MASS, COM, tensor) if carried else model.beta
-    tau = model.inverse_dynamics(q, dq, ddq, beta) + model.friction(dq) + friction * (0.3 * np.sign(dq) + 0.2 * dq)
-    tau = (tau + noise * np.random.default_rng(seed).normal(size=tau.shape)) / gains
-    return Log(tuple(joint.name for joint in model.spec.joints), t, q, tau, dq=dq, ddq=ddq, period=0.01)
+from samples.recordings import write_log
 
 
 @pytest.fixture(scope="module")
 def puma():
     return rrrgen.compile("puma560", backend="numpy")
-
-
-@pytest.fixture(scope="module")
-def planar():
-    return rrrgen.compile("planar2r", backend="numpy")
 
 
 def test_a_body_converts_both_ways():
@@ -111,45 +89,6 @@ def test_a_joint_that_stands_is_held_by_friction(puma):
     assert "flange: standing" in found.notes[0]
     assert "fc6" not in found.friction
     assert not found.undetermined
-
-
-def test_gains_without_knowing_the_arm(planar):
-    """Gains 0.8 and 1.25 from the payload alone; deviations agree with the spread of repeated experiments."""
-    gains = np.array([0.8, 1.25])
-    body = standard_of(MASS, COM, TENSOR)
-    results = []
-    for seed in range(5):
-        logs = [recording(planar, 10 + seed + 20 * carried, carried, gains=gains, friction=1.0) for carried in (0, 1)]
-        results.append(identify_gains(planar, logs[:1], logs[1:], body, LOGGED))
-    values = np.array([each.gain for each in results])
-    assert np.mean(values, axis=0) == pytest.approx(gains, rel=0.005)
-    spread = np.mean(((values - gains) / [each.std for each in results]) ** 2)
-    assert 0.2 < spread < 3.0
-    assert results[0].relative_error < 0.2 * results[0].fallen_from
-
-
-def test_gains_without_a_payload_that_matters_are_refused(planar):
-    logs = [recording(planar, 5 + k, carried=False, noise=1.0, seconds=4.0) for k in (0, 1)]
-    with pytest.raises(DerivationError, match="is not determined"):
-        identify_gains(planar, logs[:1], logs[1:], standard_of(0.01, np.zeros(3), np.zeros(6)), LOGGED)
-
-
-def test_gains_that_the_payload_does_not_tell_are_marked(planar):
-    """A wrong sign is a negative gain; the same recording twice tells none, nor do exchanged ones."""
-    logs = [recording(planar, 5 + k, carried=k == 1) for k in (0, 1)]
-    body = standard_of(MASS, COM, TENSOR)
-    wrong = [replace(log, tau=log.tau * np.array([1.0, -1.0])) for log in logs]
-    found = identify_gains(planar, wrong[:1], wrong[1:], body, LOGGED)
-    assert found.gain == pytest.approx([1.0, -1.0], rel=0.02)
-    assert found.notes == ("q2: the sign of the recorded torque is wrong",)
-    still = [replace(log, q=log.q * [1, 0], dq=log.dq * [1, 0], ddq=log.ddq * [1, 0]) for log in logs]
-    found = identify_gains(planar, still[:1], still[1:], body, LOGGED)
-    assert found.undetermined == ("q2",)
-    assert found.to_json()["gain"]["q2"] is None
-    assert "q2: standing" in found.notes[0]
-    for first, second, message in ((0, 0, "is the same with the payload"), (1, 0, "are the recordings exchanged")):
-        with pytest.raises(DerivationError, match=message):
-            identify_gains(planar, [logs[first]], [logs[second]], body, LOGGED)
 
 
 def test_the_commands(tmp_path, planar, monkeypatch, capsys):

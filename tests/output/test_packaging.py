@@ -11,10 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from rrrgen.base.errors import InternalError
-from rrrgen.base.templates import environment, render, template_text
-from rrrgen.base.version import VERSION
-
 ROOT = Path(__file__).resolve().parents[2]
 
 USE = """
@@ -64,31 +60,7 @@ def templates() -> list[str]:
     return [path.relative_to(root).as_posix() for path in root.rglob("*.j2")]
 
 
-def test_every_template_is_found_in_this_installation():
-    for name in templates():
-        environment().get_template(name)  # compiles it
-
-
-def test_an_undefined_name_in_a_template_is_an_error():
-    with pytest.raises(Exception, match="undefined"):
-        render("c/pkgconfig.pc.j2", prefix="x")
-
-
-def test_missing_templates_are_explained(tmp_path, monkeypatch):
-    package = tmp_path / "rrrgen"
-    package.mkdir()
-    monkeypatch.setattr("rrrgen.base.templates.resources.files", lambda _: package)
-    with pytest.raises(InternalError, match="installation is incomplete"):
-        template_text("c/header.h.j2")
-
-
 def test_the_checkout_has_no_symbolic_links():
     """They break checkouts on systems that have none, with an error far from its cause."""
     listed = subprocess.run(["git", "ls-files", "-s"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert not [line for line in listed.stdout.splitlines() if line.startswith("120000")]
-
-
-def test_the_version_is_stated_alike():
-    assert f'version = "{VERSION}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    assert f"## {VERSION} (" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    assert f"\nversion: {VERSION}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")

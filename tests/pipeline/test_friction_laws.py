@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 
 import rrrgen
 from control.test_emitted_programs import Emitted
-from friction.test_models import EXAMPLES
+from friction.examples import EXAMPLES
 from rrrgen.base.errors import InputError
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.lab.friction.report import with_friction

@@ -14,8 +14,6 @@ import rrrgen
 from rrrgen.base.errors import BuildError
 from rrrgen.emit.c import compilers as compiler
 from rrrgen.emit.c.compilers import NATIVE, Compiler, find_compiler
-from rrrgen.emit.targets.shared_libraries import shared_library, this_machine
-from rrrgen.runtime import build
 
 CLANG = shutil.which("clang")
 CL = r"C:\Program Files\Microsoft Visual Studio\VC\bin\cl.exe"
@@ -52,12 +50,6 @@ def test_flags_of_the_user_follow_those_of_every_build(monkeypatch):
     words = Compiler(("gcc",)).compile("a.c", ["-O0"], "/include")
     assert words[words.index("-fno-fast-math") + 1 :][:3] == ["-O3", "-DTEXT=a b", "-O0"]
     assert find_compiler().identity() != usual  # the cache keeps these builds apart
-
-
-def test_flags_of_the_user_apply_to_wheels_and_fmus(monkeypatch):
-    monkeypatch.setenv("RRRGEN_CFLAGS", "-fnot-a-flag")
-    with pytest.raises(BuildError, match="refused"):
-        shared_library({"a.c": "int a(void) { return 0; }\n"}, this_machine())
 
 
 def test_no_level_of_optimization_changes_a_bit(monkeypatch):
@@ -176,14 +168,3 @@ def test_a_model_is_built_with_the_options_of_cl(monkeypatch, tmp_path):
     model = rrrgen.compile("pendulum")
     for found, wanted in zip((model.inverse_dynamics(*states), model.forward_dynamics(*states)), expected, strict=True):
         np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-14)
-
-
-def test_a_library_is_built_by_every_compiler_that_is_here(monkeypatch, tmp_path):
-    monkeypatch.setattr(build, "cache_directory", lambda: tmp_path)
-    for name in ("gcc", "clang"):
-        if shutil.which(name):
-            monkeypatch.setenv("CC", name)
-            _, library = build.build_extension(
-                {"f.c": f"/* {name} */ int f(void) {{ return 7; }}\n"}, "int f(void);", name
-            )
-            assert library.f() == 7

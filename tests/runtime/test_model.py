@@ -2,60 +2,12 @@
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 import pytest
 
-from backends.c_tools import IDENTITY
-from backends.planar import BETA_NOMINAL, IA_NOMINAL, planar_model, projection
-from rrrgen.program import evaluate
-from rrrgen.runtime.load import load_model
+from backends.planar import BETA_NOMINAL, projection
+from runtime.states import CALLS, arguments, close
 
-ROUND_OFF = 1e-13  # relative to the largest value; C and NumPy differ in the last bits of sine and cosine only
-SINGLE = 2e-6  # the same in float32
-
-STATES = {"q": 0, "dq": 1, "ddq": 2, "e": 3, "tau": 3}
-
-
-@pytest.fixture(scope="module")
-def model():
-    model = load_model(planar_model(), IDENTITY)
-    model.engine.prepare()
-    return model
-
-
-@pytest.fixture(scope="module")
-def reference():
-    return load_model(planar_model(), IDENTITY, "numpy")
-
-
-@pytest.fixture(scope="module")
-def states():
-    return np.random.default_rng(1).uniform(-2, 2, (4, 7, 2))
-
-
-CALLS = {
-    "forward_kinematics": "q",
-    "link_frames": "q",
-    "jacobian": "q",
-    "link_jacobians": "q",
-    "jacobian_dot_dq": "q dq",
-    "mass_matrix": "q",
-    "coriolis_matrix": "q dq",
-    "coriolis": "q dq",
-    "coriolis_transpose": "q dq",
-    "gravity": "q",
-    "bias": "q dq",
-    "inverse_dynamics": "q dq ddq",
-    "forward_dynamics": "q dq tau",
-    "regressor": "q dq ddq",
-    "regressor_transpose": "q dq ddq e",
-    "standard_regressor": "q dq ddq",
-    "energy": "q dq",
-    "friction": "dq",
-    "identification_regressor": "q dq ddq",
-}
 SHAPES = {
     "forward_kinematics": (4, 4),
     "link_frames": (2, 4, 4),
@@ -71,16 +23,6 @@ SHAPES = {
 }
 
 
-def arguments(name, states):
-    return [states[STATES[port]] for port in CALLS[name].split()]
-
-
-def close(result, expected, tolerance=ROUND_OFF):
-    result, expected = np.asarray(result), np.asarray(expected)
-    assert result.shape == expected.shape
-    assert np.max(np.abs(result - expected), initial=0) <= tolerance * max(1, np.max(np.abs(expected), initial=0))
-
-
 @pytest.mark.parametrize("name", CALLS)
 def test_every_function_equals_the_reference_for_states_and_batches(name, model, reference, states):
     batch = arguments(name, states)
@@ -92,20 +34,6 @@ def test_every_function_equals_the_reference_for_states_and_batches(name, model,
         close(getattr(model, name)(*(x[3] for x in batch)), np.asarray(expected)[3])
         grid = getattr(model, name)(*(np.stack([x, x]) for x in batch))
         close(grid, np.stack([expected, expected]))
-
-
-def test_given_parameters_replace_the_nominal_ones(model, states):
-    q, dq, ddq, _ = states
-    beta = np.random.default_rng(2).normal(size=6)
-    Ia = np.array([0.3, 0.4])
-    program = planar_model().programs["inverse_dynamics"]
-    close(model.inverse_dynamics(q, dq, ddq, beta, Ia=Ia), evaluate(program, q, dq, ddq, np.concatenate([beta, Ia]))[0])
-    nominal = np.concatenate([beta, [float(x) for x in IA_NOMINAL]])
-    close(model.inverse_dynamics(q, dq, ddq, beta), evaluate(program, q, dq, ddq, nominal)[0])
-    close(model.inverse_dynamics(q, dq, ddq, Ia=Ia), evaluate(program, q, dq, ddq, np.concatenate([model.beta, Ia]))[0])
-    close(model.inverse_dynamics(q, dq, ddq, model.beta), model.inverse_dynamics(q, dq, ddq))
-    many = np.random.default_rng(3).normal(size=(7, 6))
-    close(model.gravity(q, many), np.stack([model.gravity(x, y) for x, y in zip(q, many, strict=True)]))
 
 
 def test_one_value_serves_a_whole_batch_and_leading_dimensions_broadcast(model, states):
@@ -218,96 +146,3 @@ def test_what_the_model_says_about_itself(model):
     assert repr(model) == "<rrrgen.Model planar: RR, 6 base parameters>"
     with pytest.raises(ValueError, match="read-only"):
         model.beta[0] = 1  # the compiled nominal functions would not see it
-
-
-def test_the_identification_regressor_times_its_nominal_parameters_is_the_whole_torque(model, states):
-    q, dq, ddq, _ = states
-    assert model.identification_parameter_names[6:] == ("Ia1", "Ia2", "fv1", "fv2", "fc2", "off2")
-    W = model.identification_regressor(q, dq, ddq)
-    expected = model.inverse_dynamics(q, dq, ddq) + model.friction(dq)
-    close(W @ model.identification_parameters, expected)
-    close(model.identification_regressor(q, dq[0], np.zeros(2))[4], model.identification_regressor(q[4], dq[0], [0, 0]))
-
-
-def test_without_links_the_parameters_must_be_given(states):
-    model = load_model(planar_model(links=False, drives=False), IDENTITY)
-    q = states[0]
-    assert model.beta is None
-    assert model.identification_parameters is None
-    with pytest.raises(ValueError, match=r"gravity: the robot file has no links, so beta= must be given"):
-        model.gravity(q)
-    close(model.gravity(q, np.array([float(x) for x in BETA_NOMINAL])), load_model(planar_model(), IDENTITY).gravity(q))
-    with pytest.raises(ValueError, match="gives no drive inertia"):
-        model.mass_matrix(q, np.ones(6), Ia=[1, 1])
-
-
-def test_a_float_model_computes_in_single_precision(model, states):
-    single = load_model(planar_model(), IDENTITY, real="float")
-    single.engine.prepare()
-    for name in CALLS:
-        result = getattr(single, name)(*arguments(name, states))
-        close(result, getattr(model, name)(*arguments(name, states)), SINGLE)
-    assert single.gravity([0, 0]).dtype == np.float32
-
-
-def test_bound_calls_compute_the_same_in_place(model, states):
-    q, dq, ddq, tau = (x[0] for x in states)
-    f = model.bind("inverse_dynamics")
-    f.inputs["q"][:], f.inputs["dq"][:], f.inputs["ddq"][:] = q, dq, ddq
-    result = f()
-    close(result, model.inverse_dynamics(q, dq, ddq))
-    assert result is f()
-    assert result is f.outputs["tau"]
-    close(f(-q, dq), model.inverse_dynamics(-q, dq, ddq))
-    g = model.bind("gravity", beta=2 * model.beta)
-    close(g(q), 2 * model.gravity(q))
-    g.inputs["beta"][:6] = model.beta  # the drive inertias follow
-    close(g(), model.gravity(q))
-    h = model.bind("forward_dynamics", beta=-model.beta)
-    with pytest.raises(np.linalg.LinAlgError):
-        h(q, dq, tau)
-    assert h.run() == 1
-    with pytest.raises(TypeError):
-        f.inputs["q"] = q  # another array would go unseen
-    with pytest.raises(ValueError, match="no function 'inverse_dynamic'"):
-        model.bind("inverse_dynamic")
-
-
-def test_bound_calls_work_without_a_compiler_too(reference, model, states):
-    q, dq, ddq, tau = (x[0] for x in states)
-    close(reference.bind("inverse_dynamics")(q, dq, ddq), model.inverse_dynamics(q, dq, ddq))
-    f = reference.bind("forward_dynamics", beta=-model.beta)
-    with pytest.raises(np.linalg.LinAlgError):
-        f(q, dq, tau)
-
-
-def test_threads_may_share_a_model(model):
-    q = np.random.default_rng(4).uniform(-2, 2, (20_000, 2))
-    expected = model.mass_matrix(q)
-    results = [None] * 4
-
-    def work(k):
-        results[k] = model.mass_matrix(q)
-
-    threads = [threading.Thread(target=work, args=(k,)) for k in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for result in results:
-        np.testing.assert_array_equal(result, expected)
-
-
-def test_two_models_of_one_name_live_side_by_side(states):
-    plain = load_model(planar_model("twin", drives=False), IDENTITY)
-    driven = load_model(planar_model("twin"), IDENTITY)
-    q = states[0]
-    difference = driven.mass_matrix(q) - plain.mass_matrix(q)
-    close(difference, np.broadcast_to(np.diag([float(x) for x in IA_NOMINAL]), (7, 2, 2)))
-
-
-def test_backends_are_named_right():
-    with pytest.raises(ValueError, match="'c' or 'numpy'"):
-        load_model(planar_model(), IDENTITY, "fortran")
-    with pytest.raises(ValueError, match="double only"):
-        load_model(planar_model(), IDENTITY, "numpy", "float")

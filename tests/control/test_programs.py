@@ -9,21 +9,8 @@ import subprocess
 import numpy as np
 import pytest
 
-import rrrgen
 from control.fault_table import ARMS, built, outcome
-from rrrgen.base.errors import InputError
-
-Ts = 1e-3
-
-
-@pytest.fixture(scope="module")
-def rrr():
-    return rrrgen.compile("rrr")
-
-
-@pytest.fixture(scope="module")
-def controller(rrr):
-    return lambda mode="computed_torque", **parameters: rrr.controller(mode, **parameters)
+from control.units import Ts
 
 
 def motion(t):
@@ -114,32 +101,6 @@ def test_a_push_is_felt_after_a_damaged_sample(rrr, controller):
     assert c.modes[out.mode] == "gravity"
 
 
-def test_parameters_are_checked_by_name(controller):
-    for wrong, name in (
-        ({"kp": np.nan}, r"kp\[0\]"),
-        ({"dq_max": [1.0, 1.0, -1.0]}, r"dq_max\[2\]"),
-        ({"Ts": 0.0}, "Ts"),
-        ({"hold_ticks": -1}, "hold_ticks"),
-        ({"q_min": 1.0, "q_max": 1.0}, r"q_min\[0\]"),
-        ({"kd": 1000.0}, r"kd\[0\]"),
-        ({"tip_kd": 1000.0}, r"tip_kd\[0\]"),
-        ({"beta_min": 2.0, "beta_max": 1.0}, r"beta_min\[0\]"),
-        ({"q_max": np.nan}, r"q_max\[0\]"),
-        ({"dq_max": -np.inf}, r"dq_max\[0\]"),
-        ({"beta": np.inf}, r"beta\[0\]"),
-        ({"kpp": 1.0}, "did you mean 'kp'"),
-    ):
-        with pytest.raises(ValueError, match=name):
-            controller(**wrong)
-
-
-def test_unknown_modes_and_parts(rrr):
-    with pytest.raises(InputError, match="did you mean 'computed_torque'"):
-        rrr.controller(modes=["computed_torqe"])
-    with pytest.raises(InputError, match="exclude"):
-        rrr.controller(parts=["kalman", "differences"])
-
-
 def test_generated_with_the_filter_and_its_self_test(tmp_path):
     from click.testing import CliRunner
 
@@ -212,39 +173,6 @@ def test_the_estimator_learns_a_payload_but_not_a_push(rrr):
     assert np.all(np.isfinite(learned))
 
 
-def test_gains_of_the_filter_are_those_of_the_tuning_and_the_period(rrr, tmp_path):
-    import json
-
-    from click.testing import CliRunner
-
-    from rrrgen.cli.generate import generate
-    from rrrgen.lab.data.kalman import kalman_matrices
-
-    (tmp_path / "tuning.json").write_text(json.dumps({"var_eta": [1e-10], "var_xi": [1e4]}))
-    words = ["--with", "controller", "--modes", "gravity", "--parts", "kalman", "--rate", "500"]
-    arguments = [
-        "pendulum",
-        "-o",
-        str(tmp_path / "out"),
-        "--tuning",
-        str(tmp_path / "tuning.json"),
-        "--no-casadi-files",
-    ]
-    done = CliRunner().invoke(generate, arguments + words)
-    assert done.exit_code == 0, done.output
-    written = json.loads((tmp_path / "out" / "pendulum_controller.json").read_text())
-    defaults = {row["name"]: row["default"] for row in written["structs"]["params"]["fields"]}
-    np.testing.assert_allclose(defaults["kalman_gain"], kalman_matrices(0.002, 1e-10, 1e4).k, rtol=1e-15)
-    assert defaults["Ts"] == [0.002]
-    slow, usual = (
-        rrr.controller(modes=["gravity"], parts=["kalman"], Ts=period).params.kalman_gain[0]
-        for period in (0.004, 0.001)
-    )
-    assert slow > usual
-    with pytest.raises(InputError, match="accelerations"):
-        rrr.controller(parts=["estimator"])
-
-
 def test_near_a_singular_configuration_the_law_is_damped_or_the_arm_stops(rrr):
     q, rest = np.array([0.2, -0.4, 0.0]), np.zeros(3)  # stretched out
     for action, phase, faults in ((0, 0, {"MODEL"}), (1, 2, {"MODEL"})):
@@ -254,20 +182,3 @@ def test_near_a_singular_configuration_the_law_is_damped_or_the_arm_stops(rrr):
         assert c.faults(out.status).keys() - {"CONTACT_UNKNOWN"} == faults
         assert out.phase == phase
         np.testing.assert_allclose(out.tau, rrr.gravity(q), atol=1e-6)
-
-
-@pytest.mark.parametrize("robot", ARMS, ids=["rrr", "Own6", "panda"])
-def test_proposed_dampings_are_stable_when_sampled(robot):
-    from rrrgen.controller.proposals import proposals
-    from rrrgen.controller.table import GROUPS, unit_of
-    from rrrgen.emit.targets.c_package import derived_model
-    from rrrgen.program import evaluate
-    from rrrgen.robot.file import read
-
-    model = derived_model(read(robot), GROUPS)[0]
-    found = proposals(unit_of(model, parts=[]))
-    bounds = [(-3.0, 3.0) if j.limits.lower is None else (j.limits.lower, j.limits.upper) for j in model.spec.joints]
-    q = np.random.default_rng(1).uniform(*np.array(bounds, dtype=float).T, (40, len(bounds)))
-    M = evaluate(model.programs["mass_matrix"], q, np.broadcast_to(found["beta"], (40, len(found["beta"]))))[0]
-    for name in ("stop_damping", "pd_kd", "joint_damping"):
-        assert np.abs(np.linalg.eigvals(np.linalg.inv(M) * np.array(found[name]) * Ts)).max() < 1.5

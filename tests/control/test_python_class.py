@@ -1,0 +1,34 @@
+"""The controller as a Python class: parameters by name, modes and parts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rrrgen.base.errors import InputError
+
+
+def test_parameters_are_checked_by_name(controller):
+    for wrong, name in (
+        ({"kp": np.nan}, r"kp\[0\]"),
+        ({"dq_max": [1.0, 1.0, -1.0]}, r"dq_max\[2\]"),
+        ({"Ts": 0.0}, "Ts"),
+        ({"hold_ticks": -1}, "hold_ticks"),
+        ({"q_min": 1.0, "q_max": 1.0}, r"q_min\[0\]"),
+        ({"kd": 1000.0}, r"kd\[0\]"),
+        ({"tip_kd": 1000.0}, r"tip_kd\[0\]"),
+        ({"beta_min": 2.0, "beta_max": 1.0}, r"beta_min\[0\]"),
+        ({"q_max": np.nan}, r"q_max\[0\]"),
+        ({"dq_max": -np.inf}, r"dq_max\[0\]"),
+        ({"beta": np.inf}, r"beta\[0\]"),
+        ({"kpp": 1.0}, "did you mean 'kp'"),
+    ):
+        with pytest.raises(ValueError, match=name):
+            controller(**wrong)
+
+
+def test_unknown_modes_and_parts(rrr):
+    with pytest.raises(InputError, match="did you mean 'computed_torque'"):
+        rrr.controller(modes=["computed_torqe"])
+    with pytest.raises(InputError, match="exclude"):
+        rrr.controller(parts=["kalman", "differences"])

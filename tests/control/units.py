@@ -1,0 +1,5 @@
+"""Controllers of the reference robot."""
+
+from __future__ import annotations
+
+Ts = 1e-3

@@ -1,0 +1,12 @@
+"""Fixtures that several test files of this folder share."""
+
+from __future__ import annotations
+
+import pytest
+
+import rrrgen
+
+
+@pytest.fixture(scope="module")
+def planar():
+    return rrrgen.compile("planar2r", backend="numpy")
