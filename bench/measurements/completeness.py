@@ -254,8 +254,8 @@ def completeness(poses: int | None, quick: bool, single: bool, seed: int, names:
     found = {(name, kind): Loss() for name in chosen for kind in kinds}
     blocks = [
         Block(name, kind, min(BLOCK, poses - first), seed, seed + first // BLOCK)
-        for name, kind in found
         for first in range(0, poses, BLOCK)
+        for name, kind in found
     ]
     with progress_bar() as tell, suppress(KeyboardInterrupt):
         for done, (k, loss) in enumerate(as_computed(_judged, blocks, jobs, shared=(real,))):
