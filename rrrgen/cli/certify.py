@@ -9,7 +9,7 @@ import click
 
 from rrrgen.base.parallel import without_collection
 from rrrgen.cli.arguments import complete_robot, json_option, print_json, read_with_warnings
-from rrrgen.cli.generate import code_options, emitted, serialized_casadi, with_solver, work_options
+from rrrgen.cli.generate import chosen_unit, code_options, emitted, serialized_casadi, with_solver, work_options
 from rrrgen.cli.terminal import progress_bar, say, verdict
 
 if TYPE_CHECKING:
@@ -40,6 +40,9 @@ if TYPE_CHECKING:
     metavar="ACC",
     help="Likewise for accelerations, rad/s^2 (m/s^2).",
 )
+@click.option(
+    "--value-analysis", is_flag=True, help="Also exclude run-time errors by Frama-C EVA, which takes minutes."
+)
 @click.option("--samples", type=click.IntRange(min=1), default=200, show_default=True, help="States of the comparison.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of all random states.")
 @code_options
@@ -53,6 +56,7 @@ def certify(
     again: bool,
     speed: float | None,
     acceleration: float | None,
+    value_analysis: bool,
     samples: int,
     seed: int,
     real: Real,
@@ -92,6 +96,7 @@ def certify(
     from rrrgen.evidence.boxes import Ranges
     from rrrgen.evidence.certificate import CERTIFICATE, PAGE, certificate_files
     from rrrgen.evidence.coding_rules import checked_with_cppcheck
+    from rrrgen.evidence.value_analysis import analysed_with_eva
     from rrrgen.runtime import load
     from rrrgen.verify import verify
 
@@ -108,7 +113,13 @@ def certify(
             "speed": speed,
             "acceleration": acceleration,
         }
-        coding_rules, unchecked = checked_with_cppcheck(files)
+        tools, unchecked = checked_with_cppcheck(files)
+        if value_analysis:
+            unit = chosen_unit(model, experiment) if "controller" in {*spec.emit, *further} else None
+            found, unanalysed = analysed_with_eva(model, unit, Ranges(speed, acceleration), tell)
+            tools, unchecked = tools | found, [*unchecked, *unanalysed]
+        else:
+            unchecked = [*unchecked, ("run-time errors", "--value-analysis was not asked for")]
         files |= certificate_files(
             model,
             files,
@@ -118,7 +129,7 @@ def certify(
             Ranges(speed, acceleration),
             report,
             seed=seed,
-            further=coding_rules,
+            further=tools,
             skipped=[*_beyond_the_model(files), *unchecked],
             tell=tell,
         )

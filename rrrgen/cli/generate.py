@@ -271,6 +271,13 @@ def _unit(model: DerivedModel, any_gravity: DerivedModel | None, chosen: dict[st
     return unit_of(any_gravity, **chosen)
 
 
+def chosen_unit(model: DerivedModel, experiment: dict[str, Any]) -> Unit | None:
+    """The controller that the options of :func:`controller_options` choose; None if it calls another model, that with
+    gravity as an input."""
+    chosen = _chosen(experiment, model.spec.n)
+    return None if "any_gravity" in (chosen["parts"] or ()) else _unit(model, None, chosen)
+
+
 def _motion(path: Path, joints: int) -> Program:
     """The program that evaluates the trajectory of the excitation result ``path`` for a robot of ``joints`` joints."""
     from rrrgen.base.errors import InputError

@@ -1,0 +1,328 @@
+"""Run-time errors of emitted C, by the value analysis EVA of Frama-C: indices, pointers, conversions, numbers.
+
+Model functions are analysed over the box of the robot file's limits, where every number that is not finite counts as an
+alarm. The controller is analysed from every state that it can have, with any bits in its input, NaN and infinity
+included: whether an operation fails, and whether all numbers of its output and of the next state are finite. Its
+parameters are within the ranges of their table, which ``_check`` sees to; ``_check`` itself is analysed with any bits.
+
+EVA knows no relations between variables. Where the code relies on one, the analysed text says the same in another way:
+the bits that show whether numbers are finite are read as comparisons (a test holds that both agree), ``fabs`` as a
+choice, and ``tanh`` by its bounds. The modes are analysed one by one.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rrrgen.controller.files import standalone_files
+from rrrgen.controller.layout import COUNTERS, structs
+from rrrgen.controller.proposals import proposals
+from rrrgen.emit.c.function_files import function_files
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of
+
+if TYPE_CHECKING:
+    from rrrgen.base.parallel import Tell
+    from rrrgen.controller.layout import Struct
+    from rrrgen.controller.table import Field, Unit
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.program import Program
+
+OPTIONS = (
+    *("-machdep", "gcc_x86_64", "-cpp-extra-args=-I. -include stated.h", "-eva", "-eva-precision", "3"),
+    *("-eva-auto-loop-unroll", "200", "-eva-split-return", "auto", "-eva-interprocedural-splits"),
+    "-eva-no-show-progress",
+)
+"""Options of every analysis; the certificate states them."""
+
+STATED = """#include <math.h>
+/*@ assigns \\result \\from x;
+    ensures \\is_finite(x) ==> -1.0 <= \\result <= 1.0; */
+double stated_tanh(double x);
+#define tanh(x) stated_tanh(x)
+#define fabs(x) (((x) < 0) ? -(x) : (x))
+"""
+"""What is stated about the C library beside EVA's own specifications."""
+
+LARGEST = "1.7976931348623157e308"
+_FAR = 1e12  # what the controller takes infinite parameters for
+
+
+class Alarm(NamedTuple):
+    """Something that the analysis could not exclude or show: where, of which kind, and the property that is open."""
+
+    file: str
+    line: int
+    kind: str
+    property: str
+
+
+def is_available() -> bool:
+    """Whether Frama-C is installed."""
+    return shutil.which("frama-c") is not None
+
+
+def alarms(
+    directory: Path, files: Mapping[str, str], main: str, special: str = "none", apart: Sequence[str] = ()
+) -> list[Alarm]:
+    """What stays open when ``main`` of the C ``files`` is analysed in ``directory``, in which they are written.
+
+    Files whose names end with ``.c`` are sources, unless others include them. ``special`` says which floating-point
+    values are alarms: "none" or "non-finite". In the functions ``apart`` up to 400 states are kept apart. Raises
+    RuntimeError where the analysis does not come to an end.
+    """
+    for name, text in {**files, "stated.h": STATED}.items():
+        (directory / name).write_text(text, encoding="utf-8", newline="\n")
+    included = {name for name in files if any(f'#include "{name}"' in text for text in files.values())}
+    sources = [name for name in sorted(files) if name.endswith(".c") and name not in included]
+    report = directory / f"{main}.csv"
+    command = ["frama-c", *sources, "-main", main, "-warn-special-float", special, *OPTIONS]
+    command += ["-eva-slevel-function", ",".join(f"{name}:400" for name in apart)] if apart else []
+    command += ["-then", "-report-csv", report.name]
+    place = {**os.environ, "PWD": str(directory.resolve())}  # Frama-C believes this variable more than the system
+    done = subprocess.run(command, cwd=directory, env=place, capture_output=True, text=True, check=False)
+    if done.returncode != 0 or not report.is_file():
+        raise RuntimeError(f"frama-c, {main}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+    with report.open(encoding="utf-8", newline="") as lines:
+        rows = list(csv.DictReader(lines, delimiter="\t"))
+    return [
+        Alarm(row["file"], int(row["line"]), row["property kind"], row["property"])
+        for row in rows
+        if row["directory"] != "FRAMAC_SHARE/libc" and not _is_settled(row)
+    ]
+
+
+def _is_settled(row: Mapping[str, str]) -> bool:
+    """Whether a property holds. What is never reached holds too, except for what the driver wants to be shown."""
+    if row["status"] == "Dead":
+        return row["property kind"] != "user assertion"
+    return row["status"] in ("Valid", "Considered valid")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Model functions
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def function_alarms(program: Program, box: Mapping[str, PortRange], directory: Path) -> list[Alarm]:
+    """What stays open about a model function, for all inputs in the ``box``, which has all of its input ports."""
+    lines, post, given = [], [], []
+    for port in program.inputs:
+        lines.append(f"double {port.name}[{port.size}];")
+        bounds = zip(box[port.name].lower, box[port.name].upper, strict=True)
+        lines += [f"{port.name}[{k}] = {_interval(low, high)};" for k, (low, high) in enumerate(bounds)]
+        given.append(port.name if port.shape else f"{port.name}[0]")
+    for port in program.data_outputs:
+        lines.append(f"double {port.name}_[{port.size}];")
+        given.append(f"{port.name}_")
+        post += [f"/*@ assert \\is_finite({port.name}_[{k}]); */" for k in range(port.size)]
+    call = f"(void)analysed_{program.name}({', '.join(given)});"
+    body = "\n    ".join([*lines, call, *post])
+    driver = f'#include "analysed.h"\n#include "__fc_builtin.h"\nvoid analysed(void)\n{{\n    {body}\n}}\n'
+    files = function_files("analysed", "one function", [program], "double")
+    return alarms(directory, {**files, "driver.c": driver}, "analysed", "non-finite")
+
+
+def _interval(low: float, high: float) -> str:
+    return f"Frama_C_double_interval({low!r}, {high!r})"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The controller
+# ---------------------------------------------------------------------------------------------------------------------
+
+ENTRIES = ("step", "start", "checks")
+"""What is analysed: a tick; init, set and reset with parameters in their ranges; all functions with any parameters."""
+
+
+def controller_alarms(unit: Unit, directory: Path, entry: str) -> list[Alarm]:
+    """What stays open about one of :data:`ENTRIES` of the controller, in double."""
+    files = {name: text for name, text in standalone_files(unit, "double").items() if not name.endswith(".json")}
+    prefix = f"{unit.model.spec.name.removesuffix('_any_gravity')}_controller"
+    files[f"{prefix}.c"] = _readable(files[f"{prefix}.c"], prefix)
+    apart = (f"{prefix}_step", f"{prefix}_with_sample")
+    return alarms(directory, {**files, "driver.c": _driver(unit, prefix, entry)}, entry, apart=apart)
+
+
+def _readable(text: str, prefix: str) -> str:
+    """The controller's source with finiteness read by comparisons, and one analysis for each mode."""
+    start = text.index(f"static int {prefix}_finite(")
+    end = text.index("\n}\n", start) + 3
+    law = text.index(f"if ({prefix}_referenced(input, mode) == 0)")
+    finite = (
+        f"static int {prefix}_finite(const {prefix}_real *x, size_t count)\n"
+        "{\n    size_t k;\n\n    for (k = 0; k < count; ++k) {\n"
+        "        if (!((x[k] == x[k]) && (x[k] > -INFINITY) && (x[k] < INFINITY))) {\n            return 0;\n"
+        "        }\n    }\n    return 1;\n}\n"
+    )
+    return f"{text[:start]}{finite}{text[end:law]}/*@ split mode; */\n    {text[law:]}"
+
+
+def _driver(unit: Unit, prefix: str, entry: str) -> str:
+    laid = structs(unit, "double", proposals(unit))
+    parameters = [_parameter(place.field) for place in laid.parameters.places if place.field.name != "reserved"]
+    memory = [_set(f"state.memory.{place.field.name}", place.field, _any_number()) for place in laid.memory.places]
+    derived = [
+        _set(f"state.{f.name}", f, _any_number() if f.name == "beta_loaded" else _interval(0.0, 1.0))
+        for f in (place.field for place in laid.derived.places)
+        if not f.integer
+    ]
+    kept = [*_finite("state.memory", laid.memory), *_finite("state", laid.derived)]
+    counters = [f"state.{field.name} = {_COUNTERS[field.name]};" for field in COUNTERS if field.name in _COUNTERS]
+    ranges = [
+        "/*@ assert 0 <= state.phase <= 3; */",
+        "/*@ assert -1 <= state.mode <= 31; */",
+        "/*@ assert 0 <= state.good <= 1000000000; */",
+        "/*@ assert 0 <= state.bad <= 1000000000; */",
+    ]
+    shares = [
+        f"/*@ assert 0.0 <= state.{f.name}{'[0]' if f.array else ''} <= 1.0; */"
+        for f in (place.field for place in laid.derived.places)
+        if not f.integer and f.name != "beta_loaded"
+    ]
+    macro = prefix.upper()
+    whole = [f"given.size = sizeof(given); given.abi = {macro}_ABI; given.model = {macro}_MODEL;", *parameters]
+    unknown = "Frama_C_make_unknown((char *)&{0}, sizeof {0});"
+    started = [*kept, *shares, *ranges]
+    mains = {
+        "step": [
+            *whole,
+            "state.params = given;",
+            f"{prefix}_without_infinity(&state.params);",
+            *memory,
+            *derived,
+            unknown.format("state.magic"),
+            unknown.format("state.sample"),
+            *counters,
+            unknown.format("input"),
+            f"(void){prefix}_step(&state, &input, &output);",
+            *_finite("output", laid.output),
+            *_finite("state.memory", laid.memory),
+            *ranges,
+        ],
+        "start": [
+            *whole,
+            unknown.format("input"),
+            f"if ({prefix}_init(&state, &given, &input) == 0) {{",
+            *started,
+            f"(void){prefix}_set(&state, &given);",
+            *started,
+            *counters,
+            f"(void){prefix}_reset(&state, &input);",
+            *started,
+            "}",
+        ],
+        "checks": [
+            f"{prefix}_default(&given);",
+            unknown.format("given"),
+            unknown.format("input"),
+            f"(void){prefix}_check(&given);",
+            f"(void){prefix}_init(&state, &given, &input);",
+            f"(void){prefix}_set(&state, &given);",
+            f"(void){prefix}_field_name(Frama_C_interval(INT_MIN, INT_MAX), text);",
+            f"(void){prefix}_status_text(Frama_C_unsigned_int_interval(0u, UINT_MAX));",
+        ],
+    }
+    body = "\n    ".join(mains[entry])
+    return (
+        f'#include "{prefix}.c"\n#include "__fc_builtin.h"\n#include <limits.h>\n'
+        f"static {prefix}_params given;\nstatic {prefix}_state state;\nstatic {prefix}_input input;\n"
+        f"static {prefix}_output output;\nstatic char text[64];\n\n"
+        f"void {entry}(void)\n{{\n    int k;\n    {body}\n}}\n"
+    )
+
+
+_COUNTERS = {
+    "phase": "Frama_C_interval(0, 3)",
+    "mode": "Frama_C_interval(-1, 31)",
+    "good": "Frama_C_interval(0, 1000000000)",
+    "bad": "Frama_C_interval(0, 1000000000)",
+    "observing": "Frama_C_interval(0, 1)",
+    "yielding": "Frama_C_interval(0, 1)",
+    "blending": "Frama_C_interval(0, 1)",
+}
+
+
+def _any_number() -> str:
+    return f"Frama_C_double_interval(-{LARGEST}, {LARGEST})"
+
+
+def _set(target: str, field: Field, value: str) -> str:
+    return (
+        f"for (k = 0; k < {field.count}; ++k) {{ {target}[k] = {value}; }}" if field.array else f"{target} = {value};"
+    )
+
+
+def _parameter(field: Field) -> str:
+    if field.integer:
+        return _set(f"given.{field.name}", field, f"Frama_C_interval({int(field.low)}, {int(field.high)})")
+    low = -_FAR if field.infinite and field.low < 0.0 else field.low
+    high = _FAR if field.infinite else field.high
+    return _set(f"given.{field.name}", field, _interval(low, high))
+
+
+def _finite(owner: str, struct: Struct) -> list[str]:
+    """Assertions that all numbers of a struct are finite."""
+    return [
+        f"for (k = 0; k < {field.count}; ++k) {{ /*@ assert \\is_finite({owner}.{field.name}[k]); */ }}"
+        if field.array
+        else f"/*@ assert \\is_finite({owner}.{field.name}); */"
+        for field in (place.field for place in struct.places)
+        if not field.integer
+    ]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The certificate
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def analysed_with_eva(
+    model: DerivedModel, unit: Unit | None, ranges: Ranges, tell: Tell | None = None
+) -> tuple[dict[str, Any], list[tuple[str, str]]]:
+    """The certificate's entry about run-time errors of model functions and of the controller; what was not analysed,
+    with the reason. ``tell(done, total, message)`` is called as the work proceeds; it takes seconds for each function,
+    minutes for the controller."""
+    if not is_available():
+        return {}, [("run-time errors", "Frama-C is not installed")]
+    beta = [*(model.beta_nominal or ()), *(model.drive_inertia_nominal or ())]
+    nominal = [float(value) for value in beta] if beta else None
+    skipped: list[tuple[str, str]] = []
+    found: list[tuple[str, list[Alarm]]] = []
+    for done, (name, program) in enumerate(model.programs.items()):
+        if tell is not None:
+            tell(done, len(model.programs), f"run-time errors of {name}")
+        box = box_of(program, model.spec, nominal, ranges)
+        missing = [port.name for port in program.inputs if port.name not in box]
+        if missing:
+            skipped.append((f"run-time errors of {name}", f"no range of {', '.join(missing)} is known"))
+            continue
+        with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
+            found.append((name, function_alarms(program, box, Path(folder))))
+    for entry in ENTRIES if unit is not None else ():
+        assert unit is not None
+        if tell is not None:
+            tell(0, 0, f"run-time errors of the controller, {entry}")
+        with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
+            found.append((f"controller, {entry}", controller_alarms(unit, Path(folder), entry)))
+    return {"run_time_errors": run_time_errors_entry(found)}, skipped
+
+
+def run_time_errors_entry(found: Iterable[tuple[str, Sequence[Alarm]]]) -> dict[str, Any]:
+    """The entry ``run_time_errors`` of the certificate: a row for everything that was analysed."""
+    rows = [(what, len(open_), "; ".join(f"{a.file}:{a.line} {a.kind}" for a in open_)) for what, open_ in found]
+    total = sum(count for _, count, _ in rows)
+    return {
+        "summary": f"Frama-C EVA, {' '.join(OPTIONS)}: {total} alarms. Model functions over the limits of the robot "
+        "file, with numbers that are not finite as alarms; the controller with any input, and with all numbers of "
+        "output and state shown to be finite.",
+        "alarms": total,
+        "headings": ["what", "alarms", "open"],
+        "rows": [list(row) for row in rows],
+    }

@@ -1,0 +1,87 @@
+"""Run-time errors: EVA finds none in a controller and a model function, and finds one where there is one."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from rrrgen.controller.files import standalone_files
+from rrrgen.controller.table import GROUPS, unit_of
+from rrrgen.emit.targets.c_package import derived_model
+from rrrgen.evidence import value_analysis
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of
+from rrrgen.evidence.value_analysis import ENTRIES, controller_alarms, function_alarms, run_time_errors_entry
+from rrrgen.program import Builder, Port
+from rrrgen.robot.file import read
+
+needs_frama_c = pytest.mark.skipif(not value_analysis.is_available(), reason="Frama-C is not installed")
+
+
+@pytest.fixture(scope="module")
+def model():
+    return derived_model(read("pendulum"), GROUPS)[0]
+
+
+@needs_frama_c
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_the_controller_has_no_run_time_error_and_stays_finite(model, entry, tmp_path):
+    """Of the pendulum, with one law; `rrrgen certify --value-analysis` does so with all modes and parts."""
+    unit = unit_of(model, ["computed_torque"], ["observer"])
+    assert controller_alarms(unit, tmp_path, entry) == []
+
+
+@needs_frama_c
+def test_without_its_gate_the_controller_is_not_finite(model, tmp_path, monkeypatch):
+    readable = value_analysis._readable
+    gate = "(pendulum_controller_finite(&tick.ratio, 1) != 0) ? tick.ratio : ZERO"
+    monkeypatch.setattr(value_analysis, "_readable", lambda text, p: readable(text, p).replace(gate, "tick.ratio"))
+    open_ = controller_alarms(unit_of(model, ["computed_torque"], ["observer"]), tmp_path, "step")
+    assert [each.property for each in open_] == ["\\is_finite(output.contact_ratio)"]
+
+
+@needs_frama_c
+def test_a_model_function_within_its_limits_and_a_division_by_zero(model, tmp_path):
+    program = model.programs["inverse_dynamics_nominal"]
+    assert function_alarms(program, box_of(program, model.spec, None, Ranges()), tmp_path) == []
+    b = Builder()
+    (x,) = b.input(Port("x", (1,)))
+    quotient = b.program("quotient", [(Port("y", (1,)), [1 / x])])
+    found = function_alarms(quotient, {"x": PortRange((-1.0,), (1.0,), "")}, tmp_path)
+    assert found
+    entry = run_time_errors_entry([("quotient", found)])
+    assert entry["alarms"] == len(found)
+    assert entry["rows"][0][0] == "quotient"
+
+
+BITS = """#include "pendulum_controller.c"
+#include <stdio.h>
+int main(void)
+{
+    uint64_t high, low, differ = 0;
+    for (high = 0; high < 4096; ++high) {
+        for (low = 0; low < 64; ++low) {
+            const uint64_t bits = (high << 52) | (low < 52 ? (uint64_t)1 << low : (low == 52 ? 0 : (((uint64_t)1 << 52) - low + 52)));
+            double x[3] = {1.0, 2.0, 3.0};
+            int k;
+            for (k = 0; k < 3; ++k) {
+                const double before = x[k];
+                memcpy(&x[k], &bits, sizeof bits);
+                differ += (pendulum_controller_finite(x, 3) != 0) != (x[k] == x[k] && x[k] > -INFINITY && x[k] < INFINITY);
+                x[k] = before;
+            }
+        }
+    }
+    return differ != 0;
+}
+"""  # noqa: E501
+
+
+def test_the_bits_of_the_gate_say_what_the_analysed_comparisons_say(model, tmp_path):
+    """For both signs, all exponents and 64 mantissas: bits of the mantissa matter nowhere else."""
+    files = standalone_files(unit_of(model, ["gravity"], []), "double") | {"main.c": BITS}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    sources = [name for name in files if name.endswith(".c") and name != "pendulum_controller.c"]
+    subprocess.run(["gcc", "-std=c99", "-O1", *sources, "-lm", "-o", "gate"], cwd=tmp_path, check=True)
+    subprocess.run(["./gate"], cwd=tmp_path, check=True)
