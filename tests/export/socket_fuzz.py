@@ -561,12 +561,13 @@ def _tuned(text: str) -> str:
     return text.replace("arm_controller_default(&params);", "arm_controller_default(&params);\n    tune(&params);")
 
 
-def _sources(r: Run) -> list[str]:
+def _objects(r: Run, folder: str) -> list[str]:
+    """Compile what the controller calls of the C of a package."""
     objects = []
-    for source in sorted((r.folder / "src").glob("arm*.c")):
+    for source in sorted((r.folder / folder).glob("arm*.c")):
         if not re.search("derivatives|nominal|_ik.c", source.name) or "differential_ik" in source.name:
             objects.append(f"{source.stem}.o")
-            run(*C, "-c", f"src/{source.name}", "-o", objects[-1], cwd=r.folder)
+            run(*C, "-c", f"{folder}/{source.name}", "-o", objects[-1], cwd=r.folder)
     return objects
 
 
@@ -604,7 +605,7 @@ int main()
 }}
 """
     options = ("-Wno-unused-function", f"-I{HERE / 'board_stand_ins'}", "-Isrc")
-    return r.program(text, CPP, *options, "use.cpp", *_sources(r), suffix=".cpp")
+    return r.program(text, CPP, *options, "use.cpp", *_objects(r, "src"), suffix=".cpp")
 
 
 def zephyr(r: Run) -> np.ndarray:
@@ -659,7 +660,9 @@ int main(void)
     return sample_main();
 }}
 """
-    return r.program(text, C, "-Wno-unused-function", f"-I{HERE / 'board_stand_ins'}", "-Isrc", "use.c", *_sources(r))
+    return r.program(
+        text, C, "-Wno-unused-function", f"-I{HERE / 'board_stand_ins'}", "-Isrc", "use.c", *_objects(r, "src")
+    )
 
 
 def ros2(r: Run) -> np.ndarray:
@@ -723,10 +726,7 @@ int main()
     return fclose(outputs);
 }}
 """
-    objects = []
-    for name in ("arm", "arm_controller", "arm_differential_ik"):
-        objects.append(f"{name}.o")
-        run(*C, "-c", f"model/{name}.c", "-o", objects[-1], cwd=r.folder)
+    objects = _objects(r, "model")
     return r.program(text, CPP, f"-I{HERE / 'ros2_stand_ins'}", "-Imodel", "-I.", "use.cpp", *objects, suffix=".cpp")
 
 

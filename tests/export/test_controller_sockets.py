@@ -455,9 +455,9 @@ def test_the_loader_of_ros2_finds_the_controller(tmp_path):
     libraries = [path.parent for path in (prefix / "lib").rglob("libclass_loader.so")]
     link = [f"{option}{path}" for path in libraries for option in ("-L", "-Wl,-rpath,")]
     options = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fPIC", "-Imodel", *found, f"-isystem{STAND_INS}"]
-    for source in ("arm", "arm_controller", "arm_differential_ik"):
-        run("gcc", "-std=c99", "-O0", "-fPIC", "-c", f"model/{source}.c", cwd=folder)
-    objects = ["arm.o", "arm_controller.o", "arm_differential_ik.o"]
+    sources = ["arm.c", *OF_UNIT]
+    run("gcc", "-std=c99", "-O0", "-fPIC", "-c", *(f"model/{source}" for source in sources), cwd=folder)
+    objects = [f"{source[:-1]}o" for source in sources]
     run("g++", *options, "-shared", "src/controller.cpp", *objects, "-o", "libarm_controller.so", cwd=folder)
     run("g++", *options, "use.cpp", *link, "-lclass_loader", "-lconsole_bridge", "-ldl", "-o", "use", cwd=folder)
     assert run(folder / "use", folder / "libarm_controller.so", cwd=folder) == "1 arm_ros::Controller\n"
