@@ -2,12 +2,14 @@
 
 The torques in sliding are fitted with inertia, gravity, Coulomb and viscous friction and a Stribeck term, once alone
 and once with viscous and Coulomb friction that change linearly with the time s from -1/2 to 1/2. Friction drifts if the
-change explains torques in blocks of time that were left out, clearly and by more than a model error would.
+change explains torques in blocks of time that were left out, clearly and by more than a model error would. It is then
+taken off the recorded torques before friction laws are fitted.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,10 +59,25 @@ class Drift:
         return (
             f"friction drifts: from beginning to end viscous friction changes by {self.viscous:+.3g} +- "
             f"{self.viscous_std:.1g}{share} and Coulomb friction by {self.coulomb:+.3g} +- {self.coulomb_std:.1g}, "
-            f"which explains {100 * self.gain:.0f} % of the squared torque errors that are left; the estimates mix "
-            f"beginning and end (with the drift, in the middle, viscous {self.mean_viscous:.4g} and coulomb "
-            f"{self.mean_coulomb:.4g}): warm the joint up, and record again"
+            f"which explains {100 * self.gain:.0f} % of the squared torque errors that are left; it is part of the "
+            "fit, and the estimates are those in the middle of the recording: warm the joint up, and record again"
         )
+
+    def removed(self, data: JointData) -> JointData:
+        """The recording ``data`` as it would be with the friction of its middle."""
+        dq = data.motion[1]
+        s = np.arange(len(dq)) / len(dq) - 0.5
+        sliding = np.clip(dq / data.slow, -1.0, 1.0)  # the direction of sliding, uncertain in slow motion
+        return replace(data, u=data.u - s * (self.viscous * dq + self.coulomb * sliding))
+
+    def added(self, std: Mapping[str, float]) -> dict[str, float]:
+        """Deviations ``std`` of the parameters of a law, name -> value, with those of the drift at either end."""
+        own = {"viscous": self.viscous_std, "coulomb": self.coulomb_std}
+        return {name: float(np.hypot(value, 0.5 * own.get(name[:7], 0.0))) for name, value in std.items()}
+
+    def to_json(self) -> dict[str, float]:
+        """Changes from beginning to end with their deviations, and what they explain, as plain data."""
+        return asdict(self)
 
 
 def friction_drift(data: JointData, gravity: int, delay: float) -> Drift | None:

@@ -13,7 +13,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.lab.friction.candidate_laws import DELAY, Candidate, candidates
 from rrrgen.lab.friction.choice import FOLDS, LawScore, choose, fold_of, score
-from rrrgen.lab.friction.drift import friction_drift
+from rrrgen.lab.friction.drift import Drift, friction_drift
 from rrrgen.lab.friction.initial_values import LEAST_INERTIA, best_delay, growth_rate, sliding_samples, start_values
 from rrrgen.lab.friction.joint_recording import JointData
 from rrrgen.lab.friction.kalman_filter import kalman_estimates
@@ -220,7 +220,8 @@ class FrictionEstimate:
     """Friction estimates of one joint: all ``laws`` fitted to ``data``, and the ``chosen`` one.
 
     ``noise_ratio`` is the estimated ratio of torque noise to encoder noise, ``windows`` the number of windows into
-    which the recording was cut, and ``notes`` are warnings to the user.
+    which the recording was cut, and ``notes`` are warnings to the user. ``data`` are without the ``drift`` of the
+    friction, if there is one; the estimates are then those in the middle of the recording.
     """
 
     data: JointData
@@ -229,6 +230,7 @@ class FrictionEstimate:
     noise_ratio: float
     windows: int
     notes: tuple[str, ...] = ()
+    drift: Drift | None = None
 
     def lines(self) -> list[str]:
         """The table of laws and the parameters of the chosen one as text."""
@@ -268,6 +270,7 @@ class FrictionEstimate:
             "sampling_period": self.data.period,
             "windows": self.windows,
             "noise_ratio": self.noise_ratio,
+            "drift": None if self.drift is None else self.drift.to_json(),
             "notes": list(self.notes),
         }
 
@@ -294,6 +297,10 @@ def estimate_friction(
     wide = float(np.ptp(data.q)) > WIDE
     laws = [law for law in candidates(gravity, wide) if not wanted or law.name in wanted]
     delay = best_delay(data, max(gravity, 1))
+    drift = friction_drift(data, max(gravity, 1), delay)
+    drift = None if drift is None or not drift.is_certain else drift
+    if drift is not None:
+        data = drift.removed(data)
     started = {law.name: start_values(law, data, delay) for law in laws}
     _check_start(list(started.values()), data)
     least = {name: theta for name, (theta, _) in started.items()}
@@ -320,10 +327,15 @@ def estimate_friction(
     chosen = estimates[best]
     _check(chosen, data)
     largest = chosen.values["inertia"] * (2.0 * np.pi * FASTEST / data.period) ** 2
-    drift = friction_drift(data, max(gravity, 1), delay)
-    drifts = () if drift is None or not drift.is_certain else (drift.sentence,)
-    told = (*drifts, *notes(chosen, data), *stiff_bristles(chosen, estimates, largest))
-    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), told)
+    if drift is not None:
+        estimates = [replace(each, std=drift.added(each.std)) for each in estimates]
+        chosen = estimates[best]
+    told = (
+        *(() if drift is None else (drift.sentence,)),
+        *notes(chosen, data),
+        *stiff_bristles(chosen, estimates, largest),
+    )
+    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), told, drift)
 
 
 class _OutputError:
