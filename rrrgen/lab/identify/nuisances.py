@@ -5,7 +5,8 @@ They enter the equation of every joint beside the parameters theta of the model,
     tau_j(t + d_j) = k_j Y_j(q + delta, dq, ddq; g + gamma) theta + s (a_j dq_j + b_j sgn dq_j) + more columns,
 
 with zeros delta, gains k, delays d, the tilt gamma of gravity against the base, and friction that drifts with s, the
-time from -1/2 to 1/2. For given zeros, gains and delays all others are linear: the problem is separable, and
+time from -1/2 to 1/2. Recorded behind a gear of ratio N, the motion of a joint is N times its own and the torque 1/N of
+it. For given zeros, gains and delays all others are linear: the problem is separable, and
 variable projection (Golub and Pereyra 1973) leaves a search for these few. Their derivatives at the fit are columns
 beside the regressor, which tell the rank and the covariance.
 """
@@ -29,13 +30,13 @@ from rrrgen.lab.identify.diagnosis.trial_fits import FLOOR, Regressor, Sample, f
 from rrrgen.lab.identify.regressor import RigidModel
 from rrrgen.robot.model.inertial_parameters import standard_parameters
 
-Kind = Literal["zero", "gain", "delay", "tilt", "viscous drift", "Coulomb drift", "column"]
+Kind = Literal["zero", "gain", "delay", "tilt", "viscous drift", "Coulomb drift", "column", "ratio"]
 ALL = -1  # place of a delay that all joints share
 UNIT: dict[Kind, float] = {"delay": 0.01}
 """A common size of a parameter, in SI, where that is not 1."""
 STEP = 1e-4  # rad (m) of the central differences
 LEAST = 1e-4  # effect of a nuisance parameter on the torques, relative, below which nothing can determine it
-LARGEST_STEP: dict[Kind, float] = {"zero": 1.0, "gain": 1.0, "delay": 0.1}
+LARGEST_STEP: dict[Kind, float] = {"zero": 1.0, "gain": 1.0, "delay": 0.1, "ratio": 1.0}
 STEPS, TRIES, SETTLED = 8, 6, 2e-4  # of the search; relative decrease of the squares at which it ends
 GRID = 15.0 * np.pi / 180.0  # one of 30 degrees missed the zero of a real arm
 BEST_OF_GRID = 3
@@ -50,7 +51,7 @@ class Term(NamedTuple):
     @property
     def is_linear(self) -> bool:
         """Whether the torques are linear in the parameter itself."""
-        return self.kind not in ("zero", "gain", "delay")
+        return self.kind not in ("zero", "gain", "delay", "ratio")
 
 
 class Instants(NamedTuple):
@@ -163,20 +164,25 @@ class NuisanceFit:
         self.size = np.sqrt(np.sum(np.where(sample.use, sample.tau, 0.0) ** 2, axis=0) / self.counts)
         self.size = np.maximum(self.size, 1e-3 * max(float(np.max(self.size)), np.finfo(float).tiny))
         self.n = sample.n
+        self.fixed_points = np.zeros(self.n)  # positions that are read alike at either side of a gear
 
     # -- the least-squares problem at given values of the nuisance parameters --------------------------------------
 
     def regressor_at(self, values: Mapping[Term, float]) -> tuple[Array, Array]:
         """Regressor (N, n, r) of x and torques (N, n) at ``values`` of zeros, gains and delays."""
-        sample = self.sample
-        W = np.asarray(self.regressor(self._positions(values), sample.dq, sample.ddq)) * self._gains(values)[:, None]
+        W = np.asarray(self.regressor(*self._motion(values))) * self._gains(values)[:, None]
         return W @ self.T, self._torque(values) - W @ self.known
 
-    def _positions(self, values: Mapping[Term, float]) -> Array:
-        return np.asarray(self.sample.q + [values.get(Term("zero", j), 0.0) for j in range(self.n)])
+    def _motion(self, values: Mapping[Term, float]) -> tuple[Array, Array, Array]:
+        sample, here = self.sample, self.fixed_points
+        zeros = np.array([values.get(Term("zero", j), 0.0) for j in range(self.n)])
+        ratio = np.exp([values.get(Term("ratio", j), 0.0) for j in range(self.n)])
+        q = sample.q if np.all(ratio == 1.0) else here + (sample.q - here) / ratio
+        return q + zeros, sample.dq / ratio, sample.ddq / ratio
 
     def _gains(self, values: Mapping[Term, float]) -> Array:
-        return np.asarray(np.exp([values.get(Term("gain", j), 0.0) for j in range(self.n)]))
+        gain = [values.get(Term("gain", j), 0.0) - values.get(Term("ratio", j), 0.0) for j in range(self.n)]
+        return np.asarray(np.exp(gain))
 
     def _torque(self, values: Mapping[Term, float]) -> Array:
         delays = np.array([values.get(Term("delay", j), 0.0) for j in range(self.n)])
@@ -188,17 +194,21 @@ class NuisanceFit:
 
         W (N, n, r) is the regressor at these values.
         """
-        sample, theta = self.sample, self.T @ x + self.known
-        q = self._positions(values)
-        at = Instants(q, sample.dq, sample.ddq, sample.torque_rate, self.time)
+        theta = self.T @ x + self.known
+        motion = self._motion(values)
+        at = Instants(*motion, self.sample.torque_rate, self.time)
         torque = W @ x
         if np.any(self.known):
-            torque = torque + self._gains(values) * (self.regressor(q, sample.dq, sample.ddq) @ self.known)
+            torque = torque + self._gains(values) * (self.regressor(*motion) @ self.known)
         beta = theta[: len(self.influence.model.base_parameter_names)]
         found = self.influence.columns(terms, at, torque, beta, self._gains(values))
         for k, term in enumerate(terms):
             if term.kind == "column":
                 found[..., k] = self._everything[..., term.place]
+            elif term.kind == "ratio":
+                sides = ({**values, term: values.get(term, 0.0) + move} for move in (STEP, -STEP))
+                ahead, behind = (self.regressor(*self._motion(v)) @ theta * self._gains(v) for v in sides)
+                found[..., k] = (ahead - behind) / (2.0 * STEP)
         return found
 
     @cached_property

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from rrrgen.base.arrays import Array
 from rrrgen.base.yamltext import signal_units
 from rrrgen.lab.data.mapping import Channel, LogMapping, Signal
 
@@ -179,6 +180,22 @@ class Wording:
             f"the torque constant of joint {self.joints[joint]} is wrong",
             self._entry("torque", joint, f"gain: {gain:.4g}") + self._where(),
         )
+
+    def gear_sides(self, ratios: Sequence[float] | Array, std: Sequence[float | None], at_motors: bool) -> Cause:
+        """The cause that motion and torque are those of the other side of the gears.
+
+        ``ratios`` (n,) are motor turns per joint turn; those whose deviation ``std`` (n,) is None are undetermined.
+        """
+        if not at_motors and all(abs(r - 1.0) < 0.2 for r, s in zip(ratios, std, strict=True) if s is not None):
+            return Cause(
+                "positions and torques are recorded at the joints, not at the motors", f"side: joint{self._where()}"
+            )
+        pairs = zip(self.joints, ratios, std, strict=True)
+        told = "; ".join(
+            f"joint {name}: gear_ratio: " + ("that of its gear" if s is None else f"{r:.4g}") for name, r, s in pairs
+        )
+        where = "at the motors" if at_motors else "behind smaller gears"
+        return Cause(f"positions and torques are recorded {where}", f"side: motor; {told}{self._where()}")
 
     def delay(self, joint: int | None, late: float) -> Cause:
         """The cause that the torques of a joint, or of all joints (None), are recorded ``late`` (s) too late."""

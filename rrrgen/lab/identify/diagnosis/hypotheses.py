@@ -30,6 +30,11 @@ MOST_INSTANTS = 4000  # times joints
 SCREENED = 0.02  # gain of one linear step, from which on a hypothesis is fitted until it converges
 WORTH = 0.005  # relative torque error below which nothing needs an explanation
 LARGE = 0.1  # relative torque error of a joint, from which on zeros are sought all around the circle
+RATIOS = np.geomspace(1.0 / 400.0, 400.0, 61)  # gear ratios common to all joints from which a fit may start
+BEST_OF_RATIOS = 3
+OTHER_SIDE = 3.0  # median ratio beyond which data are from the other side of the gears; sound recordings have 1 to 2.4
+EXPLAINED_BY_SIDES = 0.10  # largest relative torque error that may remain
+UNCERTAIN_RATIO = 0.3  # standard deviation of a logarithm
 MOST = 4  # largest number of faults in one recording
 MISSING = {
     "friction": ("friction", {"fv": "viscous", "fc": "coulomb"}, "friction"),
@@ -258,6 +263,49 @@ class Comparison(NuisanceFit):
         x, _ = self.fitted(list(values), values)
         A = np.concatenate([W, self.columns(list(values), values, W, x)], axis=-1)
         return self.held_out(self.products(A, tau, self.edges), weights)
+
+    # -- gear sides ------------------------------------------------------------------------------------------------
+
+    def gear_sides(self, words: Wording) -> tuple[Cause, Array] | None:
+        """The cause that data were recorded at the other side of the gears, and the errors (n,) with it put right.
+
+        None if no ratios, far from 1 in the median, explain the torques, or if the motors of the mapping are coupled.
+        """
+        mapping = words.mapping
+        stated = np.ones(self.n)
+        if mapping is not None:
+            self.fixed_points = np.array([joint.zero for joint in mapping.joints])
+            if mapping.transmission is not None:
+                stated = np.diag(mapping.transmission)
+                if not np.array_equal(np.diag(stated), mapping.transmission):
+                    return None
+        terms = [Term("ratio", j) for j in range(self.n)]
+        levels = []
+        for ratio in RATIOS:
+            common = dict.fromkeys(terms, math.log(ratio))
+            levels.append((self.objective(self.fitted(terms, common)[1]), ratio))
+        fits = []
+        for _, ratio in sorted(levels)[:BEST_OF_RATIOS]:
+            values = self.converged(terms, dict.fromkeys(terms, math.log(ratio)))
+            fits.append(self.converged(terms, values))
+        best = min(fits, key=lambda fit: self.objective(self.fitted(terms, fit)[1]))
+        errors = self.joint_errors(best)
+        ratios = np.exp([best[term] for term in terms])
+        median = float(np.median(ratios))
+        left = self.counts * self.size**2
+        error = float(np.sqrt(left @ errors**2 / np.sum(left)))
+        if 1.0 / OTHER_SIDE <= median <= OTHER_SIDE or error > EXPLAINED_BY_SIDES:
+            return None
+        std = self.deviations(best)[0]
+        cause = words.gear_sides(
+            stated * ratios, [float(s) if s < UNCERTAIN_RATIO else None for s in std], median > 1.0
+        )
+        told = ", ".join(
+            f"{r:.4g}" + (f" +- {r * s:.2g}" if s < UNCERTAIN_RATIO else " (undetermined)")
+            for r, s in zip(ratios, std, strict=True)
+        )
+        evidence = f"with motions {told} times smaller and torques as much larger, {100 * error:.2g} % is left"
+        return cause.because(evidence), errors
 
     # -- the result in words ---------------------------------------------------------------------------------------
 

@@ -101,6 +101,10 @@ def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Ident
             repaired = plainly
         if not plainly.findings or plainly.score > repaired.score + SCORE:
             plainly = repaired
+    if plainly.error > EXPLAINED_BY_UNITS or plainly.state.scaled:  # ratios near 57 look like degrees
+        sides = Comparison(regressor, uncorrected(sample, regressor).sample, inside).gear_sides(words)
+        if sides is not None and score_of(sides[1]) < plainly.score - SCORE:
+            return [sides[0]]
     causes = [*plainly.state.causes, *impossible(plainly.state)]
     if len(causes) == len(plainly.state.causes):
         causes += [plainly.comparison.cause(finding, words) for finding in by_joint(plainly.findings)]
@@ -137,4 +141,9 @@ class Explained:
     @property
     def score(self) -> float:
         """Minus twice the logarithm of the likelihood per instant, up to a constant."""
-        return float(np.sum(np.log(self.joint_errors**2 + FLOOR**2)))
+        return score_of(self.joint_errors)
+
+
+def score_of(joint_errors: Array) -> float:
+    """Minus twice the logarithm of the likelihood per instant for relative torque errors (n,), up to a constant."""
+    return float(np.sum(np.log(joint_errors**2 + FLOOR**2)))
