@@ -27,7 +27,7 @@ from rrrgen.lab.data.uniform_stream import Part
 from rrrgen.lab.estimate.regression import Estimate, correlated_covariance, least_squares, weighted_least_squares
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.lab.identify.diagnosis.causes import Wording
-from rrrgen.lab.identify.diagnosis.hypotheses import MOST_INSTANTS, Comparison
+from rrrgen.lab.identify.diagnosis.hypotheses import MOST_INSTANTS, POSSIBLE, Comparison
 from rrrgen.lab.identify.diagnosis.report import wording
 from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, Sample, joined_samples, sample_of
 from rrrgen.lab.identify.factoring import FittedRows, factor_recordings
@@ -234,7 +234,8 @@ class Nuisances:
         rows = [("estimated with the model", "value", "std", "error at zero")]
         for term, value, std, without in zip(self.terms, self.values, self.std, self.without, strict=True):
             rows.append((name_of(term, self.joints), *text_of(term, value, std, spec), f"{100 * without:.3g} %"))
-        each = zip(self.remedies, np.abs(self.values) > SIGNIFICANT * self.std, strict=True)
+        matters = np.square(self.without) > (1.0 + POSSIBLE) * self.error**2
+        each = zip(self.remedies, matters & (np.abs(self.values) > SIGNIFICANT * self.std), strict=True)
         significant = [line for line, differs in each if differs]
         return [
             *text_table(rows, width, indent="", right=(1, 2, 3)),
