@@ -16,6 +16,7 @@ from rrrgen.base.parallel import Tell, without_collection
 if TYPE_CHECKING:
     from rrrgen.derive.closed_forms import ClosedForm
     from rrrgen.derive.derived_model import Derivation, DerivedModel, ParametrizedRobot, RecordedModel
+    from rrrgen.derive.functions.table import ModelFunction
     from rrrgen.robot.spec import RobotSpec
 
 
@@ -72,11 +73,20 @@ def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> Recorde
     Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
     has no nominal value.
     """
-    from rrrgen.derive.functions.table import functions_for, recorders, with_sources
+    from rrrgen.derive.functions.table import functions_for
 
-    derivation, functions = prepare(spec), functions_for(spec, groups)
+    return record(prepare(spec), functions_for(spec, groups))
+
+
+def record(derivation: Derivation, functions: Sequence[ModelFunction]) -> RecordedModel:
+    """Record the programs of ``functions`` of the table, before optimization.
+
+    Raises DerivationError if a named parameter has no nominal value.
+    """
+    from rrrgen.derive.functions.table import recorders, with_sources
+
     alternatives = {
-        function.name: tuple(record(derivation.recording()) for record in recorders(function.name))
+        function.name: tuple(recorder(derivation.recording()) for recorder in recorders(function.name))
         for function in with_sources(functions)
         if function.record
     }

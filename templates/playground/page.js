@@ -4,7 +4,7 @@
  * the picture; what the user changes meanwhile is checked when it is there. */
 const MOST_CHARACTERS = 100000, MOST_SECONDS = 120, COLUMNS = ["name", "type", "alpha", "a", "d", "theta"];
 const HEADINGS = { name: "joint", type: "type", alpha: "α", a: "a", d: "d", theta: "θ" };
-const TABS = { inverse_kinematics: "Inverse kinematics", base_parameters: "Base parameters", closed_forms: "Closed forms", code: "C code" };
+const TABS = { inverse_kinematics: "Inverse kinematics", base_parameters: "Base parameters", dynamics: "M and g", closed_forms: "Closed forms", code: "C code" };
 let words = {}, controller = {};  // what --with, --modes and --parts offer: word -> meaning
 const $ = (id) => document.getElementById(id);
 
@@ -47,8 +47,8 @@ class Asked {
 /* -- state -------------------------------------------------------------------------------------------------------------- */
 
 let text = "", table = [], shownTab = "inverse_kinematics", derived = {}, files = null, edition = 0, compilerReady = false;
-let compiler = null, arm = null, chosen = "rrr.h";
-const viewer = armViewer();
+let compiler = null, arm = null, jointNames = [], chosen = "rrr.h";
+const viewer = armViewer(showDynamics);
 viewer.state.frames = false;
 
 function status(message) { $("status").textContent = message; }
@@ -76,18 +76,65 @@ async function derive(call, ...values) {
 async function showArm(picture, keep) {
   const q = viewer.state.q.slice();
   let solver = null;
+  if (arm) arm.worker.terminate();
+  arm = new Asked("arm-worker.js", () => {}, 10);
   if (picture.solver) {
-    if (arm) arm.worker.terminate();
-    arm = new Asked("arm-worker.js", () => {}, 10);
-    const mine = arm, loaded = mine.ask({ source: picture.solver });
-    const call = (name) => async (...values) => { await loaded; return mine.ask({ call: name, values }); };
+    const mine = arm, loaded = mine.ask({ name: "solver", source: picture.solver });
+    const call = (name) => async (...values) => { await loaded; return mine.ask({ name: "solver", call: name, values }); };
     solver = { inverse_kinematics: call("inverse_kinematics"), approach: call("approach") };
   }
+  jointNames = picture.scene.joints.map((joint) => joint.name);
   viewer.load(picture.scene, solver);
   if (keep && q.length === picture.scene.start.length) { viewer.state.q = q; viewer.show(); }
   document.body.dataset.arm = picture.name;
   $("hint").hidden = !solver;
   $("about").textContent = (picture.description ? picture.description + ". " : "") + "Inverse kinematics: " + picture.family + ".";
+}
+/* Mass matrix and gravity torques in the posture shown; while one is computed, the last posture asked for waits. */
+const LIVE = ["mass_matrix_nominal", "gravity_nominal"];
+let computing = false, wanted = null;
+async function loadDynamics() {
+  const mine = arm;
+  if (!derived.dynamics) return;
+  await mine.ask({ name: "dynamics", source: derived.dynamics });
+  mine.knowsDynamics = true;
+  showDynamics(viewer.state.q);
+}
+async function showDynamics(q) {
+  if (shownTab !== "dynamics" || !arm || !arm.knowsDynamics) return;
+  wanted = q.slice();
+  if (computing) return;
+  computing = true;
+  try {
+    while (wanted) {
+      const values = [wanted], mine = arm;
+      wanted = null;
+      const found = [];
+      for (const call of LIVE) found.push(await mine.ask({ name: "dynamics", call, values, times: 100 }));
+      if (mine === arm && shownTab === "dynamics") fillDynamics(...found);
+    }
+  } catch (error) {
+    status(error.message);
+  } finally {
+    computing = false;
+  }
+}
+function fillDynamics(mass, gravity) {
+  const shown = $("shown"), number = (value) => (Math.abs(value) < 5e-6 ? "0" : Math.abs(value) < 0.01 ? value.toFixed(5) : value.toPrecision(4)).replace("-", "\u2212");
+  if (!shown.querySelector("#mass")) {
+    shown.innerHTML = "<div class='wide'><table id='mass'><thead></thead><tbody></tbody></table></div><p class='note' id='timed'></p>";
+    const joints = jointNames, head = shown.querySelector("thead").insertRow();
+    ["", "g", ...joints.map((_, k) => `M${k + 1}`)].forEach((name) => head.appendChild(Object.assign(document.createElement("th"), { scope: "col", className: "n", textContent: name })));
+    joints.forEach((name) => {
+      const row = shown.querySelector("tbody").insertRow();
+      row.appendChild(Object.assign(document.createElement("th"), { scope: "row", textContent: name }));
+      for (let k = 0; k <= joints.length; k++) row.insertCell().className = "n";
+    });
+  }
+  mass.value.forEach((values, i) => [gravity.value[i], ...values].forEach((value, k) => {
+    shown.querySelector("tbody").rows[i].cells[k + 1].textContent = number(value);
+  }));
+  $("timed").textContent = `In the posture shown, in SI units; g is the torque that holds the links. By mass_matrix_nominal(q) in ${mass.microseconds.toFixed(1)} \u00b5s and gravity_nominal(q) in ${gravity.microseconds.toFixed(1)} \u00b5s, the functions that rrrgen prints in JavaScript.`;
 }
 window.ringPlace = viewer.ringPlace;  // for tests
 $("view").addEventListener("pointerup", () => $("hint").classList.add("done"));
@@ -233,6 +280,7 @@ async function rebuild(mine) {
     const results = await derive("results", text);
     if (!current()) return;
     derived = results;
+    await loadDynamics();
     showTab();
     status("Derived.");
     document.body.dataset.derived = String(mine);
@@ -266,6 +314,10 @@ function showTab() {
   });
   $("shown").setAttribute("aria-labelledby", `tab-${shownTab}`);
   if (shownTab === "code") showCode();
+  else if (shownTab === "dynamics") {
+    $("shown").innerHTML = `<p class='note'>${derived.dynamics === "" ? "The robot file states no links, so there is no mass matrix." : "Being derived …"}</p>`;
+    showDynamics(viewer.state.q);
+  }
   else $("shown").innerHTML = derived[shownTab] || "<p class='note'>Being derived …</p>";  // made by the compiler, which escapes
 }
 const options = { real: "double", words: new Set(), modes: new Set(), parts: new Set() };
@@ -395,6 +447,7 @@ async function open(name) {
   files = null;
   derived = robot.results;
   await showArm(robot.picture, false);
+  loadDynamics().catch((error) => status(error.message));
   showTable(robot.check);
   showTab();
   $("robot").value = name;

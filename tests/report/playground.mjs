@@ -68,6 +68,18 @@ try {
   await page.waitForTimeout(300);
   found.chosen = { tip: await tip(), joints: await joints(), branch: await page.textContent("#branch") };
 
+  // mass matrix and gravity torques follow the posture
+  const dynamics = () => page.evaluate(() => [...document.querySelectorAll("#mass tbody tr")].map((row) => [...row.cells].map((cell) => cell.textContent)));
+  await page.click("#tab-dynamics");
+  await until("mass matrix", () => document.querySelector("#mass tbody td") && document.querySelector("#mass tbody td").textContent);
+  await page.waitForTimeout(300);
+  found.dynamics = { joints: await joints(), rows: await dynamics(), note: await page.textContent("#timed") };
+  await shoot("dynamics");
+  await page.locator("#joints input").nth(1).focus();
+  await page.keyboard.press("Home");
+  await page.waitForTimeout(300);
+  found.moved = { joints: await joints(), rows: await dynamics() };
+
   // the compiler; a fault as one types, with its place; mended again
   await until("compiler", () => document.body.dataset.compiler);
   await page.selectOption("#robot", "my_arm");

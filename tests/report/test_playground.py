@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rrrgen import compile
 from rrrgen.cli.playground import POLICY, build, compiler_files, server
 from rrrgen.emit.html.playground import LARGEST, check, picture, prepared, results
 from rrrgen.robot.robots import bundled_path
@@ -61,7 +62,9 @@ def test_text_of_a_strangers_file_is_escaped() -> None:
     hostile = UR5.replace("description: Universal", "description: <img src=x onerror=alert(1)> Universal")
     for answer in (check(text), check(hostile), picture(hostile)):
         assert json.loads(json.dumps(answer)) == answer
-    assert "<img" not in "".join(results(hostile).values())
+    pages = results(hostile)
+    assert pages.pop("dynamics").split("*/")[0].count("<img") == 1  # in the comment of a module that a worker runs
+    assert "<img" not in "".join(pages.values())
     assert "<img" not in picture(hostile)["solver"]
 
 
@@ -122,6 +125,17 @@ def test_the_tip_follows_the_pointer_and_the_keys(found: tuple[dict[str, Any], P
     assert "elbow" in answers["chosen"]["branch"]
 
 
+def test_mass_matrix_and_gravity_follow_the_posture(found: tuple[dict[str, Any], Path]) -> None:
+    model = compile("ur5")
+    assert "mass_matrix_nominal" in found[0]["dynamics"]["note"]
+    assert found[0]["moved"]["joints"] != found[0]["dynamics"]["joints"]
+    for shown in (found[0]["dynamics"], found[0]["moved"]):
+        q = np.deg2rad([numbers(text)[0] for text in shown["joints"]])  # to a tenth of a degree
+        rows = np.array([numbers(" ".join(row[1:])) for row in shown["rows"]])
+        np.testing.assert_allclose(rows[:, 1:], model.mass_matrix(q), atol=0.02)
+        np.testing.assert_allclose(rows[:, 0], model.gravity(q), atol=0.1)
+
+
 def test_a_fault_is_located_and_a_cell_changes_its_value_alone(found: tuple[dict[str, Any], Path]) -> None:
     answers, _ = found
     assert answers["fault"].startswith("8:")
@@ -156,6 +170,21 @@ def test_the_page_opens_without_a_network(found: tuple[dict[str, Any], Path]) ->
 
 def test_markup_in_a_strangers_file_stays_text(found: tuple[dict[str, Any], Path]) -> None:
     assert found[0]["broken"] == ""
+
+
+@pytest.mark.skipif(NODE is None, reason="needs node")
+def test_the_module_of_the_live_values(tmp_path: Path) -> None:
+    """Mass matrix and gravity torques of the page against the compiled model; a robot without links has none."""
+    assert results(bundled_path("ur5e").read_text(encoding="utf-8"))["dynamics"] == ""
+    (tmp_path / "dynamics.mjs").write_text(results(UR5)["dynamics"], encoding="utf-8")
+    q = np.linspace(-1.0, 1.5, 6)
+    calls = f"[m.mass_matrix_nominal({q.tolist()}), m.gravity_nominal({q.tolist()})]"
+    call = f"import('./dynamics.mjs').then((m) => console.log(JSON.stringify({calls})))"
+    printed = subprocess.run([NODE, "-e", call], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    mass, gravity = json.loads(printed)
+    model = compile("ur5")
+    np.testing.assert_allclose(mass, model.mass_matrix(q), rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(gravity, model.gravity(q), rtol=1e-12, atol=1e-14)
 
 
 def test_bundled_robots_are_prepared() -> None:

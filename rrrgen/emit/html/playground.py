@@ -15,6 +15,7 @@ from rrrgen.base.errors import DerivationError, Fault, InputError
 from rrrgen.base.yamltext.document import FaultList, MappingNode, Node, ScalarNode, SequenceNode, parse_document
 
 if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import Derivation
     from rrrgen.robot.spec import RobotSpec
 
 FILE = "robot.yaml"
@@ -27,6 +28,9 @@ COLUMNS = ("name", "type", "alpha", "a", "d", "theta")
 """Columns of the form, keys of a joint in the robot file."""
 
 FORMS = ("forward_kinematics", "mass_matrix", "coriolis", "gravity")
+LIVE = ("mass_matrix", "gravity")
+"""Functions whose values are shown for the posture of the arm."""
+
 SHORT = 3
 """Functions whose closed forms are shown, of arms of up to this many joints: longer arms fill pages."""
 
@@ -115,7 +119,11 @@ def _picture(spec: RobotSpec) -> dict[str, Any]:
 
 
 def results(text: str) -> dict[str, str]:
-    """What is derived from a robot without faults, as HTML: base parameters, closed forms, inverse kinematics."""
+    """What is derived from a robot without faults.
+
+    ``base_parameters``, ``closed_forms`` and ``inverse_kinematics`` are HTML, ``dynamics`` a JavaScript module with the
+    functions :data:`LIVE` for the numbers of the file; empty if it states no links.
+    """
     return _results(_spec(text))
 
 
@@ -147,9 +155,22 @@ def _results(spec: RobotSpec) -> dict[str, str]:
         short_trig=walk.short_trig,
         inverse=inverse,
     )
-    return {
-        name: str(getattr(module, name)(view)) for name in ("base_parameters", "closed_forms", "inverse_kinematics")
-    }
+    pages = ("base_parameters", "closed_forms", "inverse_kinematics")
+    return {name: str(getattr(module, name)(view)) for name in pages} | {"dynamics": _dynamics(derivation)}
+
+
+def _dynamics(derivation: Derivation) -> str:
+    from rrrgen.derive import record
+    from rrrgen.derive.functions.table import functions_for
+    from rrrgen.derive.optimizer import Optimizer
+    from rrrgen.emit.targets.javascript import module
+    from rrrgen.robot.identity import identify
+
+    spec = derivation.spec
+    if spec.links is None:
+        return ""
+    live = [function for function in functions_for(spec, ("model",)) if function.name in LIVE]
+    return module(Optimizer()(record(derivation, live)), identify(spec))
 
 
 def prepared(text: str) -> dict[str, Any]:

@@ -54,7 +54,7 @@ class JavaScriptBackend:
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
         """A single task, which prints the module; ``real`` is of no account, since JavaScript has doubles alone."""
-        return [partial(_source, model, identity)]
+        return [partial(module, model, identity)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:
         """The module, and beside it that of the inverse kinematics of a serial arm."""
@@ -137,7 +137,8 @@ class _JavaScript:
         return lines
 
 
-def _source(model: DerivedModel, identity: Identity) -> str:
+def module(model: DerivedModel, identity: Identity) -> str:
+    """The text of the module with all programs of ``model``."""
     programs = programs_of(model)
     return render(
         "javascript/model.mjs.j2",
