@@ -16,7 +16,7 @@ from rrrgen.base.parallel import Tell, without_collection
 if TYPE_CHECKING:
     from rrrgen.derive.closed_forms import ClosedForm
     from rrrgen.derive.derived_model import Derivation, DerivedModel, ParametrizedRobot, RecordedModel
-    from rrrgen.derive.functions.table import ModelFunction
+    from rrrgen.derive.functions.model_function import ModelFunction
     from rrrgen.robot.spec import RobotSpec
 
 
