@@ -69,7 +69,7 @@ def in_c(folder: Path, robot: str) -> np.ndarray:
     library = next(place.glob("libmujoco.so*"))
     sources = [
         HERE / "loop.c",
-        *(folder / "model" / f"rrr{part}.c" for part in ("", "_controller")),
+        *(folder / "model" / f"rrr{part}.c" for part in ("", "_controller", "_controller_laws")),
     ]
     options = ["-std=c99", "-O2", f"-I{folder / 'model'}", f"-I{place / 'include'}", f"-Wl,-rpath,{place}"]
     subprocess.run(["cc", *options, *map(str, sources), str(library), "-lm", "-o", str(folder / "loop")], check=True)
