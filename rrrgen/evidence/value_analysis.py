@@ -74,7 +74,7 @@ def alarms(
     """What stays open when ``main`` of the C ``files`` is analysed in ``directory``, in which they are written.
 
     Files whose names end with ``.c`` are sources, unless others include them. ``special`` says which floating-point
-    values are alarms: "none" or "non-finite". In the functions ``apart`` up to 5000 states are kept apart. Raises
+    values are alarms: "none" or "non-finite". In the functions ``apart`` up to 400 states are kept apart. Raises
     RuntimeError where the analysis does not come to an end.
     """
     for name, text in {**files, "stated.h": STATED}.items():
@@ -83,7 +83,7 @@ def alarms(
     sources = [name for name in sorted(files) if name.endswith(".c") and name not in included]
     report = directory / f"{main}.csv"
     command = ["frama-c", *sources, "-main", main, "-warn-special-float", special, *OPTIONS]
-    command += ["-eva-slevel-function", ",".join(f"{name}:5000" for name in apart)] if apart else []
+    command += ["-eva-slevel-function", ",".join(f"{name}:400" for name in apart)] if apart else []
     command += ["-then", "-report-csv", report.name]
     place = {**os.environ, "PWD": str(directory.resolve())}  # Frama-C believes this variable more than the system
     done = subprocess.run(command, cwd=directory, env=place, capture_output=True, text=True, check=False)
