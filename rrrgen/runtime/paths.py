@@ -334,8 +334,9 @@ class TimingKernel:
         held, call = self._path(arrays), getattr(self.lib, f"{self.robot}_timed_path")
         found = tuple(np.empty((len(times), self.n), self.dtype) for _ in range(3))
         speeds, instants = self._address(ds_dt), self._address(t)
-        for k, now in enumerate(times):
-            call(held, speeds, instants, float(now), *(self._address(each[k]) for each in found))
+        q, dq, ddq = (self._address(each) for each in found)  # rows are reached by arithmetic: a view each takes longer
+        for row, now in zip(range(0, self.n * len(times), self.n), times.tolist(), strict=True):
+            call(held, speeds, instants, now, q + row, dq + row, ddq + row)
         return found[0], found[1], found[2]
 
 
