@@ -79,9 +79,14 @@ def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> Recorde
 
 
 def record(derivation: Derivation, functions: Sequence[ModelFunction]) -> RecordedModel:
-    """Record the programs of ``functions`` of the table, before optimization.
+    """Record the programs of some functions of the table, before optimization.
 
-    Raises DerivationError if a named parameter has no nominal value.
+    Args:
+        derivation: the robot, as :func:`prepare` returns it.
+        functions: entries of the table, in the order of emission.
+
+    Raises:
+        DerivationError: a named parameter has no nominal value.
     """
     from rrrgen.derive.functions.table import recorders, with_sources
 
