@@ -182,3 +182,14 @@ def test_near_a_singular_configuration_the_law_is_damped_or_the_arm_stops(rrr):
         assert c.faults(out.status).keys() - {"CONTACT_UNKNOWN"} == faults
         assert out.phase == phase
         np.testing.assert_allclose(out.tau, rrr.gravity(q), atol=1e-6)
+
+
+def test_a_law_whose_terms_cancel_beyond_the_range_of_numbers_stops_the_arm(controller):
+    """Infinity minus infinity passed the limits as the largest torque, with status 0."""
+    c, q, zero = controller("joint_impedance"), np.array([0.3, 0.4, 0.5]), np.zeros(3)
+    c.start(q=q, dq=zero)
+    held = c.step(q=q, dq=zero, q_d=q, dq_d=zero).tau.copy()
+    out = c.step(q=q, dq=zero, q_d=np.full(3, 1.7e308), dq_d=np.full(3, -1.7e308))
+    assert "OUTPUT" in c.faults(out.status)
+    assert out.brake == 0  # a damped stop
+    assert np.all(np.abs(out.tau - held) < 5.0)
