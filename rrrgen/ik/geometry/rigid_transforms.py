@@ -106,7 +106,7 @@ def rotate(R: Rotation, v: Vector) -> Vector:
 
 
 def rotate_z(c: S, s: S, v: Vector) -> Vector:
-    """Rz v for the angle with cosine ``c`` and sine ``s``."""
+    """The vector ``v`` turned about z by the angle with cosine ``c`` and sine ``s``."""
     return (
         total(product(c, v[0]), -product(s, v[1])),
         total(product(s, v[0]), product(c, v[1])),
@@ -115,7 +115,7 @@ def rotate_z(c: S, s: S, v: Vector) -> Vector:
 
 
 def rotate_x(c: S, s: S, v: Vector) -> Vector:
-    """Rx v for the angle with cosine ``c`` and sine ``s``."""
+    """The vector ``v`` turned about x by the angle with cosine ``c`` and sine ``s``."""
     return (
         v[0],
         total(product(c, v[1]), -product(s, v[2])),

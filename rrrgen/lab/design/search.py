@@ -64,7 +64,10 @@ class StartResult:
         return (not self.check.feasible, self.check.condition)
 
     def objective(self, name: str) -> tuple[bool, float]:
-        """Sorting key for the objective ``name``: feasible trajectories first; smaller is better."""
+        """Sorting key for the objective ``name`` of an experiment file: feasible trajectories first, the best first.
+
+        The value is one to minimise: condition numbers as they are, ``logdet`` and ``sigma_min`` with the sign changed.
+        """
         sigma = np.asarray(self.check.singular_values)
         value = {
             "cond": self.check.condition,

@@ -218,7 +218,7 @@ Take = Callable[[Node, str], Any]
 
 
 class _ExperimentReader(Reader):
-    """Reads one experiment file."""
+    """Reads the sections of one experiment file for a robot of ``joints`` joints, and collects their faults."""
 
     def __init__(self, faults: FaultList, joints: int) -> None:
         super().__init__(faults)

@@ -155,7 +155,10 @@ class CBuilder(Scaffold):
         return Turn(c, s)
 
     def polynomial(self, joint: Joint, k: tuple[S, ...], *, label: Label, unit: float) -> SolverScalar:
-        """Print the solution of ``k0 + k1 x + k2 x^2 + ... = 0`` and a loop over its (up to four) real roots x."""
+        """Print C that solves ``k0 + k1 x + k2 x^2 + ... = 0`` for the position x of a slide and loops over its roots.
+
+        Real roots count, of which there are at most four.
+        """
         nodes = tuple(self.pool.of(x) for x in k)
         if len(nodes) == 2:
             return self.slide(joint, -nodes[0] / nodes[1])

@@ -374,7 +374,7 @@ def table(rows: Sequence[str]) -> str:
 
 
 def quoted(texts: Sequence[str], each: int) -> str:
-    """String constants separated by commas, ``each`` on a line."""
+    """The elements of a C array of strings, with ``each`` strings on a line."""
     quoted = [f'"{text}"' for text in texts]
     lines = [", ".join(quoted[k : k + each]) for k in range(0, len(quoted), each)]
     return ",\n        ".join(lines)
