@@ -407,7 +407,7 @@ class TimedPath:
         """The desired motion at any instants, for instance at the constant rate of a controller.
 
         Between the points q is the quintic polynomial in s that agrees with q, q_s and q_ss at both ends, as in the
-        emitted function ``<name>_timed_path``. Before 0 and after the duration the motion is that of the nearer end.
+        emitted function ``<name>_timed_path``. Before 0 and after the duration the arm rests at the nearer end.
 
         Args:
             t: instants, (...), s.

@@ -290,6 +290,18 @@ def test_sampled_motion_is_consistent(panda):
     np.testing.assert_allclose(at_points.dq_d, path.q_s * timed.ds_dt[:, None], atol=1e-6)
 
 
+def test_the_arm_rests_before_and_after_the_motion(rrr):
+    """Also where speed and acceleration at the ends are not zero: a controller would follow them off the end."""
+    limits = free(3) | {"dq_max": np.full(3, 2.0), "ddq_max": np.full(3, 5.0)}
+    for ends in ({}, {"start": 0.5, "end": 0.5}):
+        timed = rrr.time_path(line(3), **limits, **ends)
+        q, dq, ddq = timed.sample([-1e-9, timed.duration * (1 + 1e-12), timed.duration + 1.0])
+        np.testing.assert_array_equal(q, timed.path.q[[0, -1, -1]])
+        assert not np.any(dq)
+        assert not np.any(ddq)
+        assert np.all(np.abs(timed.sample([0.0, timed.duration]).ddq_d) > 1.0)
+
+
 def test_speed_limits_without_any_torque_limit_and_without_any_limit(rrr):
     timed = rrr.time_path(line(3), **free(3) | {"dq_max": np.full(3, 2.0)}, start=2.0, end=2.0)
     assert timed.duration == pytest.approx(0.5)

@@ -483,8 +483,9 @@ def simulink(r: Run) -> np.ndarray:
         for k in range(f["count"] or 1)
     ]
     arguments = [f"p_{f['name']}" for f in parameters]
-    arguments += [f"&row[{column(r.rows, f['name'])}]" for f in read] + [f"y_{f['name']}" for f in written]
-    size = (r.controller.description["state_size"] + structs["params"]["size"]) // 8
+    arguments += [f"&row[{column(r.rows, f['name'])}]" for f in read] + ["row[COLUMNS]"]
+    arguments += [f"y_{f['name']}" for f in written]
+    size = (r.controller.description["state_size"] + structs["params"]["size"]) // 8 + 1
     text = f"""{r.reader}
 #include <math.h>
 #include "arm_controller.h"
@@ -498,9 +499,6 @@ int main(void)
         double *const mode = &row[COLUMNS - 1];
         if (*mode < 0.0 || *mode > 31.0) {{ /* unknown */
             *mode = (tick % 3 == 0) ? (double)NAN : (tick % 3 == 1) ? 1e300 : -INFINITY;
-        }}
-        if (row[COLUMNS] != 0.0) {{
-            memset(work, 0, sizeof(work)); /* the simulation starts again */
         }}
         arm_sl_controller(work, {", ".join(arguments)});
         {NEWLINE.join(keep)}
@@ -754,7 +752,7 @@ SOCKETS = {
     "rust": Socket(rust, missing="" if CARGO else "cargo"),
     "fmu": Socket(fmu, counts=True),
     "mex": Socket(matlab, missing="" if shutil.which("mkoctfile") else "Octave and its headers (octave-dev)"),
-    "simulink": Socket(simulink, restart=True, retries=True),
+    "simulink": Socket(simulink, retries=True),
     "arduino": Socket(arduino, "float", clock=True, restart=True),
     "zephyr": Socket(zephyr, "float", clock=True, restart=True),
     "ros2": Socket(ros2, counts=True, known=True, restart=True),

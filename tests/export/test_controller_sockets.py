@@ -286,17 +286,23 @@ def test_mex_in_octave(reference, tmp_path):
     compare(unflat(np.loadtxt(folder / "outputs.txt"), outputs.dtype), outputs)
 
 
+def reset_with_its_tick(c: Controller, inputs: np.ndarray) -> np.ndarray:
+    """The outputs of the unit where the reset takes the readings of the tick that follows it, not of the one before."""
+    c.start(q=inputs["q"][0], dq=inputs["dq"][0])
+    before = c.run({name: inputs[name][:RESET] for name in inputs.dtype.names})
+    c.reset(**{name: inputs[name][RESET] for name in inputs.dtype.names})
+    return np.concatenate([before, c.run({name: inputs[name][RESET:] for name in inputs.dtype.names})])
+
+
 OF_UNIT = ["arm_controller.c", "arm_controller_laws.c", "arm_differential_ik.c"]
 
 
 def test_block_of_simulink(reference, tmp_path):
     """The function of the block, called as Simulink does: memory, parameters and signals are arrays of double."""
     inputs, _ = reference
-    inputs = inputs[:200].copy()
-    inputs["mode"][160] = inputs["mode"][159]
+    inputs = inputs.copy()
     c = compiled_controller(arm(), "double", None, None, None, dict(SET))
-    c.start(q=inputs["q"][0], dq=inputs["dq"][0])
-    expected = c.run({name: inputs[name] for name in inputs.dtype.names})
+    expected = reset_with_its_tick(c, inputs)
     source = exported("matlab", tmp_path) / "src"
     files = ["arm.c", "arm_nominal.c", *OF_UNIT, "arm_simulink.c"]
     options = ["-std=c99", *STRICT, "-O1", "-ffp-contract=off", "-fPIC", "-shared"]
@@ -304,13 +310,14 @@ def test_block_of_simulink(reference, tmp_path):
     run("gcc", *options, *files, "-lm", "-o", "simulink.so", cwd=source)
     call = ctypes.CDLL(str(source / "simulink.so")).arm_sl_controller
     given = [np.array(c.params.data[name], dtype=float).reshape(-1) for name in c.params.data.dtype.names[2:]]
-    work = np.zeros((c.description["state_size"] + c.description["structs"]["params"]["size"]) // 8)
+    work = np.zeros((c.description["state_size"] + c.description["structs"]["params"]["size"]) // 8 + 1)
     found = np.zeros(len(inputs), expected.dtype)
     for k in range(len(inputs)):
         read = [np.array(inputs[name][k], dtype=float).reshape(-1) for name in inputs.dtype.names]
         shapes = [expected.dtype[name].shape for name in expected.dtype.names]
         out = [np.zeros(int(np.prod(shape, dtype=int))) for shape in shapes]
-        call(*(ctypes.c_void_p(each.ctypes.data) for each in (work, *given, *read, *out)))
+        before, after = ([ctypes.c_void_p(each.ctypes.data) for each in some] for some in ((work, *given, *read), out))
+        call(*before, ctypes.c_double(k == RESET), *after)
         for name, value, shape in zip(expected.dtype.names, out, shapes, strict=True):
             found[name][k] = value.reshape(shape)
     compare(found, expected)
@@ -518,70 +525,48 @@ def test_rust(reference, tmp_path):
 
 def test_fmu(reference, tmp_path):
     """A tick is a step of the co-simulation, which counts the samples; the reset is an input."""
-    fmpy = pytest.importorskip("fmpy", reason="needs FMPy to load an FMU")
-    from fmpy.fmi2 import FMU2Slave
+    pytest.importorskip("fmpy", reason="needs FMPy to load an FMU")
     from fmpy.validation import validate_fmu
+
+    from export.fmu_slave import Slave
 
     inputs, _ = reference
     inputs = inputs.copy()
     inputs["sample"], inputs["dt"] = np.arange(1, TICKS + 1), 1e-3
-    c = compiled_controller(arm(), "double", None, None, None, dict(SET))
-    c.start(q=inputs["q"][0], dq=inputs["dq"][0])
-    before = c.run({name: inputs[name][:245] for name in inputs.dtype.names})
-    c.reset(**{name: inputs[name][245] for name in inputs.dtype.names})
-    after = c.run({name: inputs[name][245:] for name in inputs.dtype.names})
-    expected = np.concatenate([before, after])
+    expected = reset_with_its_tick(compiled_controller(arm(), "double", None, None, None, dict(SET)), inputs)
     fmu = exported("fmu", tmp_path) / "arm_controller.fmu"
     assert validate_fmu(str(fmu)) == []
-    folder = fmpy.extract(str(fmu), str(tmp_path / "unzipped"))
-    run("gcc", "-std=c99", *STRICT, "-fsyntax-only", "arm_controller_fmu.c", cwd=Path(folder) / "sources")
-    description = fmpy.read_model_description(folder)
-    known = {v.name: v for v in description.modelVariables}
+    slave = Slave(fmu, tmp_path / "unzipped")
+    run("gcc", "-std=c99", *STRICT, "-fsyntax-only", "arm_controller_fmu.c", cwd=slave.folder / "sources")
+    known = slave.known
     assert (known["params.kp[1]"].unit, known["params.kp[1]"].min) == ("1/s2", "0.0")
     assert known["params.threshold[1]"].start == "INF"
-
-    slave = FMU2Slave(
-        guid=description.guid,
-        unzipDirectory=folder,
-        modelIdentifier=description.coSimulation.modelIdentifier,
-        instanceName="c",
-    )
-    slave.instantiate(loggingOn=True)
-
-    def put(name: str, value: float) -> None:
-        variable = known[name]
-        write = slave.setInteger if variable.type == "Integer" else slave.setReal
-        write([variable.valueReference], [int(value) if variable.type == "Integer" else float(value)])
 
     def read(row: np.ndarray) -> None:
         for name in inputs.dtype.names:
             for k, value in enumerate(np.ravel(row[name])):
                 label = f"in.{name}[{k + 1}]" if row[name].shape else f"in.{name}"
                 if label in known:
-                    put(label, value)
+                    slave[label] = value
 
-    slave.setupExperiment(startTime=0.0)
-    slave.enterInitializationMode()
     for name, value in SET.items():
         for k in (1, 2):
-            put(f"params.{name}[{k}]", value)
+            slave[f"params.{name}[{k}]"] = value
     read(inputs[0])
-    slave.exitInitializationMode()
+    slave.start()
     outputs = [name for name, v in known.items() if v.causality == "output"]
-    reals = [known[name].valueReference for name in outputs if known[name].type == "Real"]
-    integers = [known[name].valueReference for name in outputs if known[name].type == "Integer"]
     found = []
     for k, row in enumerate(inputs):
         read(row)
-        put("reset", k == 245)
-        slave.doStep(currentCommunicationPoint=1e-3 * k, communicationStepSize=1e-3)
-        found.append([*slave.getReal(reals), *slave.getInteger(integers)])
+        slave["reset"] = k == RESET
+        slave.step()
+        found.append(slave.all(outputs))
     compare(unflat(np.array(found), expected.dtype), expected)
-    put("params.kp[1]", -1.0)
+    slave["params.kp[1]"] = -1.0
     with pytest.raises(Exception, match="fmi2"):
-        slave.doStep(currentCommunicationPoint=1.0, communicationStepSize=1e-3)
-    slave.terminate()
-    slave.freeInstance()
+        slave.step()
+    assert slave.said == ["kp[0]"]
+    slave.end()
 
 
 CHOICES = (

@@ -9,6 +9,7 @@ import shutil
 import numpy as np
 import pytest
 
+import rrrgen
 from export.arm import FURTHER, WITH_CONTROL, arm
 from export.compared import ours
 from export.rrr_library import STRICT, run
@@ -130,11 +131,22 @@ def check_blocks(blocks: list[str], header: str) -> None:
     """Every specification of legacy_code has the name, the number and the sizes of arguments of a declaration."""
     declared = dict(re.findall(r"^\w+ (arm_sl_\w+)\((.*)\);$", header, re.M))
     assert len(blocks) > 30
+    assert {"arm_sl_time_path", "arm_sl_timed_path", "arm_sl_fourier"} <= declared.keys()
     for block in blocks:
         name, arguments = re.search(r"(arm_sl_\w+)\((.*)\)$", block).groups()
-        sizes = [np.prod([int(s) for s in re.findall(r"\[(\d+)\]", each)]) for each in arguments.split(", ")]
-        wanted = [int((re.findall(r"\[(\d+)\]", each) or ["1"])[0]) for each in declared[name].split(", ")]
+        sizes = [size_of_block(each) for each in arguments.split(", ")]
+        wanted = [size_of_declaration(each) for each in declared[name].split(", ")]
         assert sizes == wanted, block
+
+
+def size_of_block(argument: str) -> int:
+    """The number of elements of an argument in the syntax of legacy_code; 0 where another argument says it."""
+    of_another = "[]" in argument or re.search(r"\[size\(u\d,\d\)\]", argument)
+    return 0 if of_another else int(np.prod([int(s) for s in re.findall(r"\[(\d+)\]", argument)]))
+
+
+def size_of_declaration(argument: str) -> int:
+    return 0 if "[]" in argument else int((re.findall(r"\[(\d+)\]", argument) or ["1"])[0])
 
 
 def test_matrices_of_simulink_go_by_columns(folder):
@@ -142,9 +154,54 @@ def test_matrices_of_simulink_go_by_columns(folder):
     files = [each.name for each in source.glob("*.c") if not re.search(r"_mex|_calls|arm_ik", each.name)]
     run("gcc", "-std=c99", *STRICT, "-O0", "-fPIC", "-shared", *files, "-lm", "-o", "simulink.so", cwd=source)
     library, J = ctypes.CDLL(str(source / "simulink.so")), np.zeros((2, 6))
-    library.arm_sl_jacobian(*(ctypes.c_void_p(each.ctypes.data) for each in (Q, J)))
+    library.arm_sl_jacobian(*addresses(Q, J))
     T = ours(arm(), Q[None], DQ[None], DDQ[None])[0][0]
     np.testing.assert_allclose(J[0], [-T[1, 3], T[0, 3], 0, 0, 0, 1], atol=1e-14)
     beta, ddq = np.zeros(8), np.zeros(2)
-    refused = library.arm_sl_forward_dynamics(*(ctypes.c_void_p(x.ctypes.data) for x in (Q, DQ, DDQ, beta, ddq)))
-    assert refused == 1
+    assert library.arm_sl_forward_dynamics(*addresses(Q, DQ, DDQ, beta, ddq)) == 1
+    check_motions(library)
+
+
+def addresses(*arrays: np.ndarray) -> list[ctypes.c_void_p]:
+    return [ctypes.c_void_p(each.ctypes.data) for each in arrays]
+
+
+def check_motions(library: ctypes.CDLL) -> None:
+    """Timing of a path and Fourier series: the motions of Python, from columns of points and of harmonics."""
+    m = rrrgen.compile(arm())
+    path = rrrgen.spline_path([[0.0, 0.0], [1.0, -0.5], [0.3, 0.4]], points=41)
+    limits, friction, beta = ([60.0, 30.0], [6.0, 6.0], [np.inf, np.inf]), m.friction_parameters, np.zeros(8)
+    library.arm_sl_nominal_parameters(*addresses(beta))
+    timed = m.time_path(path, tau_max=limits[0], dq_max=limits[1], ddq_max=limits[2])
+    points = len(path.s)
+    samples = addresses(*(np.ascontiguousarray(each) for each in (path.s, path.q, path.q_s, path.q_ss)))
+    work, ds_dt, t, shares = np.zeros((8, points)), np.zeros(points), np.zeros(points), np.zeros(4)
+    given = [np.array(each, dtype=float) for each in (*limits, friction, beta)]
+    call = library.arm_sl_time_path
+    assert call(points, *samples, *addresses(*given, work, ds_dt, t, shares)) == 0
+    np.testing.assert_allclose(t, timed.t, rtol=1e-12)
+    np.testing.assert_allclose(
+        shares, [timed.torque_share, timed.speed_share, timed.acceleration_share, timed.stretch], rtol=1e-9
+    )
+    found = np.zeros((3, 2))
+    for now in (0.0, 0.4 * timed.duration, 2 * timed.duration):
+        library.arm_sl_timed_path(points, *samples, *addresses(ds_dt, t), ctypes.c_double(now), *addresses(*found))
+        np.testing.assert_allclose(found, timed.sample(now), atol=1e-9)
+    assert call(points, *samples, *addresses(np.zeros(2), *given[1:], work, ds_dt, t, shares)) == 1
+    q0, a, b = (
+        np.array([0.1, -0.2]),
+        np.array([[1.0, -0.5, 0.2], [0.3, 0.4, 0.1]]),
+        np.array([[0.2, 0.1, 0], [0, 0, 0.3]]),
+    )
+    now, rate, series = (
+        ctypes.c_double(3.7),
+        ctypes.c_double(0.2),
+        addresses(*(np.ascontiguousarray(x.T) for x in (a, b))),
+    )
+    library.arm_sl_fourier(now, rate, *addresses(q0), 3, *series, *addresses(*found))
+    w = 2 * np.pi * 0.2 * np.arange(1, 4)
+    sine, cosine = np.sin(3.7 * w), np.cos(3.7 * w)
+    expected = [q0 + (a * sine - b * cosine) @ (1 / w), a @ cosine + b @ sine, (b * cosine - a * sine) @ w]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    library.arm_sl_fourier(ctypes.c_double(np.nan), rate, *addresses(q0), 3, *series, *addresses(*found))
+    np.testing.assert_array_equal(found, [q0, [0, 0], [0, 0]])

@@ -1,12 +1,12 @@
 """Export as FMUs (FMI 2.0): the arm as a plant driven by joint torques, for model exchange and co-simulation.
 
-With the word "controller" the controller is a second FMU, for co-simulation, whose outputs drive the plant.
+The FMUs beside it, for co-simulation, are those of :mod:`rrrgen.emit.targets.fmu_blocks`: the controller and motions.
 """
 
 from __future__ import annotations
 
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,8 @@ from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.emit.description import title
 from rrrgen.emit.printing import plain
 from rrrgen.emit.targets.c_package import Code, emitted_code
-from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions, UnitCode
+from rrrgen.emit.targets.fmu_blocks import BLOCKS, HARMONICS, POINTS
+from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions
 from rrrgen.emit.targets.shared_libraries import Platform, platforms, shared_library, zip_archive
 from rrrgen.program import Program, Role
 from rrrgen.robot.spec import RobotSpec, joint_units
@@ -86,11 +87,13 @@ def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
         raise DerivationError(f"{spec.name} has no links, and a plant needs their inertia")
     values = _values(code)
     files: dict[str, Contents] = {f"{spec.name}.fmu": _archive(spec.name, code, "", values, chosen)}
-    if options.unit is not None:
-        whole = emitted_code(spec, "double", options.further, options.unit)
-        name = str(options.unit.description["name"])
-        files[f"{name}.fmu"] = _archive(name, whole, "controller", _controller_values(whole, options.unit), chosen)
+    held = [block for block in BLOCKS if block.word in options.further]
+    whole = emitted_code(spec, "double", options.further, options.unit) if held else code
+    for block in held:
+        name = f"{spec.name}_{block.kind}"
+        files[f"{name}.fmu"] = _archive(name, block.code(whole), block.kind, block.values(whole), chosen)
     values |= {"unit": options.unit and options.unit.description, "folders": [platform.fmi for platform in chosen]}
+    values |= {"held": [block.kind for block in held], "points": POINTS, "harmonics": HARMONICS}
     files["README.md"] = render("fmu/README.md.j2", **values)
     return Exported(files, tuple(_notes(spec)))
 
@@ -98,81 +101,16 @@ def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
 def _archive(name: str, code: Code, kind: str, values: dict[str, Any], chosen: Sequence[Platform]) -> bytes:
     """The bytes of the FMU ``name``: description, libraries, and the sources ``code`` with the functions of FMI.
 
-    ``kind`` is "" for the plant, "controller" for the controller; ``values`` are variables of the templates.
+    ``kind`` is "" for the plant, else that of a block; ``values`` are variables of the templates.
     """
     sources = {**code.files, f"{name}_fmu.c": render(f"fmu/{kind or 'fmu'}.c.j2", **values)}
     values["sources"] = [file for file in sources if file.endswith(".c")]
-    description = f"fmu/{kind}Description.xml.j2" if kind else "fmu/modelDescription.xml.j2"
+    description = f"fmu/{'coSimulation' if kind else 'model'}Description.xml.j2"
     contents: dict[str, Contents] = {"modelDescription.xml": render(description, **values)}
     for platform in chosen:
         contents[f"binaries/{platform.fmi}/{name}{platform.suffix}"] = shared_library(sources, platform)
     contents |= {f"sources/{file}": text for file, text in sources.items()}
     return zip_archive(contents)
-
-
-def _controller_values(code: Code, unit: UnitCode) -> dict[str, Any]:
-    """Template variables of the FMU of the controller, whose variables follow from the fields of the structs."""
-    structs, spec = unit.description["structs"], code.model.spec
-    variables = [v for row in structs["params"]["fields"] for v in _field_variables(row, "params", "parameter", spec)]
-    first = {"in": len(variables)}
-    inputs = [row for row in structs["input"]["fields"] if row["name"] not in ("dt", "sample")]
-    variables += [v for row in inputs for v in _field_variables(row, "in", "input", spec)]
-    modes = unit.description["modes"]
-    for v in variables[first["in"] :]:
-        v["start"] = modes["gravity"] if v["name"] == "in.mode" else "0"
-    reset = {"name": "reset", "offset": 0, "count": None, "type": "int32", "unit": ""}
-    reset["text"] = "the controller leaves a stop or the brake where this becomes other than 0"
-    variables += [
-        v | {"name": "reset", "member": "reset", "start": "0"} for v in _field_variables(reset, "in", "input", spec)
-    ]
-    first["out"] = len(variables)
-    variables += [v for row in structs["output"]["fields"] for v in _field_variables(row, "out", "output", spec)]
-    key = f"rrrgen {code.identity.tool_version} {code.identity.model_hash} controller {unit.description['abi']}"
-    return {
-        **code.naming,
-        "title": title(spec),
-        "guid": str(uuid.uuid5(uuid.NAMESPACE_URL, key)),
-        "variables": variables,
-        "first": first,
-        "units": sorted({v["unit"] for v in variables if v["unit"]}),
-        "period": structs["params"]["fields"][0]["default"][0],
-    }
-
-
-def _field_variables(row: Mapping[str, Any], member: str, causality: str, spec: RobotSpec) -> Iterator[dict[str, Any]]:
-    """The FMU variables of a field of a struct: ``params.kp[1]`` and so on; infinite bounds are left out."""
-    infinite, width = row.get("infinite", False), 4 if row["type"] != "real" else 8
-    numbers = [str(value).replace("inf", "INF") for value in row.get("default", ())]
-    for k in range(row["count"] or 1):
-        integer = row["type"] != "real"
-        yield {
-            "name": f"{member}.{row['name']}" + ("" if row["count"] is None else f"[{k + 1}]"),
-            "member": member,
-            "offset": row["offset"] + k * width,
-            "integer": integer,
-            "causality": causality,
-            "text": row["text"],
-            "unit": "" if integer else _unit_of(row["unit"], k, row["count"] or 1, spec),
-            "low": _bound(row.get("low"), integer) if not infinite or row["low"] >= 0 else None,
-            "high": _bound(row.get("high"), integer) if not infinite else None,
-            "start": (str(int(float(numbers[k]))) if integer else numbers[k]) if numbers else None,
-        }
-
-
-def _bound(value: float | None, integer: bool) -> str | None:
-    return None if value is None else str(int(value)) if integer else repr(float(value))
-
-
-def _unit_of(units: str, k: int, count: int, spec: RobotSpec) -> str:
-    """The unit of element ``k``, from "revolute | prismatic" or "linear, angular", in FMI notation; "" for none."""
-    by_joint, by_axis = units.split(" | "), units.split(", ")
-    if len(by_joint) == 2 and count == spec.n:
-        (units,) = by_joint[:1] if spec.joints[k].is_revolute else by_joint[1:]
-    elif len(by_axis) == 2 and count == 6:
-        units = by_axis[k // 3]
-    elif len(by_joint) + len(by_axis) > 2:
-        return ""
-    return "" if units in ("SI", "ticks") else units.replace(" ", ".").replace("^", "")
 
 
 def _values(code: Code) -> dict[str, Any]:
@@ -268,5 +206,5 @@ EXPORTER = Exporter(
     one_file=False,
     mechanisms=True,
     options=("platforms",),
-    further=("controller",),
+    further=("controller", "timing", "trajectory"),
 )

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from rrrgen.base.templates import render
+from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.emit.description import title
 from rrrgen.emit.targets.c_package import (
     FURTHER,
@@ -82,6 +83,7 @@ def _values(code: Code) -> dict[str, Any]:
         "block_size": _block_size,
         "rows": most_rows(code.plan) if code.plan.solvable else 0,
         "nominal": nominal_values(code),
+        "friction": len(friction_parameters(code.model.spec)),
     }
 
 
