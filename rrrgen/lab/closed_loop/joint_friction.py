@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.closed_loop.controller import LoopController
-from rrrgen.lab.closed_loop.loop import CompiledLoop, Directed, bristle_ports, friction_inputs
+from rrrgen.lab.closed_loop.loop import CompiledLoop, bristle_ports, friction_inputs
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, loop_recordings
 from rrrgen.lab.closed_loop.output_error import OutputErrorProblem
 from rrrgen.lab.closed_loop.validation import LoopScore, Replay, as_json, loop_score, replayed
@@ -27,6 +27,7 @@ from rrrgen.lab.data.uniform_stream import Part
 from rrrgen.lab.friction.candidate_laws import Candidate
 from rrrgen.lab.friction.estimation import FrictionEstimate, LawEstimate, reported
 from rrrgen.lab.friction.joint_recording import CUTOFF
+from rrrgen.lab.friction.joint_simulation import Directed
 from rrrgen.program import Builder, Port, Program, Role
 
 STEP = 1e-3  # step of finite differences, relative to the parameter, or absolute for a logarithm
@@ -72,11 +73,7 @@ class JointEquations:
         q = builder.input(Port("q", (1,), "rad | m", "joint", "position", Role.POSITION))
         builder.input(Port("dq", (1,), "rad/s | m/s", "joint", "velocity", Role.VELOCITY))
         theta = builder.input(Port("theta", (self.size,), "mixed", "", "parameters"))
-        gravity = self.candidate.gravity
-        load: Any = theta[1] if gravity == 1 else 0
-        if gravity >= 2:
-            load = theta[1] * builder.cos(q[0]) + theta[2] * builder.sin(q[0])
-            load = load + theta[3] if gravity == 3 else load
+        load = self.candidate.gravity_torque(q[0], theta, builder)
         outputs = [(Port("M", (1, 1), "kg m^2", "joint", "inertia"), [theta[0]])]
         outputs += [(Port("load", (1,), "N m | N", "joint", "gravity torque"), [load])]
         terms = builder.program("terms", outputs, summary="Inertia and load of the joint.")

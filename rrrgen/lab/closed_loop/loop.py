@@ -20,6 +20,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.lab.closed_loop.controller import LoopController, Tables
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording
+from rrrgen.lab.friction.joint_simulation import Directed
 from rrrgen.lab.identify.parameters import Column
 from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.program import Builder, Port, Program, Role
@@ -35,21 +36,6 @@ from rrrgen.program.builder import replay
 # ------------------------------------------------------------------------------------------------------------------
 
 SLIDING = ("viscous", "coulomb", "offset")
-
-
-class Directed:
-    """Builder operations for evaluating a friction law in a known sliding direction.
-
-    ``sign`` returns that direction instead of the sign of its argument; thus ``|u| = u sgn(u)`` stays smooth in u.
-    """
-
-    def __init__(self, builder: Builder, direction: Any) -> None:
-        self.exp, self.tanh = builder.exp, builder.tanh
-        self._direction = direction
-
-    def sign(self, x: Any) -> Any:
-        """The known sliding direction, whatever the argument ``x``."""
-        return self._direction
 
 
 @dataclass(frozen=True, eq=False)

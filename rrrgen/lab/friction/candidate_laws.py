@@ -87,7 +87,7 @@ class Candidate:
     def law_values(self, theta: Sequence[Any] | Array) -> list[Any]:
         """Values of all parameters of the law, in its order, taken from ``theta`` (k,); those left out are 0."""
         given = dict(zip(self.names, theta, strict=True))
-        return [given.get(p.name, 0.0) for p in self.law.parameters]
+        return [given.get(p.name, 0) for p in self.law.parameters]
 
     def torque(self, speed: Array, theta: Sequence[Any] | Array, direction: Any = None) -> Array:
         """Friction torque (N,), N m (N), at ``speed`` (N,), rad/s (m/s), for the parameters ``theta`` (k,).
@@ -99,16 +99,16 @@ class Candidate:
         torque = self.law.torque(FixedDirection(np.asarray(sign)), speed, self.law_values(theta))
         return np.asarray(torque + 0.0 * speed)
 
-    def gravity_torque(self, q: Array, theta: Sequence[Any] | Array) -> Array:
+    def gravity_torque(self, q: Any, theta: Sequence[Any] | Array, ops: Any = np) -> Any:
         """Gravity torque, N m (N), at the positions ``q``: ``gravity_cos cos q + gravity_sin sin q``, same shape as q.
 
         A third coefficient is added to it. It is the constant ``gravity_cos`` with one coefficient, as at a prismatic
-        joint, and 0 with none.
+        joint, and 0 with none. ``ops`` supplies ``cos`` and ``sin`` for NumPy or a program builder.
         """
         if self.gravity >= 2:
-            torque = theta[1] * np.cos(q) + theta[2] * np.sin(q)
-            return np.asarray(torque + theta[3] if self.gravity == 3 else torque)
-        return np.asarray(theta[1] + 0.0 * q) if self.gravity else 0.0 * q
+            torque = theta[1] * ops.cos(q) + theta[2] * ops.sin(q)
+            return torque + theta[3] if self.gravity == 3 else torque
+        return theta[1] + 0 * q if self.gravity else 0 * q
 
     @property
     def jumps(self) -> bool:

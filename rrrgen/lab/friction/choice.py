@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.lab.friction.multiple_shooting import ShootingFit, Windows, window_losses
+from rrrgen.lab.friction.joint_simulation import Windows
+from rrrgen.lab.friction.multiple_shooting import ShootingFit, window_losses
 
 FOLDS = 4
 SIGNIFICANT = 2.0  # standard errors by which a law must be better on held-out windows

@@ -16,11 +16,11 @@ from rrrgen.lab.friction.choice import FOLDS, LawScore, choose, fold_of, score
 from rrrgen.lab.friction.drift import Drift, friction_drift
 from rrrgen.lab.friction.initial_values import LEAST_INERTIA, best_delay, growth_rate, sliding_samples, start_values
 from rrrgen.lab.friction.joint_recording import JointData
+from rrrgen.lab.friction.joint_simulation import Windows
 from rrrgen.lab.friction.kalman_filter import kalman_estimates
 from rrrgen.lab.friction.multiple_shooting import (
     Noise,
     ShootingFit,
-    Windows,
     best_start,
     fit,
     likely_noise,

@@ -11,7 +11,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.lab.friction.candidate_laws import DELAY, GRAVITY, Candidate
 from rrrgen.lab.friction.joint_recording import JointData
-from rrrgen.lab.friction.multiple_shooting import Torque
+from rrrgen.lab.friction.joint_simulation import Torque
 
 DELAYS = np.arange(-1.5, 6.1, 0.5)  # sampling periods that are tried
 SPEEDS = np.geomspace(0.03, 1.0, 25)  # Stribeck speeds that are tried, relative to the rms speed
@@ -45,7 +45,7 @@ def sliding_samples(data: JointData, delay: float) -> SlidingSamples:
     """
     torque = np.empty_like(data.u)
     for first, last in data.stretches:
-        own = Torque(data.smoothed[first:last], np.arange(last - first), 1)
+        own = Torque(data.smoothed[first:last], np.arange(last - first))
         torque[first:last] = own.centred(np.array([[delay]]))[0]
     chosen = np.flatnonzero(data.sliding)
     chosen = chosen[:: max(1, len(chosen) // MOST_SAMPLES)]

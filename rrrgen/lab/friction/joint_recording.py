@@ -15,7 +15,7 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.data.mapping import LogMapping
 from rrrgen.lab.data.reconstruction import Butterworth
 from rrrgen.lab.data.recordings import Log, check_robot
-from rrrgen.lab.friction.multiple_shooting import Torque, Windows
+from rrrgen.lab.friction.joint_simulation import Torque, Windows
 from rrrgen.lab.response.response_file import ResponseRecording
 from rrrgen.verify.references.numeric_robot import chain_of
 
@@ -156,8 +156,8 @@ class JointData:
         return Windows(
             period=self.period,
             stride=stride,
-            torque=Torque(self.u, starts, length),
-            smoothed=Torque(self.smoothed, starts, 1),
+            torque=Torque(self.u, starts),
+            smoothed=Torque(self.smoothed, starts),
             measured=self.q[starts + ticks[:, None]],
             q0=q[starts],
             v0=dq[starts],

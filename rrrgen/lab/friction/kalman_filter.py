@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 
 import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.lab.friction.candidate_laws import Candidate
 from rrrgen.lab.friction.joint_recording import JointData
-from rrrgen.lab.friction.multiple_shooting import Torque
+from rrrgen.lab.friction.joint_simulation import Directed, Torque
+from rrrgen.program import Builder, Port, Program, Role
+from rrrgen.program.differentiation import jacobian
 
 WIDTH = 3e-3  # width w of tanh(v/w) in place of sgn(v), relative to the rms speed
 SLIDING_NOISE = 0.05  # standard deviation of unmodelled torque relative to the friction torque, in sliding
@@ -25,23 +28,10 @@ SLOW = 0.03  # times the rms speed: slower motion counts as near rest
 START_SPEED = 0.1  # standard deviation of the initial speed relative to the rms speed: the low-pass is poor there
 PRIOR = 0.2  # relative standard deviation of the initial parameters
 SURPRISE = 4.0  # standard deviations at which an innovation is clipped
-LARGEST_LOGARITHM = 50.0
-DIFFERENCE = 1e-6
 FAR = 1.0  # rad (m) between prediction and measurement beyond which the filter has diverged
 DIVERGED = 0.7  # change of the logarithm of the inertia beyond which the filter has diverged
-REPORT = 2000  # samples between two calls of ``tell``
 
-
-class _Smoothed:
-    """Operations of a friction law on floats, with sgn(x) replaced by a given number ``direction``."""
-
-    exp, tanh = staticmethod(math.exp), staticmethod(math.tanh)
-
-    def __init__(self, direction: float) -> None:
-        self.direction = direction
-
-    def sign(self, x: float) -> float:
-        return self.direction
+DECLARED = "int joint_filter(double *, double *, const double *, const double *, int, const double *);"
 
 
 def kalman_estimates(
@@ -52,138 +42,70 @@ def kalman_estimates(
 ) -> list[Array]:
     """Estimate the parameters (k,) of several laws without a state by one pass of an extended Kalman filter each.
 
-    ``starts`` are the initial parameters (k,) of each law; a law whose filter diverges keeps them. The filters run over
-    the recording ``data`` together. ``tell(done, total)`` is called with the number of samples processed.
+    ``starts`` are the initial parameters (k,) of each law; a law whose filter diverges keeps them. ``data`` is the
+    recording. ``tell(done, total)`` is called with the number of laws.
     """
-    run = _Filters(laws, starts, data)
-    total = sum(last - first for first, last in data.stretches)
-    done = 0
+    found = []
+    for done, (law, start) in enumerate(zip(laws, starts, strict=True)):
+        if tell is not None:
+            tell(done, len(laws))
+        theta = _filtered(law, start, data)
+        lost = theta is None or not abs(math.log(theta[0] / start[0])) < DIVERGED
+        found.append(start if theta is None or lost else law.clipped(theta))
+    return found
+
+
+def _filtered(law: Candidate, start: Array, data: JointData) -> Array | None:
+    """Parameters (k,) of ``law`` after one pass over the recording, None if the filter diverged.
+
+    The state is ``[q, v, parameters]`` without the delay, which keeps its initial value.
+    """
+    from rrrgen.emit.c.compilers import NATIVE
+    from rrrgen.emit.c.function_files import Extension, function_files
+    from rrrgen.runtime.build import build_extension
+
+    k = len(start) - 1
+    n = 2 + k
+    acceleration = _acceleration(law)
+    programs = [jacobian(acceleration, "a", ("x",))]
+    extension = Extension("joint_filter", {"n": n})
+    files = function_files("joint", "the Kalman filter of a joint", programs, "double", extension=extension)
+    ffi, lib = build_extension(files, DECLARED, "joint", NATIVE)
+    x, P = np.zeros(n), np.zeros((n, n))
+    x[2:] = law.to_free(start)[:k]
+    level = float(np.mean(np.abs(law.torque(np.array([0.5, -0.5]) * data.speed, start))))
+    size = np.maximum(np.abs(start[:k]), 0.25 * level)
+    P[2:, 2:] = np.diag((PRIOR * np.where(law.is_logarithmic[:k], 1.0, size)) ** 2)
+    noise = max(data.resolution**2 / 12.0, 1e-24)
+    torques = [SLIDING_NOISE * level, REVERSAL_NOISE * level]
+    settings = [data.period, noise, *torques, SLOW * data.speed, SURPRISE, FAR, WIDTH * data.speed]
     for first, last in data.stretches:
-        run.begin(first)
-        own = Torque(data.u[first:last], np.arange(last - first), 1)
-        torque = np.stack([own.held(0, np.array([[theta[-1]]]))[0] for theta in starts], axis=1)
-        for k in range(last - first - 1):
-            run.step(torque[k], data.q[first + k + 1])
-            done += 1
-            if tell is not None and done % REPORT == 0:
-                tell(done, total)
-    return run.results()
+        x[:2] = [part[first] for part in data.motion[:2]]
+        P[:2], P[:, :2] = 0.0, 0.0
+        P[0, 0], P[1, 1] = noise, (START_SPEED * data.speed) ** 2
+        torque = Torque(data.u[first:last], np.arange(last - first)).held(0, start[-1:])
+        arrays = (x, P, torque, np.ascontiguousarray(data.q[first:last]))
+        pointers = [ffi.from_buffer("double[]", each) for each in arrays]
+        if lib.joint_filter(*pointers, last - first - 1, ffi.new("double[]", settings)):
+            return None
+    return np.append(law.from_free(x[2:]), start[-1])
 
 
-class _Filters:
-    """The Kalman filters of L laws, run together: states x (L, n) and covariances P (L, n, n).
+def _acceleration(law: Candidate) -> Program:
+    """The program ``acceleration(x, u, width) -> a`` of (14.15) with sgn(v) replaced by ``tanh(v / width)``.
 
-    The states ``[q, v, parameters]`` are padded with zeros to the same length n.
+    ``x`` is ``[q, v, parameters]``, some of them as logarithms.
     """
-
-    def __init__(self, laws: Sequence[Candidate], starts: Sequence[Array], data: JointData) -> None:
-        self.laws, self.starts, self.data = laws, starts, data
-        self.logarithmic = [np.flatnonzero(law.is_logarithmic).tolist() for law in laws]
-        self.k = [len(theta) - 1 for theta in starts]  # the delay is not a state
-        n = 2 + max(self.k)
-        self.x, self.P = np.zeros((len(laws), n)), np.zeros((len(laws), n, n))
-        self.level = np.zeros(len(laws))
-        for row, (law, theta, k) in enumerate(zip(laws, starts, self.k, strict=True)):
-            free = law.to_free(theta)[:k]
-            self.x[row, 2 : 2 + k] = free
-            self.level[row] = float(np.mean(np.abs(law.torque(np.array([0.5, -0.5]) * data.speed, theta))))
-            size = np.maximum(np.abs(theta[:k]), 0.25 * self.level[row])
-            spread = PRIOR * np.where(law.is_logarithmic[:k], 1.0, size)
-            self.P[row, 2 : 2 + k, 2 : 2 + k] = np.diag(spread**2)
-        self.first, self.lost = self.x.copy(), np.zeros(len(laws), bool)
-        self.noise = max(data.resolution**2 / 12.0, 1e-24)
-        self.width, self.slow = WIDTH * data.speed, SLOW * data.speed
-
-    def begin(self, sample: int) -> None:
-        """Reset position and speed at the first ``sample`` of an uninterrupted stretch; the parameters are kept."""
-        self.x[:, 0], self.x[:, 1] = (part[sample] for part in self.data.motion[:2])
-        self.P[:, :2], self.P[:, :, :2] = 0.0, 0.0
-        self.P[:, 0, 0], self.P[:, 1, 1] = self.noise, (START_SPEED * self.data.speed) ** 2
-
-    def step(self, u: Array, measured: float) -> None:
-        """Predict one period ahead under the torques ``u`` (L,), then correct by the next ``measured`` position.
-
-        The torques differ between laws because each has its own delay.
-        """
-        T, x, P = self.data.period, self.x, self.P
-        a, a_q, a_v, a_p, inertia = self._accelerations(u)
-        v = x[:, 1].copy()
-        implicit = 1.0 / (1.0 - T * np.minimum(a_v, 0.0))
-        dv = T * a * implicit
-        row = np.zeros_like(x)  # derivative of the next speed by the state
-        row[:, 0], row[:, 1] = T * a_q * implicit, 1.0 + T * a_v * implicit
-        row[:, 2:] = T * a_p * implicit[:, None]
-        first = 0.5 * T * row
-        first[:, 0] += 1.0
-        first[:, 1] += 0.5 * T
-        x[:, 0] += T * (v + 0.5 * dv)
-        x[:, 1] = v + dv
-        F = np.stack([first, row], axis=1)  # (L, 2, n)
-        FP = F @ P
-        corner = FP @ F.transpose(0, 2, 1)
-        P[:, :2, :] = FP
-        P[:, :, :2] = FP.transpose(0, 2, 1)
-        P[:, :2, :2] = corner
-        uncertain = (np.abs(v) < self.slow) | (v * x[:, 1] <= 0.0)
-        P[:, 1, 1] += (T * self.level * np.where(uncertain, REVERSAL_NOISE, SLIDING_NOISE) / inertia) ** 2
-        variance = P[:, 0, 0] + self.noise
-        gain = P[:, :, 0] / variance[:, None]
-        limit = SURPRISE * np.sqrt(np.maximum(variance, self.noise))
-        x += gain * np.minimum(np.maximum(measured - x[:, 0], -limit), limit)[:, None]
-        P -= gain[:, :, None] * P[:, None, 0, :]
-        lost = ~np.isfinite(x).all(axis=1) | ~(np.abs(x[:, 0] - measured) < FAR)
-        if lost.any():
-            self.lost |= lost
-            x[lost], P[lost] = self.first[lost], 0.0
-            x[lost, 0] = measured
-
-    def _accelerations(self, u: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Acceleration (L,), its derivatives by q (L,), v (L,) and the parameters (L, n - 2), and the inertia (L,).
-
-        ``u`` (L,) are the torques. Computed with Python floats, which are faster here than short arrays.
-        """
-        L, n = self.x.shape
-        a, a_q, a_v, a_p, inertia = np.empty(L), np.empty(L), np.empty(L), np.zeros((L, n - 2)), np.empty(L)
-        for i, (law, k, torque) in enumerate(zip(self.laws, self.k, u.tolist(), strict=True)):
-            q, v, *theta = self.x[i, : 2 + k].tolist()
-            for j in self.logarithmic[i]:
-                theta[j] = math.exp(min(theta[j], LARGEST_LOGARITHM))
-            J, first = theta[0], 1 + law.gravity
-            net, by_q = torque, 0.0
-            if law.gravity >= 2:
-                c, s = math.cos(q), math.sin(q)
-                net -= theta[1] * c + theta[2] * s
-                by_q = theta[1] * s - theta[2] * c
-                a_p[i, 1], a_p[i, 2] = -c / J, -s / J
-                if law.gravity == 3:
-                    net -= theta[3]
-                    a_p[i, 3] = -1.0 / J
-            elif law.gravity:
-                net -= theta[1]
-                a_p[i, 1] = -1.0 / J
-            values = theta[first:] + [0.0] * len(law.left_out)
-            ops = _Smoothed(math.tanh(v / self.width))
-            friction = law.law.torque(ops, v, values)
-            by_v = DIFFERENCE * self.width
-            ahead = law.law.torque(_Smoothed(math.tanh((v + by_v) / self.width)), v + by_v, values)
-            for j in range(first, k):
-                was = values[j - first]
-                step = DIFFERENCE * max(abs(was), DIFFERENCE)
-                values[j - first] = was + step
-                a_p[i, j] = (friction - law.law.torque(ops, v, values)) / step / J
-                values[j - first] = was
-            a[i], inertia[i] = (net - friction) / J, J
-            a_q[i], a_v[i] = by_q / J, (friction - ahead) / by_v / J
-            a_p[i, 0] = -a[i] / J
-            for j in self.logarithmic[i]:
-                a_p[i, j] *= theta[j]
-        return a, a_q, a_v, a_p, inertia
-
-    def results(self) -> list[Array]:
-        """Estimated parameters (k,) of each law; the initial ones for a filter that diverged."""
-        found = []
-        for i, (law, start) in enumerate(zip(self.laws, self.starts, strict=True)):
-            theta = np.append(law.from_free(self.x[i, 2 : 1 + len(start)]), start[-1])
-            kept = not self.lost[i] and abs(math.log(theta[0] / start[0])) < DIVERGED
-            found.append(law.clipped(theta) if kept else start)
-        return found
+    builder = Builder()
+    k = len(law.names) - 1
+    x = builder.input(Port("x", (2 + k,), "mixed", "", "position, speed, parameters"))
+    u = builder.input(Port("u", (1,), "N m | N", "joint", "torque", Role.TORQUE))
+    width = builder.input(Port("width", (1,), "rad/s | m/s", "", "speed at which the sign is smoothed"))
+    q, v, *free = x
+    logs = law.is_logarithmic
+    theta = [builder.exp(each) if log else each for each, log in zip(free, logs[:k], strict=True)] + [Fraction(0)]
+    smooth = Directed(builder, builder.tanh(v / width[0]))
+    friction = law.law.torque(smooth, v, law.law_values(theta))
+    a = (u[0] - law.gravity_torque(q, theta, builder) - friction) / theta[0]
+    port = Port("a", (1,), "rad/s^2 | m/s^2", "", "acceleration")
+    return builder.program("acceleration", [(port, [a])], summary="Acceleration of one joint.")

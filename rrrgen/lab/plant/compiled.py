@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
+from rrrgen.lab.friction.joint_simulation import Directed
 from rrrgen.lab.plant.friction import NoFriction
 from rrrgen.lab.plant.integration import MOST_STOPS, breaks_away
 from rrrgen.lab.plant.plant import Plant
@@ -334,17 +335,6 @@ def _friction_program(n: int, laws: list[FrictionLaw], first: int, count: int) -
     torques: list[Any] = [] if laws else [0] * n
     for i, law in enumerate(laws):
         last = first + len(law.parameters) + 1
-        torques.append(torque_under(builder, law, _Directed(builder, direction[i]), dq[i], given[first:last], tau[i]))
+        torques.append(torque_under(builder, law, Directed(builder, direction[i]), dq[i], given[first:last], tau[i]))
         first = last
     return builder.program("friction", [(_vector("torque", n), torques)], summary="Friction in a given direction.")
-
-
-class _Directed:
-    """Operations of a builder with sgn(dq) replaced by the ``direction`` in which a joint slides, also from rest."""
-
-    def __init__(self, builder: Builder, direction: Value) -> None:
-        self.exp, self.tanh = builder.exp, builder.tanh
-        self._direction = direction
-
-    def sign(self, x: Value) -> Value:
-        return self._direction
