@@ -18,8 +18,9 @@ PYTHON_TESTS := tests/robotfile tests/yamltext tests/program tests/optimize \
 unit python: export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := rrr
-.PHONY: playground rrr core setup test lint types unit python generated update stubs bench docs pages stranger machines clean help
+.PHONY: playground rrr core setup test lint types unit python generated update stubs bench docs pages stranger mutants machines clean help
 SEEDS ?= 12
+SEED ?= 1
 
 rrr: core  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
 	$(BIN)/rrrgen generate rrr -o runs/rrr
@@ -88,6 +89,9 @@ pages: setup  ## every command that the pages and the help texts print, as print
 
 stranger:  ## SEEDS=12 robots that nobody has tried, each from a wheel all the way to an identified model; then the pages
 	$(PYTHON) tests/stranger.py --seeds $(SEEDS) --pages
+
+mutants: setup  ## 30 changes of one operator, number or condition: do the tests notice? SEED=1 is the fixed sample
+	$(BIN)/python tests/mutants.py --seed $(SEED)
 
 machines: setup  ## the self-tests of all robots on other processors (QEMU, Node), as far as their tools are installed
 	$(BIN)/python -m bench.machines

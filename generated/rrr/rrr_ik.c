@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <string.h>
 
 /* Tolerances: relative to the reach for lengths, absolute for angles. */
 #define RRR_IK_TOL_REACH (rrr_real)1.3536469121517312
@@ -543,7 +544,9 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
     int start;
     int i;
     int kept = 0;
-    const int rows = rrr_ik_branches(T, ref, (rrr_real)1e30, RRR_IK_TOL_FREE, &found, &stage);
+    int rows;
+    (void)memset(&found, 0, sizeof(found)); /* rows that are not written are not read, but no analysis sees that */
+    rows = rrr_ik_branches(T, ref, (rrr_real)1e30, RRR_IK_TOL_FREE, &found, &stage);
     for (start = 0; (start < (rows + 6)) && (kept < 4); ++start) {
         rrr_real x[3];
         rrr_real cost;
@@ -713,7 +716,9 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
     for (round = 0; (round < 64) && (pending > 0) && wider; ++round) { /* far fewer decades lie between the two */
         rrr_ik_solutions wide;
         int stage = 0;
-        const int count = rrr_ik_branches(T, at, RRR_IK_TOL_SLACK, least, &wide, &stage);
+        int count;
+        (void)memset(&wide, 0, sizeof(wide));
+        count = rrr_ik_branches(T, at, RRR_IK_TOL_SLACK, least, &wide, &stage);
         for (w = 0; w < count; ++w) {
             const unsigned held = RRR_IK_HELD(wide.flags[w]);
             const unsigned other = ~rrr_ik_merged_branches(held);

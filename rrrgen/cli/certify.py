@@ -96,6 +96,7 @@ def certify(
     from rrrgen.evidence.boxes import Ranges
     from rrrgen.evidence.certificate import CERTIFICATE, PAGE, certificate_files
     from rrrgen.evidence.coding_rules import checked_with_cppcheck
+    from rrrgen.evidence.counts import counts_entry
     from rrrgen.evidence.value_analysis import analysed_with_eva
     from rrrgen.runtime import load
     from rrrgen.verify import verify
@@ -114,9 +115,13 @@ def certify(
             "acceleration": acceleration,
         }
         tools, unchecked = checked_with_cppcheck(files)
+        counts, uncounted = counts_entry(spec.name, model.programs, files, real)
+        tools, unchecked = tools | counts, [*unchecked, *uncounted]
         if value_analysis:
-            unit = chosen_unit(model, experiment) if "controller" in {*spec.emit, *further} else None
-            found, unanalysed = analysed_with_eva(model, unit, Ranges(speed, acceleration), tell)
+            words = {*spec.emit, *further}
+            unit = chosen_unit(model, experiment) if "controller" in words else None
+            differential = bool({"control", "controller"} & words)
+            found, unanalysed = analysed_with_eva(model, unit, Ranges(speed, acceleration), tell, differential)
             tools, unchecked = tools | found, [*unchecked, *unanalysed]
         else:
             unchecked = [*unchecked, ("run-time errors", "--value-analysis was not asked for")]

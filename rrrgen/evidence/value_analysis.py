@@ -7,7 +7,8 @@ parameters are within the ranges of their table, which ``_check`` sees to; ``_ch
 
 EVA knows no relations between variables. Where the code relies on one, the analysed text says the same in another way:
 the bits that show whether numbers are finite are read as comparisons (a test holds that both agree), ``fabs`` as a
-choice, and ``tanh`` by its bounds. The modes are analysed one by one.
+choice, ``tanh`` by its bounds, and sines and cosines by the proven ones of the kernel, which has a row of its own. The
+modes are analysed one by one.
 """
 
 from __future__ import annotations
@@ -25,14 +26,22 @@ from rrrgen.controller.files import standalone_files
 from rrrgen.controller.layout import COUNTERS, structs
 from rrrgen.controller.proposals import proposals
 from rrrgen.emit.c.function_files import function_files
+from rrrgen.emit.c.ik.files import sources
+from rrrgen.emit.c.language import RANGE, InlineSinCos
+from rrrgen.emit.controller.differential_ik import declaration, differential_ik_files
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of
+from rrrgen.ik.classify import plan as make_plan
+from rrrgen.program import Builder, Port
 
 if TYPE_CHECKING:
     from rrrgen.base.parallel import Tell
     from rrrgen.controller.layout import Struct
     from rrrgen.controller.table import Field, Unit
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.emit.c.language import SinCos
+    from rrrgen.ik.plan import SolverPlan
     from rrrgen.program import Program
+    from rrrgen.robot.spec import RobotSpec
 
 OPTIONS = (
     *("-machdep", "gcc_x86_64", "-cpp-extra-args=-I. -include stated.h", "-eva", "-eva-precision", "3"),
@@ -45,7 +54,13 @@ STATED = """#include <math.h>
 /*@ assigns \\result \\from x;
     ensures \\is_finite(x) ==> -1.0 <= \\result <= 1.0; */
 double stated_tanh(double x);
+/*@ assigns \\result \\from x;
+    behavior number: assumes \\is_finite(x);
+        ensures \\is_finite(\\result) && -1.0000000000000003 <= \\result <= 1.0000000000000003; */
+double stated_sine(double x);
 #define tanh(x) stated_tanh(x)
+#define sin(x) stated_sine(x)
+#define cos(x) stated_sine(x)
 #define fabs(x) (((x) < 0) ? -(x) : (x))
 """
 """What is stated about the C library beside EVA's own specifications."""
@@ -110,8 +125,13 @@ def _is_settled(row: Mapping[str, str]) -> bool:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def function_alarms(program: Program, box: Mapping[str, PortRange], directory: Path) -> list[Alarm]:
-    """What stays open about a model function, for all inputs in the ``box``, which has all of its input ports."""
+def function_alarms(
+    program: Program, box: Mapping[str, PortRange], directory: Path, sincos: SinCos | None = None
+) -> list[Alarm]:
+    """What stays open about a model function, for all inputs in the ``box``, which has all of its input ports.
+
+    Sines and cosines are those of ``sincos``, by default of the C library, whose bounds are stated.
+    """
     lines, post, given = [], [], []
     for port in program.inputs:
         lines.append(f"double {port.name}[{port.size}];")
@@ -125,12 +145,65 @@ def function_alarms(program: Program, box: Mapping[str, PortRange], directory: P
     call = f"(void)analysed_{program.name}({', '.join(given)});"
     body = "\n    ".join([*lines, call, *post])
     driver = f'#include "analysed.h"\n#include "__fc_builtin.h"\nvoid analysed(void)\n{{\n    {body}\n}}\n'
-    files = function_files("analysed", "one function", [program], "double")
+    files = function_files("analysed", "one function", [program], "double", sincos)
     return alarms(directory, {**files, "driver.c": driver}, "analysed", "non-finite")
+
+
+def kernel_alarms(directory: Path) -> list[Alarm]:
+    """What stays open about the kernel of sine and cosine within its range."""
+    b = Builder()
+    (x,) = b.input(Port("x", (1,)))
+    program = b.program("kernel", [(Port("sine", (1,)), [b.sin(x)]), (Port("cosine", (1,)), [b.cos(x)])])
+    farthest = float(RANGE["double"])
+    box = {"x": PortRange((-farthest,), (farthest,), "the range of the kernel")}
+    return function_alarms(program, box, directory, InlineSinCos())
 
 
 def _interval(low: float, high: float) -> str:
     return f"Frama_C_double_interval({low!r}, {high!r})"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Inverse kinematics
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def solver_alarms(spec: RobotSpec, plan: SolverPlan, directory: Path) -> list[Alarm]:
+    """What stays open about the inverse kinematics with any bits in its target, reference and options, in double.
+
+    The caller's result holds numbers before, since EVA does not see that rows beyond the count are never read.
+    """
+    files, name = sources(spec), spec.name
+    given = "target, ref, " + ("ref[0], " if plan.redundancy else "")
+    driver = (
+        f'#include "{name}_ik.c"\n#include "__fc_builtin.h"\n#include <limits.h>\n'
+        f"static double target[{name.upper()}_IK_TARGET];\nstatic double ref[{name.upper()}_IK_JOINTS];\n"
+        f"static {name}_ik_solutions found;\n\n"
+        "void analysed(void)\n{\n"
+        "    Frama_C_make_unknown((char *)&target, sizeof target);\n"
+        "    Frama_C_make_unknown((char *)&ref, sizeof ref);\n"
+        f"    (void){name}_inverse_kinematics({given}Frama_C_unsigned_int_interval(0u, UINT_MAX), &found);\n"
+        f"    /*@ assert 0 <= found.count <= {name.upper()}_IK_ROWS; */\n}}\n"
+    )
+    return alarms(directory, {**files, "driver.c": driver}, "analysed")
+
+
+def differential_alarms(name: str, n: int, directory: Path) -> list[Alarm]:
+    """What stays open about differential inverse kinematics of ``n`` joints with any bits in its inputs, in double."""
+    function = f"{name}_differential_ik"
+    ports = {port.name: port.size for port in declaration(n).inputs}
+    lines = [f"static double {port}[{size}];" for port, size in ports.items()]
+    unknown = [f"Frama_C_make_unknown((char *)&{port}, sizeof {port});" for port in ports]
+    given = ", ".join(f"{port.name}" if port.shape else f"{port.name}[0]" for port in declaration(n).inputs)
+    driver = "\n".join(
+        [
+            *(f'#include "{function}.c"', '#include "__fc_builtin.h"', *lines, f"static double speeds[{n}];"),
+            *("", "void analysed(void)", "{", *(f"    {line}" for line in unknown)),
+            f"    (void){function}({given}, speeds);",
+            "}\n",
+        ]
+    )
+    return alarms(directory, {**differential_ik_files(name, n, "double"), "driver.c": driver}, "analysed")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -284,17 +357,22 @@ def _finite(owner: str, struct: Struct) -> list[str]:
 
 
 def analysed_with_eva(
-    model: DerivedModel, unit: Unit | None, ranges: Ranges, tell: Tell | None = None
+    model: DerivedModel, unit: Unit | None, ranges: Ranges, tell: Tell | None = None, differential: bool = False
 ) -> tuple[dict[str, Any], list[tuple[str, str]]]:
-    """The certificate's entry about run-time errors of model functions and of the controller; what was not analysed,
-    with the reason. ``tell(done, total, message)`` is called as the work proceeds; it takes seconds for each function,
-    minutes for the controller."""
+    """The certificate's entry about run-time errors of model functions, inverse kinematics and the controller.
+
+    Returns it with what was not analysed and the reason. ``differential`` says whether the files hold differential
+    inverse kinematics. ``tell(done, total, message)`` is called as the work proceeds; it takes seconds for each model
+    function, minutes for inverse kinematics and for the controller.
+    """
     if not is_available():
         return {}, [("run-time errors", "Frama-C is not installed")]
     beta = [*(model.beta_nominal or ()), *(model.drive_inertia_nominal or ())]
     nominal = [float(value) for value in beta] if beta else None
     skipped: list[tuple[str, str]] = []
     found: list[tuple[str, list[Alarm]]] = []
+    with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
+        found.append(("kernel of sine and cosine", kernel_alarms(Path(folder))))
     for done, (name, program) in enumerate(model.programs.items()):
         if tell is not None:
             tell(done, len(model.programs), f"run-time errors of {name}")
@@ -305,6 +383,19 @@ def analysed_with_eva(
             continue
         with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
             found.append((name, function_alarms(program, box, Path(folder))))
+    plan = make_plan(model.spec)
+    if plan.general:
+        skipped.append(("run-time errors of inverse_kinematics", "the general solver is too long for the analysis"))
+    elif plan.solvable:
+        if tell is not None:
+            tell(0, 0, "run-time errors of inverse_kinematics")
+        with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
+            found.append(("inverse_kinematics", solver_alarms(model.spec, plan, Path(folder))))
+    if differential:
+        if tell is not None:
+            tell(0, 0, "run-time errors of differential_ik")
+        with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
+            found.append(("differential_ik", differential_alarms(model.spec.name, model.spec.n, Path(folder))))
     for entry in ENTRIES if unit is not None else ():
         assert unit is not None
         if tell is not None:
@@ -320,8 +411,8 @@ def run_time_errors_entry(found: Iterable[tuple[str, Sequence[Alarm]]]) -> dict[
     total = sum(count for _, count, _ in rows)
     return {
         "summary": f"Frama-C EVA, {' '.join(OPTIONS)}: {total} alarms. Model functions over the limits of the robot "
-        "file, with numbers that are not finite as alarms; the controller with any input, and with all numbers of "
-        "output and state shown to be finite.",
+        "file, with numbers that are not finite as alarms; inverse kinematics and the controller with any input, and "
+        "all numbers of the controller's output and state shown to be finite.",
         "alarms": total,
         "headings": ["what", "alarms", "open"],
         "rows": [list(row) for row in rows],

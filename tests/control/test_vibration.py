@@ -166,6 +166,22 @@ def test_c_equals_python(written, tmp_path, name, flags, real):
     assert np.abs(filtered - reference).max() < size * 4
 
 
+def test_a_command_that_is_not_finite_counts_as_the_last_one_or_zero(written, tmp_path):
+    for file in (written / "double" / "results").glob("*.[ch]"):
+        (tmp_path / file.name).write_text(file.read_text())
+    driver = DRIVER.replace("&line, (vibration_shaper_real)0.5", "&line, (vibration_shaper_real)NAN")
+    (tmp_path / "driver.c").write_text("#include <math.h>\n" + driver)
+    program = compile_all(tmp_path, [compiler("gcc"), *C99, "-O1"])
+    u = np.random.default_rng(1).standard_normal(40)
+    u[[0, 7, 8]] = np.nan, np.inf, -np.inf
+    text = "\n".join(repr(float(value)) for value in u)
+    done = subprocess.run([str(program)], input=text, capture_output=True, text=True, timeout=60)
+    shaped = np.array(done.stdout.split(), float).reshape(-1, 2)[:, 0]
+    u[[0, 7, 8]] = 0.0, u[6], u[6]
+    reference = design_shaper([BASE, JOINT], PERIOD, "ei").run(np.concatenate([[0.0], u]))[1:]
+    assert np.abs(shaped - reference).max() < 1e-12
+
+
 def test_models_of_postures_lead_to_filters(tmp_path, capsys):
     from rrrgen.lab.response.response_model import ResponseModel
 

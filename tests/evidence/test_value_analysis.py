@@ -41,6 +41,12 @@ def test_without_its_gate_the_controller_is_not_finite(model, tmp_path, monkeypa
 
 
 @needs_frama_c
+def test_the_kernel_of_sine_and_cosine_has_no_run_time_error_in_its_range(tmp_path):
+    assert value_analysis.kernel_alarms(tmp_path) == []
+    assert "0.63661977236758134308" in (tmp_path / "analysed.c").read_text(encoding="utf-8")  # 2/pi of the reduction
+
+
+@needs_frama_c
 def test_a_model_function_within_its_limits_and_a_division_by_zero(model, tmp_path):
     program = model.programs["inverse_dynamics_nominal"]
     assert function_alarms(program, box_of(program, model.spec, None, Ranges()), tmp_path) == []

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from cli.test_coupled_wrist import WRIST
+from export.arm import arm
 from export.compared import mujoco_answers, only, ours, states
 from oracles.random_robots import random_robot, to_yaml
 from rrrgen.base.errors import InputError
@@ -104,6 +105,14 @@ def test_round_trips(tmp_path):
             close(found[1], torques if target == "par" else ours(spec, q, dq, ddq, drives=False)[1])
             if target == "urdf":
                 assert [j.limits.velocity for j in again.joints] == [j.limits.velocity for j in spec.joints]
+
+
+def test_friction_and_drive_inertia_come_back_from_par(tmp_path):
+    spec = arm()
+    (tmp_path / "arm.par").write_text(only(export_robot(spec, "par")))
+    again = import_robot(tmp_path / "arm.par").spec
+    assert [joint.drive.inertia for joint in again.joints] == [0.05, 0.02]
+    assert [(joint.friction.viscous, joint.friction.coulomb) for joint in again.joints] == [(0.4, 0.6), (0.2, 0.3)]
 
 
 def test_command(tmp_path):

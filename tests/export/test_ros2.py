@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import xml.etree.ElementTree as ElementTree
 from importlib.util import find_spec
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from export.arm import arm
 from export.compared import ours
 from export.rrr_library import run
 from rrrgen.exporting import export_robot
@@ -176,6 +178,13 @@ def test_the_plugins_answer(folder):
     T, tau = ours(load_spec("scara"), *(np.array([each]) for each in state))
     np.testing.assert_allclose(numbers[:4], tau[0], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(numbers[4:].reshape(4, 4), T[0], atol=1e-14)
+
+
+def test_the_friction_parameter_has_the_size_of_the_model_function():
+    files = export_robot(arm(), "ros2").files
+    size = re.search(r"friction_with\([^)]*\bfriction\[(\d+)\]", files["model/arm.h"])[1]
+    assert f"double friction_[{size}] = {{}};" in files["src/dynamics.cpp"]
+    assert f'"friction", friction_, {size});' in files["src/dynamics.cpp"]
 
 
 def test_the_package_is_consistent(folder):

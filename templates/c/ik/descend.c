@@ -19,6 +19,7 @@ LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions
     int i;
     int rows;
     int kept = 0;
+    (void)memset(&found, 0, sizeof(found));
     ik_follow(ref, y);
     rows = chain_descend(T, y LOCK, &found);
     rows = (rows > 0) ? rows : 1;
@@ -29,7 +30,9 @@ LOCAL int ik_descend(const REAL *T, const REAL *ref LOCK_PARAMETER, ik_solutions
     int start;
     int i;
     int kept = 0;
-    const int rows = ik_last_candidates(T, ref LOCK, (REAL)1e30, IK_TOL_FREE NO_BAND, &found, &stage);
+    int rows;
+    (void)memset(&found, 0, sizeof(found)); /* rows that are not written are not read, but no analysis sees that */
+    rows = ik_last_candidates(T, ref LOCK, (REAL)1e30, IK_TOL_FREE NO_BAND, &found, &stage);
 #endif
     for (start = 0; (start < (rows + VALUE_STARTS)) && (kept < ROWS); ++start) {
         REAL x[JOINTS];

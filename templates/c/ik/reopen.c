@@ -168,7 +168,9 @@ LOCAL void ik_reopen(const REAL *T, const REAL *at LOCK_PARAMETER, unsigned opti
     for (round = 0; (round < 64) && (pending > 0) && wider; ++round) { /* far fewer decades lie between the two */
         ik_solutions wide;
         int stage = 0;
-        const int count = ik_candidates(T, at LOCK, IK_TOL_SLACK, least NO_BAND, &wide, &stage);
+        int count;
+        (void)memset(&wide, 0, sizeof(wide));
+        count = ik_candidates(T, at LOCK, IK_TOL_SLACK, least NO_BAND, &wide, &stage);
         for (w = 0; w < count; ++w) {
             const unsigned held = IK_HELD(wide.flags[w]);
             const unsigned other = ~ik_merged(held);
