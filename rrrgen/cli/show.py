@@ -358,6 +358,7 @@ def show(
         click.echo(_as_latex(parametrized(derivation), forms, inverse), nl=False)
     else:
         text = "" if functions else with_headings(as_text(derive_once(spec), terminal_width()))
+        text += "" if functions else _solvers_of_tips(spec)
         say(_as_plain(text, forms, inverse))
 
 
@@ -393,6 +394,20 @@ def _solver(spec: RobotSpec) -> str:
     if found.solver is None:
         raise DerivationError(f"{spec.name}: {found.reason or found.title}; there is no closed form to show")
     return found.solver.dump()
+
+
+def _solvers_of_tips(spec: RobotSpec) -> str:
+    """The solver of every named tip in a line, or the reason why there is none; empty without named tips."""
+    from rrrgen.ik.classify import tip_plans
+
+    lines = []
+    for tip, (arm, found) in tip_plans(spec).items():
+        joints = ", ".join(joint.name for joint in arm.joints)
+        solved = (
+            f"{found.title}, at most {found.max_solutions} solutions, for {joints}" if found.solvable else found.reason
+        )
+        lines.append(f"  {tip}: {solved}\n")
+    return "".join(["\nInverse kinematics of named tips\n", *lines]) if lines else ""
 
 
 def _inverse_kinematics(spec: RobotSpec, asked: bool, short: bool) -> InverseForm | str:

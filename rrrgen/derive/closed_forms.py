@@ -20,7 +20,7 @@ import sympy as sp
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive.derived_model import Derivation
 from rrrgen.derive.functions.recording import Recording
-from rrrgen.derive.functions.table import TABLE, recorders
+from rrrgen.derive.functions.table import TABLE, find, recorders
 from rrrgen.derive.recursions.link_frames import exact_constants, joint_symbols
 from rrrgen.program import Op, Program, Role, Value
 from rrrgen.program.polynomials import Polynomial, PolynomialRing, to_expression
@@ -246,7 +246,7 @@ _OPERATIONS: dict[Op, Callable[..., sp.Expr]] = {
 # Closed forms
 # ------------------------------------------------------------------------------------------------------------------
 
-CLOSED = tuple(f.name for f in TABLE if f.group == "model" and not f.name.startswith("forward_dynamics"))
+CLOSED = tuple(f.name for f in TABLE if f.group == "model" and not f.name.startswith(("forward_dynamics", "tip_")))
 """Functions that are polynomials in sines and cosines: all that do not divide by the pivots of M."""
 
 TERMS_PER_NODE = 1.25
@@ -382,9 +382,11 @@ def closed_forms(derivation: Derivation, function: str) -> dict[str, ClosedForm]
     DerivationError if the function has no closed form or no such result.
     """
     name, _, wanted = function.partition(".")
-    if name not in CLOSED:
+    entry, parametrization = find(name), derivation.parametrization
+    tip = entry.tip if entry is not None and entry.tip in derivation.spec.tips else ""
+    if (name.removeprefix(f"{tip}_") if tip else name) not in CLOSED:
         raise DerivationError(f"no closed form of {function!r}; there is one of: {', '.join(CLOSED)}")
-    model, parametrization = derivation.model, derivation.parametrization
+    model = derivation.model.at_tip(tip) if tip else derivation.model
     further = [v for row in parametrization.inverse or () for v in row]
     free, pairs, roots = exact_constants(model, further)
     generators = [*free, *(g for pair in pairs for g in pair), *roots]

@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
+from itertools import chain
 
 from rrrgen.base.parallel import Tell, parallel_map
 from rrrgen.derive.derived_model import Derivation, DerivedModel, RecordedModel
-from rrrgen.derive.functions.table import FUNCTIONS, TABLE, combine, with_sources
+from rrrgen.derive.functions.table import TABLE, combine, named, with_sources
 from rrrgen.program import Builder, Op, Program, Role, Value, nominal_name, specialization
 from rrrgen.program.guard import guarded
 from rrrgen.program.passes.cheapest import Cheapest, Choice, PassLog
@@ -44,9 +45,10 @@ class SpellLengths:
 
 
 def lengths_of(spec: RobotSpec) -> frozenset[Fraction]:
-    """The magnitudes of all lengths of the robot file, m: a and d of the rows, translations of base and tool."""
+    """The magnitudes of all lengths of the robot file, m: a and d of the rows, translations of base and tools."""
     rows = [length for row in spec.rows for length in (row.a, row.d, row.b)]
-    values = [spec.nominal(length) for length in (*rows, *spec.base.translation, *spec.tool.translation)]
+    fixed = [T.translation for T in (spec.base, spec.tool, *(tip.tool for tip in spec.tips.values()))]
+    values = [spec.nominal(length) for length in (*rows, *chain.from_iterable(fixed))]
     return frozenset(abs(Fraction(int(x.p), int(x.q))) for x in values if x.is_Rational and x != 0)
 
 
@@ -174,7 +176,7 @@ class Optimizer:
 
         Those whose sources are known are made at the same time.
         """
-        missing = [f for f in with_sources([FUNCTIONS[name] for name in recorded.wanted]) if f.name not in made]
+        missing = [f for f in with_sources([named(name) for name in recorded.wanted]) if f.name not in made]
         while missing:
             ready = [f.name for f in missing if made.keys() >= {*f.of}]
             known = {name: program for programs in made.values() for name, program in programs.items()}
@@ -185,7 +187,7 @@ class Optimizer:
     def _combined(self, recorded: RecordedModel, programs: Mapping[str, Program], name: str) -> dict[str, Program]:
         """The function ``name`` as :func:`combined` makes it, its specialization the cheapest of both ways."""
         made, special = combined(name, recorded.derivation, programs), nominal_name(name)
-        if FUNCTIONS[name].differentiated and special in made:
+        if named(name).differentiated and special in made:
             ways = [made[special], Fold(recorded.nominal)(made[name])]
             trials = [Choice(0, None), Choice(1, None), Choice(1, CutSet.LOCAL)]
             made[special] = as_nominal(self.cheapest(ways, special, PassLog(), trials)[0], name, made[name].summary)
@@ -216,7 +218,7 @@ class Optimizer:
 
     def _source(self, name: str, known: Mapping[str, _Optimized]) -> Program | None:
         """The optimized program that ``name`` is the derivative of; None if inverse dynamics is too long for that."""
-        of = FUNCTIONS[name].of
+        of = named(name).of
         source, first = known.get(of[0]) if of else None, known.get(_ROOT)
         if source is None or first is None or count_operations(first.program).total > self.max_chain_rule:
             return None
@@ -250,7 +252,7 @@ def combined(function: str, derivation: Derivation, programs: Mapping[str, Progr
 
     Returns it by name, and also its nominal specialization if all those functions have one.
     """
-    of = FUNCTIONS[function].of
+    of = named(function).of
     program = combine(function, derivation.recording(), [programs[name] for name in of])
     made = {function: program}
     nominal = [one for name in of if (one := specialization(programs, name)) is not None]

@@ -164,8 +164,15 @@ def _beside(
     from rrrgen.emit.c.ik.self_test import selftest
     from rrrgen.emit.interface import SelfTestCheck
 
-    text = selftest(spec, real)
-    own = [SelfTestCheck("inverse_kinematics", f"{spec.name}_ik.h", text)] if text else []
+    tests = {
+        name: selftest(spec, real, tip)
+        for name, tip in [(spec.name, ""), *((f"{spec.name}_{tip}", tip) for tip in spec.tips)]
+    }
+    own = [
+        SelfTestCheck(f"{name}_inverse_kinematics".removeprefix(f"{spec.name}_"), f"{name}_ik.h", text)
+        for name, text in tests.items()
+        if text
+    ]
     return sources(spec, real), [*checks, *own]
 
 

@@ -16,7 +16,7 @@ from rrrgen.base.cache import digest
 from rrrgen.base.errors import installed
 from rrrgen.base.files import Contents, checksum
 from rrrgen.base.templates import templates_digest
-from rrrgen.derive.functions.table import FUNCTIONS
+from rrrgen.derive.functions.table import find
 from rrrgen.emit.c.language import ERROR_BOUND, RANGE, Trig
 from rrrgen.emit.c.stack import stack_bound
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of
@@ -232,7 +232,7 @@ def _base(name: str) -> str:
 
 
 def _equations(name: str) -> list[str]:
-    function = FUNCTIONS.get(_base(name))
+    function = find(_base(name))
     return [] if function is None else sorted(set(_EQUATION.findall(f"{function.summary} {function.details}")))
 
 

@@ -17,6 +17,7 @@ from rrrgen.ik.geometry.mechanism import coupling_of, largest_tilt, solved_chain
 from rrrgen.ik.geometry.nearly_special import changes, deviation, nearest_special, snapped, with_near_frames
 from rrrgen.ik.plan import ARM_ANGLE, NominalFirst, SolverPlan
 from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
+from rrrgen.robot.model.mechanism import tip_arm
 
 if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
@@ -44,6 +45,19 @@ def plan(spec: RobotSpec, redundancy: int | None = None) -> SolverPlan:
         return replace(found, approach=f"{WITHOUT_EFFECT} on a mechanism") if spec.ik == "nominal_first" else found
     found = _planned(with_near_frames(numeric_chain(spec)), redundancy)
     return with_nominal_first(found) if spec.ik == "nominal_first" else found
+
+
+def tip_plans(spec: RobotSpec) -> dict[str, tuple[RobotSpec, SolverPlan]]:
+    """For every named tip of ``spec`` the robot of the joints that move it alone, and the plan that solves it."""
+    found = {}
+    for tip in spec.tips:
+        try:
+            arm = tip_arm(spec, tip).spec
+            found[tip] = arm, plan(arm)
+        except DerivationError as reason:
+            one = spec.at_tip(tip)
+            found[tip] = one, _none(solved_chain(one)[0], str(reason))
+    return found
 
 
 def with_nominal_first(found: SolverPlan) -> SolverPlan:

@@ -31,7 +31,6 @@ _NOT_THE_ROBOT = frozenset(
         "provenance",
         "emit",
         "tools",
-        "tips",
     }
 )
 """Fields of a description that do not change the robot and are left out of its hash."""
@@ -63,6 +62,8 @@ def identify(spec: RobotSpec) -> Identity:
         del robot["floating_base"]
     if spec.ik == "general":
         del robot["ik"]
+    if not spec.tips:
+        del robot["tips"]
     text = json.dumps(robot, sort_keys=True, separators=(",", ":"))
     return Identity(hashlib.sha256(text.encode()).hexdigest(), VERSION)
 

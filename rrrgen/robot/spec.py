@@ -10,7 +10,7 @@ from typing import Literal
 
 import sympy as sp
 
-from rrrgen.base.errors import Fault
+from rrrgen.base.errors import Fault, InternalError
 
 # ------------------------------------------------------------------------------------------------------------------
 # Rules for the names of robots, joints, motors and parameters.
@@ -51,6 +51,9 @@ log1p log2 logb lrint lround modf nan nearbyint nextafter pow remainder remquo r
 sinh sqrt tan tanh tgamma trunc NAN INFINITY M_PI NULL errno malloc free calloc realloc memcpy memset memmove printf
 puts rand srand real_t double_t float_t casadi_real casadi_int casadi_sq casadi_fmin casadi_fmax""")
 
+_TIP_WORDS = _words("forward inverse point position tool")
+"""Words that make the name of another function of a function of the tip, as forward makes forward_kinematics."""
+
 _STATE = _words("q dq ddq tau beta phi pi E I")
 _NUMBERED = re.compile(r"(d{0,2}q|tau|m|mx|my|mz|x|y|z|I[xyz]{2}|Ia|fv|fc)\d+")
 _BASE_PARAMETER = re.compile(r"(m|h[xyz]|[IJ][xyz]{2})\d+R")
@@ -66,7 +69,7 @@ IDENTIFIER = rf"^[A-Za-z][A-Za-z0-9_]{{0,{MAX_NAME - 1}}}$"
 def name_fault(name: str, role: str) -> tuple[str, str] | None:
     """Message and hint if ``name`` is not allowed; None if it is.
 
-    ``role`` is "robot", "joint", "motor", "parameter" or "base parameter".
+    ``role`` is "robot", "joint", "motor", "tip", "tool", "parameter" or "base parameter".
     """
     shown = name if len(name) <= MAX_NAME else name[:MAX_NAME] + "..."
     if len(name) > MAX_NAME:
@@ -95,6 +98,8 @@ def name_fault(name: str, role: str) -> tuple[str, str] | None:
     if role == "base parameter" and (name in _STATE or _NUMBERED.fullmatch(name) or _ADDED_COLUMN.fullmatch(name)):
         hint = f"a name of its own, e.g. {name}R or p1; link symbols, drive terms and variables are taken"
         return f"the base parameter name '{name}' is that of a standard parameter or variable", hint
+    if role == "tip" and (name.rpartition("_")[2] in _TIP_WORDS or name.startswith("any_gravity")):
+        return f"the tip name '{name}' makes names of functions that exist already", f"e.g. {name}_tip"
     if role == "parameter" and _BASE_PARAMETER.fullmatch(name):
         return f"the parameter name '{name}' is reserved", "m1R, hx1R, Jxx1R, Izz1R and the like are base parameters"
     if role == "parameter" and (name in PARAMETER_RESERVED or _NUMBERED.fullmatch(name)):
@@ -453,6 +458,14 @@ class RobotSpec:
     def tip_row(self) -> int:
         """The row whose link carries the tool."""
         return len(self.joints) - 1 if self.mechanism is None else self.mechanism.tip
+
+    def at_tip(self, name: str) -> RobotSpec:
+        """The same robot with the tip of this ``name`` as its only one."""
+        chosen = self.tips[name]
+        row = next(i for i, each in enumerate(self.rows) if each.name == chosen.row)
+        if self.mechanism is None:
+            raise InternalError("a robot with named tips has a mechanism")
+        return replace(self, tool=chosen.tool, tips={}, mechanism=replace(self.mechanism, tip=row))
 
     def in_any_gravity(self) -> RobotSpec:
         """The same robot with gravity as an input of its functions, under the name ``<name>_any_gravity``.

@@ -7,6 +7,7 @@ Control, chapter 14 of the Robotics and Automation Handbook (CRC Press, 2005).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -72,6 +73,7 @@ class Model(
         self.base_parameters: tuple[sp.Expr, ...] = tuple(p.expression for p in derived.base_parameters)
         self.base_projection: Array = read_only(np.array(derived.base_projection, dtype=float))
         self._ik: InverseKinematics | None = None
+        self._tip_solvers: dict[str, InverseKinematics] = {}
 
     @property
     def threads(self) -> int:
@@ -145,6 +147,8 @@ class Model(
         sort: Literal["branch", "nearest"] = "branch",
         redundancy: ArrayLike | None = None,
         tool: ArrayLike | None = None,
+        *,
+        tip: str | None = None,
     ) -> IKResult | IKBatch:
         """Every configuration that brings the tip to ``target``: one target, or a batch. Source: (14.45), all branches.
 
@@ -159,6 +163,8 @@ class Model(
                 target, (...); by default its value in ``q_ref``.
             tool: pose of a tool in the last link frame, (4, 4) or (..., 4, 4), in place of that of the robot file: the
                 target is then the pose or the position of this tool.
+            tip: a named tip of the robot file in place of the unnamed one. It is solved for by the joints that move it
+                alone; those that it shares with other tips, and joints that do not move it, are as in ``q_ref``.
 
         Returns:
             For one target an :class:`IKResult` with ``q`` (k, n), ``flags`` (k,), ``branch`` (k,), and without a
@@ -166,8 +172,11 @@ class Model(
 
         Raises:
             DerivationError: the arm has no solver, or ``redundancy`` is given to an arm that is not redundant.
-            ValueError: a wrong shape, an unknown ``sort``, or a redundant arm without ``redundancy`` and ``q_ref``.
+            ValueError: a wrong shape, an unknown ``sort`` or ``tip``, a redundant arm without ``redundancy`` and
+                ``q_ref``, or a tip with shared joints without ``q_ref``.
         """
+        if tip is not None:
+            return self._ik_at_tip(tip, target, q_ref, tool, limits=limits, sort=sort, redundancy=redundancy)
         solver = self.ik
         if tool is not None and solver.plan.task == "position":
             solver, target = self._tool_solver, _with_position(target, tool)
@@ -175,11 +184,69 @@ class Model(
             if np.shape(target)[-2:] != (4, 4):
                 raise ValueError("tool: needs poses (..., 4, 4) as targets, since this arm is solved for poses")
             target = self.tool_target(target, tool)
-        goals = np.asarray(target)
-        single = (goals.shape[-2:] == (4, 4) and goals.ndim == 2) or goals.shape in ((3,), (6,))
-        if single or goals.shape[-1:] not in ((3,), (4,), (6,)):
-            return solver.solve(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)  # type: ignore[arg-type]
-        return solver.solve_batch(target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
+        return _solved(solver, target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
+
+    def tip_ik(self, tip: str) -> InverseKinematics:
+        """The inverse kinematics of a named tip as an object with all options.
+
+        It is the solver that is called ``<name>_<tip>_inverse_kinematics`` in C.
+
+        Args:
+            tip: the name of the tip in the robot file.
+
+        Returns:
+            The solver for the joints that move this tip and none beside it. Its targets are in the frame of the link
+            that carries them: those of :meth:`tip_target` where the tip shares joints with others, else in the base.
+
+        Raises:
+            DerivationError: no solver fits these joints.
+            ValueError: the robot has no such tip.
+        """
+        from rrrgen.robot.model.mechanism import tip_arm
+        from rrrgen.runtime.inverse_kinematics import load_solver
+
+        self._at_tip("inverse_kinematics", tip)
+        if tip not in self._tip_solvers:
+            self._tip_solvers[tip] = load_solver(tip_arm(self.spec, tip).spec, backend=self.engine.name)
+        return self._tip_solvers[tip]
+
+    def _ik_at_tip(
+        self, tip: str, target: ArrayLike, q_ref: ArrayLike | None, tool: ArrayLike | None, **options: Any
+    ) -> IKResult | IKBatch:
+        """Solve for a named tip by the joints that move it alone; the others are in the solutions as in ``q_ref``."""
+        from rrrgen.robot.model.mechanism import tip_arm
+
+        solver, arm = self.tip_ik(tip), tip_arm(self.spec, tip)
+        whole = np.zeros(self.n) if q_ref is None else np.asarray(q_ref, dtype=float)
+        if whole.shape != (self.n,):
+            raise ValueError(f"q_ref must hold {self.n} numbers, not shape {whole.shape}")
+        if tool is not None:
+            if np.shape(target)[-2:] != (4, 4):
+                raise ValueError("tool: needs poses (..., 4, 4) as targets at a named tip")
+            target = self.tool_target(target, tool, tip=tip)
+        if arm.shared:
+            if q_ref is None:
+                names = ", ".join(self.joint_names[k] for k in arm.shared)
+                raise ValueError(
+                    f"inverse_kinematics: tip {tip!r} needs q_ref, which holds {names}, shared with other tips"
+                )
+            target = self._in_carrier(target, whole, tip)
+        own = list(arm.joints)
+        found = _solved(solver, target, None if q_ref is None else whole[own], **options)
+        q = np.where(np.isnan(found.q[..., :1]), np.nan, whole)
+        q[..., own] = found.q
+        return replace(found, q=q)
+
+    def _in_carrier(self, target: ArrayLike, q: Array, tip: str) -> Array:
+        """Targets in the frame of the link that carries the own joints of ``tip``: poses or positions, as given."""
+        goal = np.asarray(target, dtype=float)
+        if goal.shape[-2:] == (4, 4):
+            return np.asarray(self.tip_target(goal, q, tip=tip))
+        if goal.shape[-1:] != (3,):
+            raise ValueError(f"target must hold positions (..., 3) or poses (..., 4, 4), not shape {goal.shape}")
+        pose = np.tile(np.eye(4), (*goal.shape[:-1], 1, 1))
+        pose[..., :3, 3] = goal
+        return np.asarray(self.tip_target(pose, q, tip=tip))[..., :3, 3]
 
     @cached_property
     def _tool_solver(self) -> InverseKinematics:
@@ -215,7 +282,8 @@ class Model(
                 "inverse_kinematics", which takes ``target``, ``branch_signs``, the sign of every choice between two
                 branches (+1 or -1), and, for a redundant arm, ``redundancy``, and gives the one configuration ``q`` of
                 that branch; "tool_inverse_kinematics" for positions of a tool, with six numbers as target: its
-                position in the base frame, then in the last link frame.
+                position in the base frame, then in the last link frame. Functions of a named tip begin with its name,
+                "left_jacobian"; the target of "left_inverse_kinematics" is that of :meth:`tip_target`.
             smooth_sign: eps > 0, in rad/s or m/s, replaces sgn(x) by tanh(x / eps); by default sgn is exact, with
                 derivative 0.
             hessian: take first and second derivatives from the functions of rrrgen, such as
@@ -233,12 +301,15 @@ class Model(
             DerivationError: the inverse kinematics of this arm has no formula for each branch.
             ValueError: there is no function of this name, or eps is not positive, or there is no Hessian of it.
         """
-        if name in ("inverse_kinematics", "tool_inverse_kinematics"):
+        tip = name.removesuffix("_inverse_kinematics")
+        if name in ("inverse_kinematics", "tool_inverse_kinematics") or tip in self.spec.tips:
             from rrrgen.emit.casadi.function import import_casadi
             from rrrgen.emit.casadi.inverse_kinematics import branch_function
+            from rrrgen.robot.model.mechanism import tip_arm
 
             import_casadi()
-            return branch_function(self.spec, tool=name.startswith("tool"))
+            spec = tip_arm(self.spec, tip).spec if tip in self.spec.tips else self.spec
+            return branch_function(spec, tool=name.startswith("tool_"))
         program = self._with(name).derived.programs[name]
         from rrrgen.emit.casadi import function
 
@@ -312,6 +383,17 @@ class Model(
             raise BuildError("controller runs compiled C, and this model was made with backend='numpy'")
         real: Real = "double" if self.engine.dtype == np.float64 else "float"
         return compiled_controller(self.spec, real, mode, modes, parts, parameters)
+
+
+def _solved(
+    solver: InverseKinematics, target: ArrayLike, q_ref: ArrayLike | None, **options: Any
+) -> IKResult | IKBatch:
+    """The solutions of one target, or of a batch, as its shape says."""
+    goals = np.asarray(target)
+    single = (goals.shape[-2:] == (4, 4) and goals.ndim == 2) or goals.shape in ((3,), (6,))
+    if single or goals.shape[-1:] not in ((3,), (4,), (6,)):
+        return solver.solve(target, q_ref, **options)
+    return solver.solve_batch(target, q_ref, **options)
 
 
 def _with_position(target: ArrayLike, tool: ArrayLike) -> Array:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
+from rrrgen.robot.model.mechanism import tip_arm
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
 from rrrgen.verify.identities import check_refusal, is_definite
 from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
@@ -39,6 +40,21 @@ def check_kinematics(model: Model, ne: NewtonEuler, s: States, tolerances: Toler
     check("kinematics: J", lambda: model.kinematics(s.q)[1], J)
     scale = max(size(acceleration), size(J) * size(s.dq) ** 2)
     check("jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq), acceleration, scale=scale)
+
+
+def check_tip(model: Model, ne: NewtonEuler, tip: str, s: States, tolerances: Tolerances, rows: Collector) -> None:
+    """Compare pose, Jacobian and target of a named ``tip`` with those of ``ne``, the same robot with this tip."""
+    check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
+    T, J, acceleration = ne.forward_kinematics(s.q), ne.jacobian(s.q), ne.jacobian_dot_dq(s.q, s.dq)
+    check(f"{tip}_forward_kinematics", lambda: model.forward_kinematics(s.q, tip=tip), T)
+    check(f"{tip}_jacobian", lambda: model.jacobian(s.q, tip=tip), J)
+    check(f"{tip}_kinematics: T", lambda: model.kinematics(s.q, tip=tip)[0], T)
+    check(f"{tip}_kinematics: J", lambda: model.kinematics(s.q, tip=tip)[1], J)
+    scale = max(size(acceleration), size(J) * size(s.dq) ** 2)
+    check(f"{tip}_jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq, tip=tip), acceleration, scale=scale)
+    if f"{tip}_tip_target" in model.derived.programs:
+        carrier = ne.link_frames(s.q)[:, tip_arm(model.spec, tip).carrier]
+        check(f"{tip}_tip_target", lambda: model.tip_target(T, s.q, tip=tip), np.asarray(np.linalg.inv(carrier) @ T))
 
 
 def _at(model: Model, name: str, q: Array) -> Array:

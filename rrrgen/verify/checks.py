@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from rrrgen.base.errors import DerivationError
+from rrrgen.robot.model.mechanism import tip_arm
 from rrrgen.verify.against_newton_euler import (
     check_dynamics,
     check_floating_base,
     check_friction,
     check_kinematics,
     check_regressors,
+    check_tip,
 )
 from rrrgen.verify.identities import (
     check_derivatives,
@@ -90,6 +93,14 @@ def verify(
             check_second_derivatives(model, reference, parameters, states, tolerances, rows)
         check_identities(model, chain, parameters, states, tolerances, rows)
     check_inverse_kinematics(single_model, chain, samples, rng, rows, tell)
+    for tip in model.spec.tips:
+        check_tip(model, NewtonEuler(chain_of(model.spec.at_tip(tip)), sets[-1].phi), tip, states, tolerances, rows)
+        try:
+            arm = chain_of(tip_arm(model.spec, tip).spec)
+        except DerivationError as reason:
+            rows.skipped.append((f"{tip}_inverse_kinematics", str(reason)))
+            continue
+        check_inverse_kinematics(single_model, arm, samples, rng, rows, tell, tip)
     if libraries:
         for name in LIBRARIES:
             for parameters in sets:

@@ -125,44 +125,60 @@ class BatchKinematics:
 
 
 def check_inverse_kinematics(
-    model: Any, chain: NumericRobot, samples: int, rng: np.random.Generator, rows: Collector, tell: Tell | None = None
+    model: Any,
+    chain: NumericRobot,
+    samples: int,
+    rng: np.random.Generator,
+    rows: Collector,
+    tell: Tell | None = None,
+    tip: str = "",
 ) -> None:
     """Check the solutions of the solver at random, singular and unreachable targets.
 
     Every solution must meet its target. The configuration whose pose is the target must be among the solutions, and so
     must every solution that the search finds from ``STARTS`` random starts for each of samples / 20 targets. A target
     out of reach must have none. Missing solutions count only where the solver claims to be complete. A robot without a
-    solver is listed among the skipped checks, with the reason.
+    solver is listed among the skipped checks, with the reason. With a named ``tip``, the solver is that of the tip and
+    ``chain`` the one of its own joints.
     """
+    function = f"{tip}_{FUNCTION}" if tip else FUNCTION
     try:
-        solver = model.ik
+        solver = model.tip_ik(tip) if tip else model.ik
     except DerivationError as reason:  # there is nothing to compare
-        rows.skipped.append((FUNCTION, str(reason)))
+        rows.skipped.append((function, str(reason)))
         return
     except Exception as error:  # an unexpected error is a failed check
-        rows.rows.append(_row("no solver", OWN_CHAIN, samples, np.inf, 0.0, f"{type(error).__name__}: {error}"))
+        rows.rows.append(
+            _row(function, "no solver", OWN_CHAIN, samples, np.inf, 0.0, f"{type(error).__name__}: {error}")
+        )
         return
     arm = BatchKinematics(chain, position=solver.plan.task == "position", redundant=solver.plan.locked is not None)
-    checks = _Checks(solver, arm, rng, rows)
+    checks = _Checks(solver, arm, rng, rows, function)
     try:
         checks.at_random(samples)
         checks.at_singular(max(samples // 4, 10))
         checks.against_search(max(samples // 20, 2), tell)
         checks.out_of_reach()
     except Exception as error:  # any exception means that the comparisons were not made
-        rows.rows.append(_row("no answer", OWN_CHAIN, samples, np.inf, 0.0, f"{type(error).__name__}: {error}"))
+        rows.rows.append(
+            _row(function, "no answer", OWN_CHAIN, samples, np.inf, 0.0, f"{type(error).__name__}: {error}")
+        )
 
 
-def _row(what: str, reference: str, samples: int, difference: float, tolerance: float, note: str = "") -> Row:
-    return Row(f"{FUNCTION}: {what}", reference, "-", samples, float(difference), tolerance, note)
+def _row(
+    function: str, what: str, reference: str, samples: int, difference: float, tolerance: float, note: str = ""
+) -> Row:
+    return Row(f"{function}: {what}", reference, "-", samples, float(difference), tolerance, note)
 
 
 class _Checks:
-    def __init__(self, solver: Any, arm: BatchKinematics, rng: np.random.Generator, rows: Collector) -> None:
-        self.solver, self.arm, self.rng, self.rows = solver, arm, rng, rows
+    def __init__(
+        self, solver: Any, arm: BatchKinematics, rng: np.random.Generator, rows: Collector, function: str
+    ) -> None:
+        self.solver, self.arm, self.rng, self.rows, self.function = solver, arm, rng, rows, function
 
     def _add(self, *entry: Any) -> None:
-        self.rows.rows.append(_row(*entry))
+        self.rows.rows.append(_row(self.function, *entry))
 
     def _share(self, what: str, *entry: Any) -> None:
         """Add the row ``entry`` for the check ``what`` that no solution is missing.
@@ -170,7 +186,7 @@ class _Checks:
         It is listed as skipped if the solver itself says that it may miss solutions.
         """
         if self.solver.plan.incomplete:
-            self.rows.skipped.append((f"{FUNCTION}: {what}", self.solver.plan.incomplete))
+            self.rows.skipped.append((f"{self.function}: {what}", self.solver.plan.incomplete))
         else:
             self._add(what, *entry)
 
@@ -252,7 +268,7 @@ class _Checks:
                 where = f"; not among the rows: q = {np.round(q[np.argmax(lost)], 6).tolist()}"
         if not solutions:
             reason = f"the numerical search found no solution of {targets} targets that is clear of singularities"
-            self.rows.skipped.append((f"{FUNCTION}: share of other solutions not among the rows", reason))
+            self.rows.skipped.append((f"{self.function}: share of other solutions not among the rows", reason))
             return
         counted = f"; the search found {found_too} of {rows} rows" if rows else ""
         note = f"{solutions} solutions of {targets} targets by {STARTS} starts each{counted}{where}"

@@ -11,10 +11,10 @@ import pytest
 from rrrgen.base.parallel import without_collection
 from rrrgen.derive import derive_model, prepare
 from rrrgen.derive.functions.quantities import ArgumentKind
-from rrrgen.derive.functions.table import FUNCTIONS, GROUPS, TABLE, exists, recorders
+from rrrgen.derive.functions.table import FUNCTIONS, GROUPS, OF_TIP, TABLE, exists, find, recorders
 from rrrgen.program import Role
 from rrrgen.robot.file import load_spec, loads_spec
-from rrrgen.robot.spec import KEYWORDS
+from rrrgen.robot.spec import KEYWORDS, name_fault
 
 
 def test_the_table_loads_without_heavy_libraries():
@@ -95,6 +95,54 @@ def test_every_argument_and_result_has_a_unit(name):
 def test_arguments_have_meaning_and_unit(function):
     assert all(quantity.meaning and quantity.unit for quantity in function.arguments)
     assert len({quantity.name for quantity in function.arguments}) == len(function.arguments)
+
+
+TWO_TIPS = """
+schema: rrrgen/1
+name: fork
+convention: modified
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: yaw, type: revolute, alpha: 30, a: 0.1, d: 0.2}
+  - {name: left, type: revolute, alpha: 40, a: 0.3, d: 0.1}
+  - {name: right, type: revolute, parent: yaw, gamma: 50, alpha: 60, a: 0.4, d: 0.2}
+tip: left
+tips: {own: {row: left}, other: {row: right, tool: {translation: [0.1, 0.2, 0.3]}}}
+"""
+
+
+@without_collection()
+def test_functions_that_differ_between_tips_are_those_that_every_named_tip_has():
+    """A function is about the tip where its program changes with the tip, and then it has a name for every tip."""
+    robot = prepare(loads_spec(TWO_TIPS))
+    here = {name: ways[0] for name, ways in derive_model(robot.spec, tuple(GROUPS)).alternatives.items()}
+    there = {
+        name: ways[0] for name, ways in derive_model(robot.spec.at_tip("other"), tuple(GROUPS)).alternatives.items()
+    }
+    unnamed = [name for name in here if find(name).tip == "" and name in there]
+    of_tip = {name for name in unnamed if here[name].nodes != there[name].nodes}
+    assert of_tip == {f.name for f in OF_TIP if f.name in unnamed}
+    assert len(of_tip) >= 12
+    for name in of_tip:
+        assert here[f"other_{name}"].nodes == there[name].nodes
+        assert here[f"own_{name}"].nodes == here[name].nodes
+        assert (here[f"other_{name}"].name, find(f"other_{name}").group) == (f"other_{name}", find(name).group)
+        assert "tip other" in here[f"other_{name}"].summary
+        assert "tip other" in find(f"other_{name}").summary
+
+
+def test_no_allowed_name_of_a_tip_makes_the_name_of_another_function():
+    others = [*FUNCTIONS, "inverse_kinematics", "inverse_kinematics_batch", "closest"]
+    words = {name.removesuffix(f"_{f.name}") for f in OF_TIP for name in others if name.endswith(f"_{f.name}")}
+    assert words == {"forward", "inverse", "point", "position", "tool"}
+    for word in words:
+        assert name_fault(word, "tip")
+        assert name_fault(f"left_{word}", "tip")
+    assert name_fault("any_gravity", "tip")
+    for tip in ("left", "a_b", "forwards", "pose", "tip"):
+        assert name_fault(tip, "tip") is None
+        assert all((find(f"{tip}_{f.name}").tip, find(f"{tip}_{f.name}").takes) == (tip, f.takes) for f in OF_TIP)
 
 
 def test_a_quantity_without_a_unit_is_refused():

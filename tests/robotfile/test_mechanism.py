@@ -149,7 +149,8 @@ def test_named_tips_take_the_place_of_the_tip():
     assert with_tool(spec, "pen").tip_row == spec.tip_row
     assert loads_spec(dumps(spec)) == spec
     jsonschema.validate(YAML(typ="safe").load(TIPS), json_schema())
-    assert identify(spec) == identify(loads_spec(TEXT))
+    assert identify(spec) != identify(loads_spec(TEXT))  # every tip has functions of its own
+    assert identify(with_tool(spec, "bare")) == identify(with_tool(loads_spec(TIPS.replace("  jaw", "  jow")), "bare"))
     with pytest.raises(InputError, match="no tool or tip 'jaws'") as raised:
         with_tool(spec, "jaws")
     assert "did you mean 'jaw'?" in str(raised.value)
@@ -162,6 +163,8 @@ def test_named_tips_take_the_place_of_the_tip():
         ("jaw: {", "pen: {", "'pen' names a tool too"),
         ("bare: {row: rod}", "bare: {}", "tip bare"),
         ("jaw: {", "int: {", "tip name 'int' is a keyword"),
+        ("jaw: {", "forward: {", "tip name 'forward' makes names of functions that exist already"),
+        ("jaw: {", f"{'j' * 35}: {{", r"the robot name 'linkage_j+\.\.\.' is too long"),
     ],
 )
 def test_faults_of_tips_have_their_place(old, new, message):

@@ -83,7 +83,7 @@ def test_arguments_and_results(name):
         outputs = [port.name for port in program.outputs]
         taken = arguments(method)
         assert [argument for argument in taken if argument in inputs] == inputs, function
-        assert set(taken) - set(inputs) <= {"beta", "Ia", "gravity", "tau_load", *OF_BASE}, (
+        assert set(taken) - set(inputs) <= {"beta", "Ia", "gravity", "tau_load", "tip", *OF_BASE}, (
             f"{function}: parameters that this robot does not have"
         )
         prototyped = re.findall(r"(\w+)(?:\[[^]]*\])?[,)]", prototype(program, Dialect(name, "double")))

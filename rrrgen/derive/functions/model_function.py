@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 
 from rrrgen.derive.functions.quantities import QUANTITIES, ArgumentKind
+
+
+def about_tip(text: str, tip: str) -> str:
+    """What ``text``, a text about the tip of the robot or its last link, says about the named ``tip``."""
+    if not text:
+        return text
+    named = {"its last link": f"the link of the tip {tip}", "the last link": f"the link of the tip {tip}"}
+    found = re.sub(r"\b(its last link|the last link|the tip)\b", lambda m: named.get(m[1], f"the tip {tip}"), text)
+    return f"{text.removesuffix('.')}, at the tip {tip}." if found == text and text.endswith(".") else found
 
 
 class Needs(Enum):
@@ -18,6 +28,7 @@ class Needs(Enum):
     FLOATING_BASE = "a floating base"
     TIP_POSITION = "joints that move the position of the tip"
     TIP_POSE = "joints that move the position of the tip, and joints that turn it"
+    SHARED_JOINTS = "a named tip that shares joints with others"
 
 
 @dataclass(frozen=True)
@@ -39,7 +50,8 @@ class ModelFunction:
     function with ``of`` thus follows those in the table. ``differentiated``: its program is made of derivatives of the
     others, so that the numbers of the robot file are also tried in its general program instead of in theirs.
     ``more_joints_than``, ``most_joints`` (0 for any number) and ``needs`` say for which robots the function exists, and
-    ``absent`` why it does not.
+    ``absent`` why it does not. ``of_tip``: it is about the tip, and a robot with named tips has one for each of them
+    too (:meth:`at_tip`); ``tip`` is the name of that tip.
     """
 
     name: str
@@ -63,6 +75,12 @@ class ModelFunction:
     needs: Needs = Needs.NOTHING
     absent: str = ""
     by_hand: bool = False
+    of_tip: bool = False
+    tip: str = ""
+
+    def at_tip(self, tip: str) -> ModelFunction:
+        """The same function about the named ``tip``, called ``<tip>_<name>``."""
+        return replace(self, name=f"{tip}_{self.name}", tip=tip, summary=about_tip(self.summary, tip))
 
     def suits(self, joints: int) -> bool:
         """Whether the function exists for robots with so many ``joints``."""

@@ -39,6 +39,7 @@ from rrrgen.derive.recursions.linear_algebra import (
 from rrrgen.derive.recursions.link_frames import Placement
 from rrrgen.derive.recursions.velocities_and_accelerations import forward
 from rrrgen.program import Port, Program, Status
+from rrrgen.robot.model.mechanism import tip_arm
 
 SPATIAL = "linear, then angular"
 
@@ -201,6 +202,25 @@ def tool_target(r: Recording) -> Program:
         [(port, flat(kinematics.homogeneous(target)))],
         "Target of the inverse kinematics for a tool that is chosen at run time.",
         "target = T tool^-1 T_tool, T_tool the tool of the robot file",
+    )
+
+
+def tip_target(r: Recording) -> Program:
+    """Record the pose (4, 4) of a named tip in the frame of the link that carries its own joints, from T (4, 4)."""
+    arm = tip_arm(r.model.spec, r.function.tip if r.function else "")
+    T = _matrix(4, r.builder.input(Port("T", (4, 4), "1, m", BASE, "wanted pose of the tip")))
+    chain = r.chain()
+    carrier = kinematics.compose(kinematics.joint_frames(chain)[arm.carrier], chain.link_frames[arm.carrier])
+    back = transpose(carrier.R)
+    p = times(back, subtract([row[3] for row in T[:3]], carrier.p))
+    target = Placement(product(back, [row[:3] for row in T[:3]]), p)
+    frame = f"link frame of {r.model.spec.rows[arm.carrier].name}"
+    return r.builder.program(
+        "tip_target",
+        [(Port("target", (4, 4), "1, m", frame, "pose of the tip"), flat(kinematics.homogeneous(target)))],
+        "Target of the inverse kinematics of the tip, at prescribed values of the joints that other tips share.",
+        "target = T_carrier(q)^-1 T",
+        [f"Of q only {', '.join(r.model.spec.joints[k].name for k in arm.shared)} are read."],
     )
 
 

@@ -7,13 +7,14 @@ functions of the other groups are needed by some users only, and are derived and
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.derive.functions.model_function import ModelFunction, Needs
+from rrrgen.derive.functions.model_function import ModelFunction, Needs, about_tip
 from rrrgen.derive.functions.quantities import ArgumentKind, like
 from rrrgen.program import Op, Program
 
@@ -53,6 +54,7 @@ TABLE = (
         takes="q",
         returns="Homogeneous transforms T, (..., 4, 4), positions in m.",
         record=f"{KINEMATICS}:FORWARD_KINEMATICS",
+        of_tip=True,
     ),
     ModelFunction(
         "link_frames",
@@ -70,6 +72,7 @@ TABLE = (
         takes="q",
         returns="J, (..., 6, n): linear velocity v of the tip (m/s) first, then angular velocity w (rad/s).",
         record=f"{KINEMATICS}:jacobian",
+        of_tip=True,
     ),
     ModelFunction(
         "link_jacobians",
@@ -90,6 +93,7 @@ TABLE = (
         "(..., 6, n).",
         record=f"{KINEMATICS}:kinematics",
         result="Kinematics",
+        of_tip=True,
     ),
     ModelFunction(
         "jacobian_dot_dq",
@@ -98,6 +102,24 @@ TABLE = (
         takes="q dq",
         returns="a, (..., 6), in the axes of the base frame: linear part (m/s^2) first, then angular (rad/s^2).",
         record=f"{KINEMATICS}:jacobian_dot_dq",
+        of_tip=True,
+    ),
+    ModelFunction(
+        "tip_target",
+        "model",
+        "Target of the inverse kinematics of the tip, at the values in q of the joints that it shares with other tips.",
+        takes="T q",
+        where=(like("T", meaning="wanted pose of the tip in the base frame", rigid=True),),
+        returns="target, (..., 4, 4), translation in m: ``T_carrier(q)^-1 T`` with the frame of the last link that the "
+        "shared joints move. The other elements of q are not read.",
+        record=f"{POINTS}:tip_target",
+        raises=(
+            ("InputError", "the wanted pose is no rigid motion."),
+            ("ValueError", "``tip`` is not given, or shares no joint with other tips."),
+        ),
+        needs=Needs.SHARED_JOINTS,
+        absent="tip= must name a tip that shares joints with others",
+        of_tip=True,
     ),
     ModelFunction(
         "mass_matrix",
@@ -288,6 +310,7 @@ TABLE = (
             ("ValueError", "the tensor is not symmetric, or the robot file has no links and ``beta`` is not given."),
         ),
         by_hand=True,
+        of_tip=True,
     ),
     ModelFunction(
         "add_payload_at",
@@ -310,6 +333,7 @@ TABLE = (
         record=f"{PARAMETERS}:ADD_PAYLOAD_AT",
         raises=(("ValueError", "as for :meth:`add_payload`."),),
         by_hand=True,
+        of_tip=True,
     ),
     ModelFunction(
         "link_velocities",
@@ -382,6 +406,7 @@ TABLE = (
         record=f"{POINTS}:tool_kinematics",
         raises=(("InputError", "the tool is no rigid motion: another last row than 0 0 0 1, or no rotation."),),
         result="Kinematics",
+        of_tip=True,
     ),
     ModelFunction(
         "tool_target",
@@ -397,6 +422,7 @@ TABLE = (
                 "the tool or the wanted pose is no rigid motion: another last row than 0 0 0 1, no rotation.",
             ),
         ),
+        of_tip=True,
     ),
     ModelFunction(
         "manipulability",
@@ -409,6 +435,7 @@ TABLE = (
         raises=(("numpy.linalg.LinAlgError", "J loses rank at some state, and ``with_status`` is False."),),
         result="Manipulability",
         status=True,
+        of_tip=True,
     ),
     ModelFunction(
         "position_manipulability",
@@ -420,6 +447,7 @@ TABLE = (
         raises=(("numpy.linalg.LinAlgError", "J loses rank at some state, and ``with_status`` is False."),),
         result="Manipulability",
         status=True,
+        of_tip=True,
     ),
     ModelFunction(
         "nullspace",
@@ -444,6 +472,7 @@ TABLE = (
         ),
         status=True,
         more_joints_than=6,
+        of_tip=True,
     ),
     ModelFunction(
         "position_nullspace",
@@ -467,6 +496,7 @@ TABLE = (
         ),
         status=True,
         more_joints_than=3,
+        of_tip=True,
     ),
     ModelFunction(
         "momentum_terms",
@@ -585,6 +615,7 @@ TABLE = (
         "actual to the desired orientation, times the sine of its angle.",
         status=True,
         refuses="tau is then zero",
+        of_tip=True,
     ),
     ModelFunction(
         "operational_space",
@@ -615,6 +646,7 @@ TABLE = (
         more_joints_than=5,
         needs=Needs.TIP_POSE,
         refuses="``z_next`` is then z, tau zero",
+        of_tip=True,
     ),
     ModelFunction(
         "position_operational_space",
@@ -646,6 +678,7 @@ TABLE = (
         more_joints_than=2,
         needs=Needs.TIP_POSITION,
         refuses="``z_next`` is then z, tau zero",
+        of_tip=True,
     ),
     ModelFunction(
         "momentum_observer_start",
@@ -1115,6 +1148,29 @@ TABLE = (
 FUNCTIONS = {function.name: function for function in TABLE}
 """All model functions by name."""
 
+OF_TIP = tuple(sorted((f for f in TABLE if f.of_tip), key=lambda f: -len(f.name)))
+"""The functions about the tip, those with long names first: ``<tip>_tool_kinematics`` ends with two of the names."""
+
+
+@cache
+def find(name: str) -> ModelFunction | None:
+    """The model function ``name``: one of the table or, of a named tip, ``<tip>_<function>``; None if it is neither."""
+    if name in FUNCTIONS:
+        return FUNCTIONS[name]
+    for function in OF_TIP:
+        if name.endswith(f"_{function.name}"):
+            return function.at_tip(name.removesuffix(f"_{function.name}"))
+    return None
+
+
+def named(name: str) -> ModelFunction:
+    """The model function ``name``, as :func:`find` does; KeyError where there is none."""
+    found = find(name)
+    if found is None:
+        raise KeyError(name)
+    return found
+
+
 GROUPS = {
     "model": "Kinematics and dynamics: poses, Jacobians, and the equation of motion ``tau = M(q) ddq + c(q, dq) +"
     " g(q)`` of the rigid body with drive inertia, its regressors, derivatives and energies.",
@@ -1150,9 +1206,23 @@ ALWAYS = ("model", "floating", "friction")
 """The groups that every model has."""
 
 
-def functions_of(group: str, joints: int) -> tuple[str, ...]:
-    """Names of the functions of ``group`` for robots with so many ``joints``, whatever else the robot file states."""
-    return tuple(f.name for f in TABLE if f.group == group and f.suits(joints))
+def functions_of(group: str, joints: int, tips: Iterable[str] = ()) -> tuple[str, ...]:
+    """Names of the functions of ``group`` for robots with so many ``joints``, whatever else the robot file states.
+
+    ``tips`` are the names of its tips.
+    """
+    return tuple(f.name for f in _at_all_tips((group,), tips) if f.suits(joints))
+
+
+def _at_all_tips(groups: Iterable[str], tips: Iterable[str]) -> Iterator[ModelFunction]:
+    """The functions of the ``groups``, each about the tip followed by those about every named tip."""
+    named_tips = tuple(tips)
+    for group in groups:
+        for function in TABLE:
+            if function.group == group:
+                if function.needs is not Needs.SHARED_JOINTS:
+                    yield function
+                yield from (function.at_tip(tip) for tip in named_tips if function.of_tip)
 
 
 def exists(function: ModelFunction, spec: RobotSpec) -> bool:
@@ -1167,10 +1237,17 @@ def exists(function: ModelFunction, spec: RobotSpec) -> bool:
         return False
     if not function.suits(spec.n):
         return False
+    if function.needs is Needs.SHARED_JOINTS:
+        from rrrgen.robot.model.mechanism import tip_arm
+
+        try:
+            return bool(function.tip and tip_arm(spec, function.tip).shared)
+        except DerivationError:
+            return False
     if function.needs in (Needs.TIP_POSITION, Needs.TIP_POSE):
         from rrrgen.derive.functions.operational_space import tip_moves
 
-        shifts, turns = tip_moves(spec)
+        shifts, turns = tip_moves(spec.at_tip(function.tip) if function.tip else spec)
         return shifts and (turns or function.needs is Needs.TIP_POSITION)
     return True
 
@@ -1186,7 +1263,7 @@ def functions_for(spec: RobotSpec, groups: Sequence[str]) -> tuple[ModelFunction
     if "model" in groups:
         last = [group for group in ALWAYS if group != "model"]
         groups = (*(group for group in groups if group not in last), *last)
-    return tuple(f for group in dict.fromkeys(groups) for f in TABLE if f.group == group and exists(f, spec))
+    return tuple(f for f in _at_all_tips(dict.fromkeys(groups), spec.tips) if exists(f, spec))
 
 
 def with_sources(functions: Sequence[ModelFunction]) -> tuple[ModelFunction, ...]:
@@ -1225,19 +1302,28 @@ def ordered(program: Program) -> Program:
 @cache
 def recorders(name: str) -> tuple[Recorder, ...]:
     """The recorders of the function ``name``; none for a function that is combined from programs of others."""
-    loaded = _load(FUNCTIONS[name].record)
+    function = named(name)
+    loaded = _load(function.record)
     every: tuple[Recorder, ...] = loaded if isinstance(loaded, tuple) else (loaded,)
-    return tuple(partial(_record, FUNCTIONS[name], recorder) for recorder in every)
+    return tuple(partial(_record, function, recorder) for recorder in every)
 
 
 def _record(function: ModelFunction, recorder: Recorder, recording: Recording) -> Program:
     recording.function = function
-    return ordered(recorder(recording))
+    if not function.tip:
+        return ordered(recorder(recording))
+    recording.model = recording.model.at_tip(function.tip)
+    program, about = ordered(recorder(recording)), partial(about_tip, tip=function.tip)
+    inputs, outputs = (
+        tuple(replace(port, meaning=about(port.meaning), frame=about(port.frame)) for port in ports)
+        for ports in (program.inputs, program.outputs)
+    )
+    return program.described(name=function.name, summary=about(program.summary), inputs=inputs, outputs=outputs)
 
 
 def combine(name: str, recording: Recording, programs: Sequence[Program]) -> Program:
     """Record a program of the function ``name`` from ``programs`` of the functions that it is made ``of``."""
-    recording.function = FUNCTIONS[name]
+    recording.function = named(name)
     return ordered(_load(recording.function.combine)(recording, *programs))
 
 

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.templates import render
-from rrrgen.derive.functions.table import ARGUMENT_ORDER, FUNCTIONS
+from rrrgen.derive.functions.table import ARGUMENT_ORDER, find
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
 from rrrgen.emit.c.header_comments import explanation, prototype
@@ -140,7 +140,8 @@ def source_parts(programs: Iterable[Program]) -> dict[str, list[str]]:
     for program in programs:
         specialized = NOMINAL if program.specializes else ""
         part = DERIVATIVES if program.function.endswith(DERIVATIVES) else specialized
-        if program.function in FUNCTIONS and FUNCTIONS[program.function].group in LONG:
+        entry = find(program.function)
+        if entry is not None and entry.group in LONG:
             part = f"_{program.name}"
         parts.setdefault(part, []).append(program.name)
     return parts

@@ -13,7 +13,7 @@ from rrrgen.base.templates import render
 from rrrgen.derive import derive
 from rrrgen.derive.derived_model import DerivedModel, recall
 from rrrgen.derive.functions.friction import friction_parameters
-from rrrgen.derive.functions.table import FUNCTIONS, GROUPS
+from rrrgen.derive.functions.table import GROUPS, find
 from rrrgen.emit import Real
 from rrrgen.emit.c.ik.files import sources as solver_sources
 from rrrgen.emit.c.language import Dialect
@@ -186,7 +186,7 @@ def _described(code: Code, program: Program | Declaration) -> dict[str, Any]:
 
 def _defaults(code: Code, program: Program | Declaration) -> dict[str, Default]:
     """The defaults of the last arguments of ``program``, those that the robot file gives, by name."""
-    entry = FUNCTIONS.get(program.function) if isinstance(program, Program) else None
+    entry = find(program.function) if isinstance(program, Program) else None
     if entry is None:
         return {}
     given = {quantity.name for quantity in entry.arguments if quantity.from_file}

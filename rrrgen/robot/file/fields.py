@@ -58,7 +58,12 @@ ROBOT = (
     Key("tip", "name", "joint whose link carries the tool; needed where the joints branch"),
     Key("tool", "mapping", "fixed transform after the last link frame", section="transform"),
     Key("tools", "transforms", "other tools by name; `robot.yaml@name` has that tool", section="transform"),
-    Key("tips", "transforms", "other tips of a branching robot by name; `robot.yaml@name` has that tip", section="tip"),
+    Key(
+        "tips",
+        "transforms",
+        "tips of a branching robot by name, each with functions of its own, `<robot>_<name>_jacobian`",
+        section="tip",
+    ),
     Key("links", "rows", "inertia of every link, in the axes of its link frame", section="link", length=MAX_JOINTS),
     Key("drives", "mapping", "drives that move several joints each, as in a coupled wrist", section="drives"),
     Key("basis", "basis", "base parameters of the user's own choice"),

@@ -147,14 +147,15 @@ def read_tools(node: Node, scope: Scope) -> dict[str, FixedTransform]:
     return tools
 
 
-def read_tips(node: Node, rows: Row[str], taken: Row[str], scope: Scope) -> dict[str, TipSpec]:
+def read_tips(node: Node, robot: str, rows: Row[str], taken: Row[str], scope: Scope) -> dict[str, TipSpec]:
     """Read ``{name: {row: joint, tool: transform}, ...}``, the named tips of a robot; one with a fault is left out.
 
-    ``rows`` are the names of the rows that may carry one, ``taken`` those of the tools, which share ``robot@name``.
+    ``rows`` are the names of the rows that may carry one, ``taken`` those of the tools, which share ``robot@name``. The
+    functions of a tip begin with ``<robot>_<name>``, which must be a name itself.
     """
     tips = {}
     for name, (key, value) in (read_entries(node, "tips", scope.faults) or {}).items():
-        if fault := name_fault(name, "tip"):
+        if fault := name_fault(name, "tip") or (name_fault(f"{robot}_{name}", "robot") if robot else None):
             scope.faults.error(key, *fault)
             continue
         if name in taken:
@@ -258,10 +259,8 @@ def with_tool(spec: RobotSpec, tool: str) -> RobotSpec:
     name = f"{spec.name}_{tool}"
     if fault := name_fault(name, "robot"):
         raise InputError([Fault(spec.file, 0, 0, fault[0], hint=fault[1])])
-    if tool in spec.tips and spec.mechanism is not None:
-        chosen = spec.tips[tool]
-        row = next(i for i, each in enumerate(spec.rows) if each.name == chosen.row)
-        return replace(spec, tool=chosen.tool, name=name, mechanism=replace(spec.mechanism, tip=row))
+    if tool in spec.tips:
+        return replace(spec.at_tip(tool), name=name)
     return replace(spec, tool=spec.tools[tool], name=name)
 
 
@@ -303,7 +302,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     if "joints" in values and all(joint is not None for joint in joints):
         counted, mechanism = read_mechanism(values["joints"], values.get("tip"), joints, scope)
     names = [joint.name for joint in joints if joint is not None]
-    tips = read_tips(values["tips"], names, list(tools), scope) if "tips" in values else {}
+    tips = read_tips(values["tips"], name, names, list(tools), scope) if "tips" in values else {}
     if tips and mechanism is None and not faults.errors:
         hint = "tip: NAME; the joint whose link carries the tool while none of the tips is chosen"
         faults.error(values["tips"], "tips need the key 'tip'", hint)

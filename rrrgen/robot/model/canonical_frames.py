@@ -17,12 +17,12 @@ axis. The last block of every branch is moved into the plane of the joint before
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import sympy as sp
 
-from rrrgen.robot.spec import RobotSpec
+from rrrgen.robot.spec import FixedTransform, RobotSpec
 
 # ------------------------------------------------------------------------------------------------------------------
 # The rows of the Denavit-Hartenberg table in one form for both conventions. The pose of the tip is
@@ -190,6 +190,11 @@ class RobotModel:
             self._nominal[expression] = self.spec.nominal(expression)
         return self._nominal[expression]
 
+    def at_tip(self, name: str) -> RobotModel:
+        """The same model with the named tip in place of the unnamed one."""
+        one = self.spec.at_tip(name)
+        return replace(self, tip=self.link_frames[one.tip_row] @ _fixed(one.tool), tip_link=one.tip_row)
+
     @property
     def n(self) -> int:
         """Length of q: the number of joints, without those that follow others."""
@@ -223,12 +228,7 @@ def build_model(spec: RobotSpec) -> RobotModel:
     """The canonical form of the robot described by ``spec``."""
     rows = dh_rows(spec)
     frames = [_twisted(row.behind) for row in rows]
-    base = RigidTransform(
-        sp.ImmutableMatrix(3, 3, list(spec.base.rotation)), sp.ImmutableMatrix(list(spec.base.translation))
-    )
-    tool = RigidTransform(
-        sp.ImmutableMatrix(3, 3, list(spec.tool.rotation)), sp.ImmutableMatrix(list(spec.tool.translation))
-    )
+    base = _fixed(spec.base)
     constants, angles = [], []
     for parent, row in zip(spec.parents, rows, strict=True):
         behind = rows[parent].behind if parent >= 0 else NO_TWIST
@@ -258,11 +258,15 @@ def build_model(spec: RobotSpec) -> RobotModel:
             JointModel(joint.name, joint.is_revolute, X, theta, flag, parent)
             for joint, X, theta, flag, parent in zip(spec.rows, constants, angles, parallel, spec.parents, strict=True)
         ),
-        tip=link_frames[tip_link] @ tool,
+        tip=link_frames[tip_link] @ _fixed(spec.tool),
         link_frames=link_frames,
         tip_link=tip_link,
         coupling=_coupling(spec),
     )
+
+
+def _fixed(T: FixedTransform) -> RigidTransform:
+    return RigidTransform(sp.ImmutableMatrix(3, 3, list(T.rotation)), sp.ImmutableMatrix(list(T.translation)))
 
 
 def _before_motion(behind: Twist, row: DHRow) -> tuple[RigidTransform, sp.Expr]:

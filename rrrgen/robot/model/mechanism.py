@@ -8,8 +8,9 @@ from typing import Any
 
 import sympy as sp
 
+from rrrgen.base.errors import DerivationError, InternalError
 from rrrgen.robot.model.drives import weighted_sum
-from rrrgen.robot.spec import JointSpec, Limits, RobotSpec
+from rrrgen.robot.spec import FixedTransform, JointSpec, Limits, MechanismSpec, RobotSpec
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,65 @@ def coupling_to_tip(spec: RobotSpec) -> sp.Matrix:
     return sp.Matrix([list(spec.mechanism.matrix[i]) for i in spec.mechanism.path(spec.mechanism.tip)])
 
 
+@dataclass(frozen=True)
+class TipArm:
+    """The joints that move one named tip and no tip beside it, as a robot of its own for inverse kinematics.
+
+    ``spec``, called ``<robot>_<tip>``, holds the rows from the link of row ``carrier`` (-1: from the base) to the tip;
+    its base frame is the frame of that link. ``joints`` are the numbers in q of its joints, ``shared`` those of the
+    joints that move the carrier, and other tips with it.
+    """
+
+    spec: RobotSpec
+    carrier: int
+    joints: tuple[int, ...]
+    shared: tuple[int, ...]
+
+
+def tip_arm(spec: RobotSpec, tip: str) -> TipArm:
+    """The part of ``spec`` that moves the named ``tip`` alone.
+
+    Tips are beside each other where their rows branch; a tip on the way to another shares no joint in this sense.
+    Raises DerivationError where no joint moves the tip alone, or where shared joints stand behind such ones.
+    """
+    one = spec.at_tip(tip)
+    if one.mechanism is None:
+        raise InternalError("a robot with named tips has a mechanism")
+    S, path = one.mechanism.matrix, one.mechanism.path(one.tip_row)
+
+    def moving(rows: Sequence[int]) -> set[int]:
+        return {k for i in rows for k, factor in enumerate(S[i]) if factor != 0}
+
+    ways = [one.mechanism.path(spec.at_tip(other).tip_row) for other in spec.tips]
+    beside = [way for way in ways if any(x != y for x, y in zip(way, path, strict=False))]
+    of_others = set().union(*map(moving, beside))
+    own, shared = sorted(moving(path) - of_others), sorted(moving(path) & of_others)
+    start = max((k + 1 for k, i in enumerate(path) if moving([i]) & of_others), default=0)
+    name = f"{spec.name}_{tip}"
+    if not own:
+        raise DerivationError(f"{name}: no joint moves this tip and no other")
+    if moving(path[:start]) & set(own):
+        first = spec.joints[own[0]].name
+        raise DerivationError(f"{name}: {first} moves this tip alone and stands before joints that other tips share")
+    rows = path[start:]
+    mechanism = MechanismSpec(
+        tuple(spec.rows[i] for i in rows),
+        tuple(range(-1, len(rows) - 1)),
+        len(rows) - 1,
+        tuple(tuple(S[i][k] for k in own) for i in rows),
+    )
+    joints = tuple(replace(spec.joints[k], friction=None, drive=None) for k in own)
+    part = replace(one, name=name, joints=joints, mechanism=mechanism, links=None, drives=None, basis=None, tools={})
+    part = part if start == 0 else replace(part, base=FixedTransform())
+    if sp.Matrix(mechanism.matrix) == sp.eye(len(own)):  # a chain, which more solvers know
+        serial = chain_to_tip(part)
+        limited = (replace(row, limits=each.limits) for row, each in zip(serial.joints, joints, strict=True))
+        part = replace(serial, joints=tuple(limited))
+    return TipArm(part, path[start - 1] if start else -1, tuple(own), tuple(shared))
+
+
 def mechanism_equations(spec: RobotSpec) -> list[str]:
-    """Describe each row of a mechanism by a clause: its parent and its motion with q. Empty for a serial chain."""
+    """Describe each row of a mechanism and each named tip by a clause: parent and motion with q. Empty for a chain."""
     if spec.mechanism is None:
         return []
     names = [joint.name for joint in spec.joints]
@@ -97,7 +155,7 @@ def mechanism_equations(spec: RobotSpec) -> list[str]:
             continue
         moved = weighted_sum(names, [str(value) for value in factors])
         found.append(f"{row.name} on {carrier}" + ("" if moved == row.name else f", {row.name} = {moved}"))
-    return found
+    return [*found, *(f"tip {name} on {tip.row}" for name, tip in spec.tips.items())]
 
 
 def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:
@@ -111,5 +169,6 @@ def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:
         "rows": [row.name for row in spec.rows],
         "parents": list(spec.parents),
         "tip": spec.rows[spec.tip_row].name,
+        **({"tips": {name: tip.row for name, tip in spec.tips.items()}} if spec.tips else {}),
         "matrix": [[str(value) for value in factors] for factors in spec.mechanism.matrix],
     }

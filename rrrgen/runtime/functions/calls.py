@@ -75,21 +75,29 @@ class Calls:
             if name in held.derived.programs:
                 held.engine.threads = self.engine.threads
                 return held
-        from rrrgen.derive.functions.table import ALWAYS, FUNCTIONS, GROUPS, functions_of
+        from rrrgen.derive.functions.table import ALWAYS, GROUPS, find, functions_of
 
-        if name in FUNCTIONS and 0 < FUNCTIONS[name].most_joints < self.n:
-            raise ValueError(f"{name}: {FUNCTIONS[name].absent}")
+        entry = find(name)
+        if entry is not None and 0 < entry.most_joints < self.n:
+            raise ValueError(f"{name}: {entry.absent}")
         for group in GROUPS:
-            functions = functions_of(group, self.n)
+            functions = functions_of(group, self.n, self.spec.tips)
             offered = {*functions, *map(nominal_name, functions)}
             if name in offered and self._compiled is not None and group not in self._groups:
                 self._groups[group] = self._compiled(self.spec, groups=(group,))
                 return self._with(name)
         derived = [each for model in self._groups.values() for each in model.derived.programs]
         further = [group for group in GROUPS if group not in (*ALWAYS, *self._groups)] if self._compiled else []
-        others = [each for group in further for each in functions_of(group, self.n)]
+        others = [each for group in further for each in functions_of(group, self.n, self.spec.tips)]
         known = sorted({*self.derived.programs, *derived, *others})
         raise ValueError(f"no function '{name}'; there are inverse_kinematics, {', '.join(known)}")
+
+    def _at_tip(self, name: str, tip: str) -> str:
+        """The name of the function ``name`` about the named ``tip``. Raises ValueError if the robot has no such tip."""
+        if tip not in self.spec.tips:
+            known = ", ".join(self.spec.tips) or "none: name them under tips in the robot file"
+            raise ValueError(f"{name}: the robot has no tip {tip!r}; its tips are {known}")
+        return f"{tip}_{name}"
 
     def _call(self, name: str, *values: Any) -> Array:
         """Evaluate the function ``name``, which takes no parameters; returns its first result."""

@@ -114,6 +114,8 @@ def _signature(
     moving = _on_moving_base(function)
     keywords = [_argument(q) for q in function.keywords]
     keywords += [f"{q.name}: {of_base}" for q in _of_base(function)]
+    if function.of_tip:
+        keywords.append("tip: str | None = None")
     if function.status:
         keywords.append(f"with_status: {with_status}")
     arguments += ["*", *keywords] if keywords else []
@@ -150,6 +152,8 @@ def docstring(function: ModelFunction, margin: int = 0) -> str:
     width = WIDTH - len(INDENT) - margin
     entries = [f"{q.name}: {described(q)}" for q in function.arguments]
     entries += [f"{q.name}: of a floating base that moves: {described(q)}" for q in _of_base(function)]
+    if function.of_tip:
+        entries.append("tip: a named tip of the robot file in place of the unnamed one.")
     if function.status:
         kinds = " or ".join(dict.fromkeys(kind.removeprefix("numpy.linalg.") for kind, _ in _errors(function)))
         entries.append(f"with_status: return ``(result, status)`` instead of raising {kinds}.")
@@ -169,10 +173,12 @@ def docstring(function: ModelFunction, margin: int = 0) -> str:
 
 def _errors(function: ModelFunction) -> list[tuple[str, str]]:
     """The errors that ``function``'s method raises: kind and condition."""
-    if not function.refuses:
-        return list(function.raises)
-    text = "an input is not finite or out of its range, and ``with_status`` is False."
-    return [*function.raises, ("ValueError", text)]
+    errors = list(function.raises)
+    if function.refuses:
+        errors.append(("ValueError", "an input is not finite or out of its range, and ``with_status`` is False."))
+    if function.of_tip and not any(kind == "ValueError" for kind, _ in function.raises):
+        errors.append(("ValueError", "the robot has no tip of this name."))
+    return errors
 
 
 def described(q: ArgumentKind) -> str:
@@ -211,8 +217,10 @@ def _body(function: ModelFunction) -> Iterator[str]:
         asked = " or ".join(f"{q.name} is not None" for q in _of_base(function))
         yield f"{INDENT}if {asked}:"
         yield f"{INDENT * 2}return self.{moving.name}({given})"
+    if function.of_tip:
+        yield f"{INDENT}name = {function.name!r} if tip is None else self._at_tip({function.name!r}, tip)"
     if function.absent and function.group in ALWAYS:
-        yield f"{INDENT}if {function.name!r} not in self.derived.programs:"
+        yield f"{INDENT}if {_name(function)} not in self.derived.programs:"
         yield f"{INDENT * 2}raise ValueError({function.absent!r})"
     results = _evaluation(function)
     if function.status:
@@ -223,7 +231,7 @@ def _body(function: ModelFunction) -> Iterator[str]:
         elif function.links_only:
             yield f"{INDENT}result = {value}"
             value = f"result._replace({function.links_only}=self._of_links(result.{function.links_only}))"
-        yield f"{INDENT}return self._checked({function.name!r}, {value}, status, with_status)"
+        yield f"{INDENT}return self._checked({_name(function)}, {value}, status, with_status)"
     elif function.result and function.links_only:
         yield f"{INDENT}result = {function.result}(*{results})"
         yield f"{INDENT}return result._replace({function.links_only}=self._of_links(result.{function.links_only}))"
@@ -235,7 +243,7 @@ def _body(function: ModelFunction) -> Iterator[str]:
 
 def _evaluation(function: ModelFunction) -> str:
     """The expression for all results of ``function``."""
-    name, arguments = repr(function.name), function.arguments
+    name, arguments = _name(function), function.arguments
     inputs = [q for q in arguments if q.name not in PARAMETERS]
     chosen = [q.name for q in arguments if q.name in PARAMETERS]
     places = [parameter if parameter in chosen else "None" for parameter in PARAMETERS]
@@ -250,6 +258,11 @@ def _evaluation(function: ModelFunction) -> str:
         return f"{engine}.call({name}, ({values.rstrip(' ')}))"
     values = ", ".join(f"{q.name!r}: {_value(function, q)}" for q in inputs)
     return f"self._named({name}, {{{values}}}{given})"
+
+
+def _name(function: ModelFunction) -> str:
+    """The expression for the name of the program: that of a named tip is chosen when the method is called."""
+    return "name" if function.of_tip else repr(function.name)
 
 
 def _value(function: ModelFunction, q: ArgumentKind) -> str:

@@ -53,6 +53,7 @@ class ParameterFunctions(Calls):
         inertia: ArrayLike | None = None,
         *,
         beta: ArrayLike | None = None,
+        tip: str | None = None,
     ) -> Array:
         """Base parameters of the robot with a body fixed to its last link, to be passed as ``beta`` to other methods.
 
@@ -65,6 +66,7 @@ class ParameterFunctions(Calls):
             inertia: its inertia tensor about that centre, (..., 3, 3), kg m^2, in the axes of the same frame; zero by
                 default, a point mass.
             beta: base parameters without the body, (b,) or (..., b), SI units; by default those of the robot file.
+            tip: a named tip of the robot file, whose link carries the body, in place of the unnamed one.
 
         Returns:
             beta_loaded, (..., b), in SI units.
@@ -72,7 +74,8 @@ class ParameterFunctions(Calls):
         Raises:
             ValueError: the tensor is not symmetric, or the robot file has no links and ``beta`` is not given.
         """
-        return self._of_links(self._call("add_payload", mass, com, *self._symmetric(inertia, beta, "add_payload")))
+        name = "add_payload" if tip is None else self._at_tip("add_payload", tip)
+        return self._of_links(self._call(name, mass, com, *self._symmetric(inertia, beta, "add_payload")))
 
     def add_payload_at(
         self,
@@ -82,6 +85,7 @@ class ParameterFunctions(Calls):
         frame: ArrayLike,
         *,
         beta: ArrayLike | None = None,
+        tip: str | None = None,
     ) -> Array:
         """Base parameters of the robot with a body fixed to its last link; the body is described in its own frame.
 
@@ -92,6 +96,7 @@ class ParameterFunctions(Calls):
                 point mass.
             frame: pose of its frame in the last link, (..., 4, 4), translation in m.
             beta: base parameters without the body, (b,) or (..., b), SI units; by default those of the robot file.
+            tip: a named tip of the robot file, whose link carries the body, in place of the unnamed one.
 
         Returns:
             beta_loaded, (..., b), in SI units.
@@ -100,7 +105,8 @@ class ParameterFunctions(Calls):
             ValueError: as for :meth:`add_payload`.
         """
         tensor, known = self._symmetric(inertia, beta, "add_payload_at")
-        return self._of_links(self._call("add_payload_at", mass, com, tensor, frame, known))
+        name = "add_payload_at" if tip is None else self._at_tip("add_payload_at", tip)
+        return self._of_links(self._call(name, mass, com, tensor, frame, known))
 
     def _symmetric(self, inertia: Any, beta: Any, function: str) -> tuple[Any, Any]:
         """Check the arguments of a payload ``function``: returns the inertia tensor (default zero) and beta.

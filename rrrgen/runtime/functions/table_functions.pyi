@@ -35,14 +35,18 @@ from rrrgen.runtime.results import (
 class TableFunctions(Calls):
     """Methods for the functions of the model."""
 
-    def forward_kinematics(self, q: ArrayLike) -> Array:
+    def forward_kinematics(self, q: ArrayLike, *, tip: str | None = None) -> Array:
         """Pose of the tip in the base frame, ``T_0_n = base A_1 ... A_n tool``. Source: (14.5).
 
         Args:
             q: joint positions, (..., n), rad or m.
+            tip: a named tip of the robot file in place of the unnamed one.
 
         Returns:
             Homogeneous transforms T, (..., 4, 4), positions in m.
+
+        Raises:
+            ValueError: the robot has no tip of this name.
         """
 
     def link_frames(self, q: ArrayLike) -> Array:
@@ -55,14 +59,18 @@ class TableFunctions(Calls):
             Homogeneous transforms T, (..., n, 4, 4), positions in m: ``T[..., i, :, :]`` is the frame of link i + 1.
         """
 
-    def jacobian(self, q: ArrayLike) -> Array:
+    def jacobian(self, q: ArrayLike, *, tip: str | None = None) -> Array:
         """Geometric Jacobian of the tip, ``[v; w] = J(q) dq``, in the axes of the base frame.
 
         Args:
             q: joint positions, (..., n), rad or m.
+            tip: a named tip of the robot file in place of the unnamed one.
 
         Returns:
             J, (..., 6, n): linear velocity v of the tip (m/s) first, then angular velocity w (rad/s).
+
+        Raises:
+            ValueError: the robot has no tip of this name.
         """
 
     def link_jacobians(self, q: ArrayLike) -> Array:
@@ -78,25 +86,50 @@ class TableFunctions(Calls):
             columns of joints beyond the link are zero.
         """
 
-    def kinematics(self, q: ArrayLike) -> Kinematics:
+    def kinematics(self, q: ArrayLike, *, tip: str | None = None) -> Kinematics:
         """Pose and Jacobian of the tip from one evaluation, cheaper than one call for each.
 
         Args:
             q: joint positions, (..., n), rad or m.
+            tip: a named tip of the robot file in place of the unnamed one.
 
         Returns:
             The named tuple (T, J): as :meth:`forward_kinematics`, (..., 4, 4), and :meth:`jacobian`, (..., 6, n).
+
+        Raises:
+            ValueError: the robot has no tip of this name.
         """
 
-    def jacobian_dot_dq(self, q: ArrayLike, dq: ArrayLike) -> Array:
+    def jacobian_dot_dq(self, q: ArrayLike, dq: ArrayLike, *, tip: str | None = None) -> Array:
         """Acceleration of the tip for ddq = 0, ``a = (dJ/dt) dq``, so that ``d[v; w]/dt = J ddq + a``.
 
         Args:
             q: joint positions, (..., n), rad or m.
             dq: joint velocities, (..., n), rad/s or m/s.
+            tip: a named tip of the robot file in place of the unnamed one.
 
         Returns:
             a, (..., 6), in the axes of the base frame: linear part (m/s^2) first, then angular (rad/s^2).
+
+        Raises:
+            ValueError: the robot has no tip of this name.
+        """
+
+    def tip_target(self, T: ArrayLike, q: ArrayLike, *, tip: str | None = None) -> Array:
+        """Target of the inverse kinematics of the tip, at the values in q of the joints that it shares with other tips.
+
+        Args:
+            T: wanted pose of the tip in the base frame, (..., 4, 4), translation in m.
+            q: joint positions, (..., n), rad or m.
+            tip: a named tip of the robot file in place of the unnamed one.
+
+        Returns:
+            target, (..., 4, 4), translation in m: ``T_carrier(q)^-1 T`` with the frame of the last link that the shared
+            joints move. The other elements of q are not read.
+
+        Raises:
+            InputError: the wanted pose is no rigid motion.
+            ValueError: ``tip`` is not given, or shares no joint with other tips.
         """
 
     def mass_matrix(self, q: ArrayLike, beta: ArrayLike | None = None, *, Ia: ArrayLike | None = None) -> Array:
@@ -597,83 +630,130 @@ class TableFunctions(Calls):
             tau, (..., n), N m or N.
         """
 
-    def tool_kinematics(self, q: ArrayLike, tool: ArrayLike) -> Kinematics:
+    def tool_kinematics(self, q: ArrayLike, tool: ArrayLike, *, tip: str | None = None) -> Kinematics:
         """Pose and Jacobian of a tool in place of that of the robot file.
 
         Args:
             q: joint positions, (..., n), rad or m.
             tool: pose of the tool in the last link frame, (4, 4) or (..., 4, 4), translation in m.
+            tip: a named tip of the robot file in place of the unnamed one.
 
         Returns:
             The named tuple (T, J): (..., 4, 4) and (..., 6, n), base frame.
 
         Raises:
             InputError: the tool is no rigid motion: another last row than 0 0 0 1, or no rotation.
+            ValueError: the robot has no tip of this name.
         """
 
-    def tool_target(self, T: ArrayLike, tool: ArrayLike) -> Array:
+    def tool_target(self, T: ArrayLike, tool: ArrayLike, *, tip: str | None = None) -> Array:
         """Target of ``inverse_kinematics`` for which a tool in place of that of the robot file has the pose T.
 
         Args:
             T: wanted pose of the tool in the base frame, (..., 4, 4), translation in m.
             tool: pose of the tool in the last link frame, (4, 4) or (..., 4, 4), translation in m.
+            tip: a named tip of the robot file in place of the unnamed one.
 
         Returns:
             target, (..., 4, 4), translation in m: ``T tool^-1 T_tool`` with the tool T_tool of the robot file.
 
         Raises:
             InputError: the tool or the wanted pose is no rigid motion: another last row than 0 0 0 1, no rotation.
+            ValueError: the robot has no tip of this name.
         """
 
     @overload
-    def manipulability(self, q: ArrayLike, *, with_status: Literal[False] = ...) -> Manipulability:
+    def manipulability(
+        self,
+        q: ArrayLike,
+        *,
+        tip: str | None = None,
+        with_status: Literal[False] = ...,
+    ) -> Manipulability:
         """Manipulability ``w = sqrt(det(J J'))`` (of ``J' J`` for fewer than six joints) and its gradient.
 
         Args:
             q: joint positions, (..., n), rad or m.
-            with_status: return ``(result, status)`` instead of raising LinAlgError.
+            tip: a named tip of the robot file in place of the unnamed one.
+            with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
 
         Returns:
             The named tuple (w, dw_dq): (...) and (..., n); zero where J loses rank, and the status, (...), is 1 there.
 
         Raises:
             numpy.linalg.LinAlgError: J loses rank at some state, and ``with_status`` is False.
+            ValueError: the robot has no tip of this name.
         """
     @overload
-    def manipulability(self, q: ArrayLike, *, with_status: Literal[True]) -> tuple[Manipulability, Array]: ...
+    def manipulability(
+        self,
+        q: ArrayLike,
+        *,
+        tip: str | None = None,
+        with_status: Literal[True],
+    ) -> tuple[Manipulability, Array]: ...
     @overload
-    def manipulability(self, q: ArrayLike, *, with_status: bool) -> Manipulability | tuple[Manipulability, Array]: ...
+    def manipulability(
+        self,
+        q: ArrayLike,
+        *,
+        tip: str | None = None,
+        with_status: bool,
+    ) -> Manipulability | tuple[Manipulability, Array]: ...
     @overload
-    def position_manipulability(self, q: ArrayLike, *, with_status: Literal[False] = ...) -> Manipulability:
+    def position_manipulability(
+        self,
+        q: ArrayLike,
+        *,
+        tip: str | None = None,
+        with_status: Literal[False] = ...,
+    ) -> Manipulability:
         """Manipulability of the position of the tip alone, from the three linear rows of J.
 
         Args:
             q: joint positions, (..., n), rad or m.
-            with_status: return ``(result, status)`` instead of raising LinAlgError.
+            tip: a named tip of the robot file in place of the unnamed one.
+            with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
 
         Returns:
             The named tuple (w, dw_dq): (...) and (..., n).
 
         Raises:
             numpy.linalg.LinAlgError: J loses rank at some state, and ``with_status`` is False.
+            ValueError: the robot has no tip of this name.
         """
-    @overload
-    def position_manipulability(self, q: ArrayLike, *, with_status: Literal[True]) -> tuple[Manipulability, Array]: ...
     @overload
     def position_manipulability(
         self,
         q: ArrayLike,
         *,
+        tip: str | None = None,
+        with_status: Literal[True],
+    ) -> tuple[Manipulability, Array]: ...
+    @overload
+    def position_manipulability(
+        self,
+        q: ArrayLike,
+        *,
+        tip: str | None = None,
         with_status: bool,
     ) -> Manipulability | tuple[Manipulability, Array]: ...
     @overload
-    def nullspace(self, q: ArrayLike, damping: ArrayLike = 0.0, *, with_status: Literal[False] = ...) -> Array:
+    def nullspace(
+        self,
+        q: ArrayLike,
+        damping: ArrayLike = 0.0,
+        *,
+        tip: str | None = None,
+        with_status: Literal[False] = ...,
+    ) -> Array:
         """Projection ``N = 1 - J' (J J' + damping^2 1)^-1 J`` on joint motions that keep the pose of the tip.
 
         Args:
             q: joint positions, (..., n), rad or m.
             damping: damping of the projection: 0 is exact; larger values keep N smooth through singularities, (...), SI
                 units.
+            tip: a named tip of the robot file in place of the unnamed one.
             with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
 
         Returns:
@@ -689,6 +769,7 @@ class TableFunctions(Calls):
         q: ArrayLike,
         damping: ArrayLike = 0.0,
         *,
+        tip: str | None = None,
         with_status: Literal[True],
     ) -> tuple[Array, Array]: ...
     @overload
@@ -697,6 +778,7 @@ class TableFunctions(Calls):
         q: ArrayLike,
         damping: ArrayLike = 0.0,
         *,
+        tip: str | None = None,
         with_status: bool,
     ) -> Array | tuple[Array, Array]: ...
     @overload
@@ -705,6 +787,7 @@ class TableFunctions(Calls):
         q: ArrayLike,
         damping: ArrayLike = 0.0,
         *,
+        tip: str | None = None,
         with_status: Literal[False] = ...,
     ) -> Array:
         """Projection N on joint motions that keep the position of the tip, while its orientation may change.
@@ -713,6 +796,7 @@ class TableFunctions(Calls):
             q: joint positions, (..., n), rad or m.
             damping: damping of the projection: 0 is exact; larger values keep N smooth through singularities, (...), m
                 or 1.
+            tip: a named tip of the robot file in place of the unnamed one.
             with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
 
         Returns:
@@ -728,6 +812,7 @@ class TableFunctions(Calls):
         q: ArrayLike,
         damping: ArrayLike = 0.0,
         *,
+        tip: str | None = None,
         with_status: Literal[True],
     ) -> tuple[Array, Array]: ...
     @overload
@@ -736,6 +821,7 @@ class TableFunctions(Calls):
         q: ArrayLike,
         damping: ArrayLike = 0.0,
         *,
+        tip: str | None = None,
         with_status: bool,
     ) -> Array | tuple[Array, Array]: ...
     def momentum_terms(
@@ -1220,6 +1306,7 @@ class TableFunctions(Calls):
         gravity: ArrayLike | None = None,
         beta: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
+        tip: str | None = None,
         with_status: Literal[False] = ...,
     ) -> Array:
         """Impedance control of the tip, ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``.
@@ -1238,6 +1325,7 @@ class TableFunctions(Calls):
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             tau_max: largest torques, (n,) or (..., n), N m or N; infinite for none; by default the limits of the robot
                 file.
+            tip: a named tip of the robot file in place of the unnamed one.
             with_status: return ``(result, status)`` instead of raising ValueError.
 
         Returns:
@@ -1246,6 +1334,7 @@ class TableFunctions(Calls):
 
         Raises:
             ValueError: an input is not finite or out of its range, and ``with_status`` is False.
+            ValueError: the robot has no tip of this name.
         """
     @overload
     def impedance(
@@ -1260,6 +1349,7 @@ class TableFunctions(Calls):
         gravity: ArrayLike | None = None,
         beta: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
+        tip: str | None = None,
         with_status: Literal[True],
     ) -> tuple[Array, Array]: ...
     @overload
@@ -1275,6 +1365,7 @@ class TableFunctions(Calls):
         gravity: ArrayLike | None = None,
         beta: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
+        tip: str | None = None,
         with_status: bool,
     ) -> Array | tuple[Array, Array]: ...
     @overload
@@ -1298,6 +1389,7 @@ class TableFunctions(Calls):
         beta: ArrayLike | None = None,
         Ia: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
+        tip: str | None = None,
         with_status: Literal[False] = ...,
     ) -> OperationalStep:
         """Operational-space control of the pose of the tip (Khatib 1987), damped near singular configurations.
@@ -1326,6 +1418,7 @@ class TableFunctions(Calls):
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             tau_max: largest torques, (n,) or (..., n), N m or N; infinite for none; by default the limits of the robot
                 file.
+            tip: a named tip of the robot file in place of the unnamed one.
             with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
 
         Returns:
@@ -1359,6 +1452,7 @@ class TableFunctions(Calls):
         beta: ArrayLike | None = None,
         Ia: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
+        tip: str | None = None,
         with_status: Literal[True],
     ) -> tuple[OperationalStep, Array]: ...
     @overload
@@ -1382,6 +1476,7 @@ class TableFunctions(Calls):
         beta: ArrayLike | None = None,
         Ia: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
+        tip: str | None = None,
         with_status: bool,
     ) -> OperationalStep | tuple[OperationalStep, Array]: ...
     @overload
@@ -1405,6 +1500,7 @@ class TableFunctions(Calls):
         beta: ArrayLike | None = None,
         Ia: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
+        tip: str | None = None,
         with_status: Literal[False] = ...,
     ) -> OperationalStep:
         """Operational-space control of the position of the tip (Khatib 1987), damped near singular configurations.
@@ -1432,6 +1528,7 @@ class TableFunctions(Calls):
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             tau_max: largest torques, (n,) or (..., n), N m or N; infinite for none; by default the limits of the robot
                 file.
+            tip: a named tip of the robot file in place of the unnamed one.
             with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
 
         Returns:
@@ -1465,6 +1562,7 @@ class TableFunctions(Calls):
         beta: ArrayLike | None = None,
         Ia: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
+        tip: str | None = None,
         with_status: Literal[True],
     ) -> tuple[OperationalStep, Array]: ...
     @overload
@@ -1488,6 +1586,7 @@ class TableFunctions(Calls):
         beta: ArrayLike | None = None,
         Ia: ArrayLike | None = None,
         tau_max: ArrayLike | None = None,
+        tip: str | None = None,
         with_status: bool,
     ) -> OperationalStep | tuple[OperationalStep, Array]: ...
     @overload

@@ -28,6 +28,7 @@ from rrrgen.emit.c.ik.passes import PASSES, LoopPass
 from rrrgen.emit.c.ik.statements import CBody
 from rrrgen.emit.c.language import CTarget, Dialect, LibmSinCos
 from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.classify import tip_plans
 from rrrgen.ik.plan import NominalFirst, SolverPlan
 from rrrgen.ik.recording.newton_step import newton_program
 from rrrgen.ik.result_layout import labels, may_lack, most_rows, opens, parts_of, reasons_of, status_texts
@@ -59,9 +60,9 @@ FUNCTIONS = ("inverse_kinematics", "inverse_kinematics_batch", "closest", "ik_st
 
 
 def sources(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, str]:
-    """The emitted files, name -> text; empty for a chain without a solver (see :func:`manifest` for the reason)."""
-    plan = make_plan(spec, redundancy)
-    return emit(spec, plan, real).files if plan.solvable else {}
+    """The emitted files, name -> text, of the tip and all named tips; :func:`manifest` says which have no solver."""
+    plans = [(spec, make_plan(spec, redundancy)), *tip_plans(spec).values()]
+    return {name: text for arm, plan in plans if plan.solvable for name, text in emit(arm, plan, real).files.items()}
 
 
 def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, Any]:
@@ -71,9 +72,15 @@ def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = No
     of q for every way in which the drives can stand. Where an elimination solves the chain numerically they are means
     over random targets, and ``operations_of_a_solution`` come on top for every solution.
     ``tolerances``: the thresholds of the emitted code by name. ``stack``: the most bytes that each function takes,
-    callees included.
+    callees included. ``tips`` has the same of every named tip.
     """
-    plan = make_plan(spec, redundancy)
+    data = _planned(spec, make_plan(spec, redundancy), real)
+    tips = {tip: _planned(arm, plan, real) for tip, (arm, plan) in tip_plans(spec).items()}
+    return data | ({"tips": tips} if tips else {})
+
+
+def _planned(spec: RobotSpec, plan: SolverPlan, real: Real) -> dict[str, Any]:
+    """The entry of the manifest about the solver of ``plan``."""
     data: dict[str, Any] = {
         "solver": plan.solvable,
         "family": plan.family,

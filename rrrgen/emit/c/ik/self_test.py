@@ -7,16 +7,19 @@ special arms), the configuration itself must be found.
 
 from __future__ import annotations
 
+import re
 from math import tau
 from typing import TYPE_CHECKING
 
 from rrrgen.base.small_matrices import singular_values
 from rrrgen.base.templates import render
 from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.classify import tip_plans
 from rrrgen.ik.families import parameter
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.tolerances import MEETS, SAME_GOLDEN, SHARP
+from rrrgen.robot.model.mechanism import tip_arm
 
 if TYPE_CHECKING:
     from rrrgen.ik.geometry.chain import Matrix
@@ -25,11 +28,23 @@ if TYPE_CHECKING:
 TARGETS, TRIED = 3, 40
 
 
-def selftest(spec: RobotSpec, real: str = "double") -> str:
-    """Print the C function ``static int inverse_kinematics(void)`` and its tables; empty for a chain without solver."""
-    plan = make_plan(spec)
+def selftest(spec: RobotSpec, real: str = "double", tip: str = "") -> str:
+    """Print the C function ``static int inverse_kinematics(void)`` and its tables; empty for a chain without solver.
+
+    With a named ``tip`` it is ``<tip>_inverse_kinematics``, and all names in the text begin with that of the tip.
+    """
+    if tip:
+        text = _selftest(*tip_plans(spec)[tip], real, spec, tip)
+        own = set(re.findall(r"^static [^=;(]*?(\w+)(?=[\[(])", text, re.M))
+        return re.sub(rf"\b({'|'.join(sorted(own))})\b", rf"{tip}_\1", text) if own else text
+    return _selftest(spec, make_plan(spec), real)
+
+
+def _selftest(spec: RobotSpec, plan: SolverPlan, real: str, robot: RobotSpec | None = None, tip: str = "") -> str:
+    """The text for the solver of ``spec``: of a whole robot, or of the own joints of the named ``tip`` of ``robot``."""
     if not plan.solvable:
         return ""
+    arm = tip_arm(robot, tip) if robot is not None else None
     targets = _targets(plan)
     chain, size = plan.chain, max([1, *(len(rows) for _, rows in targets)])
     turning = _turning(plan)
@@ -37,6 +52,9 @@ def selftest(spec: RobotSpec, real: str = "double") -> str:
     return render(
         "c/ik/selftest.c.j2",
         p=spec.name,
+        joints="N" if arm is None else str(plan.n),
+        arm=arm,
+        about=f"inverse kinematics{f' of {tip}' if tip else ''}",
         M=f"{spec.name.upper()}_IK",
         n=plan.n,
         real=real,
