@@ -38,7 +38,7 @@ from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation
 
 CHOICES = ("zeros", "gains", "delay", "delays", "tilt", "drift")
 LARGEST_STD = {"zero": math.radians(20.0), "gain": 0.3, "delay": 0.1, "tilt": math.radians(20.0)}
-"""Standard deviations (rad, factor, s) above which a parameter counts as undetermined and is left out."""
+"""Prior standard deviations (rad, factor, s); a parameter that the torques tell no better counts as undetermined."""
 LARGEST_SHIFT_STD = 0.1  # m, of the zero of a prismatic joint
 SIGNIFICANT = 2.0  # standard deviations from zero from which on there is something to write
 PASSES = 4  # steps over all rows, from the values of the sample
@@ -385,23 +385,32 @@ def start(
     wanted = [term for term in wanted if term.kind not in ("gain", "delay") or term.place not in coupled]
     first = _first_values(model, regressor, sample, wanted)
     values = {term: first.get(term, 0.0) for term in wanted}
-    while True:
+    while values:
         kept, sentences = _determined(fit, list(values), values, joints)
         refused += sentences
         values = fit.converged(kept, values)
         std = fit.deviations(values)[0] if values else np.zeros(0)
         excess = [s / _largest(term, model.spec) for s, term in zip(std, values, strict=True)]
         over = [k for k, share in enumerate(excess) if share > 1.0]
-        if not over:
-            break
         # of parameters that the torques tell together only, the one that the diagnosis names is wrong more probably
         unnamed = [k for k in over if list(values)[k] not in first]
-        worst = max(unnamed or over, key=lambda k: excess[k])
-        term = list(values)[worst]
-        size = (
-            f"{100 * std[worst]:.0f} %" if term.kind == "gain" else text_of(term, 0.0, float(std[worst]), model.spec)[1]
-        )
-        refused.append(f"{name_of(term, joints)}: left out, since its deviation would be {size}")
+        if over:
+            worst = max(unnamed or over, key=lambda k: excess[k])
+            term = list(values)[worst]
+            told = text_of(term, 0.0, float(std[worst]), model.spec)[1]
+            size = f"{100 * std[worst]:.0f} %" if term.kind == "gain" else told
+            refused.append(f"{name_of(term, joints)}: left out, since its deviation would be {size}")
+        else:
+            weak = doubtful(fit, values, model.spec)
+            if weak is None:
+                break
+            term, explained = weak
+            value = text_of(term, values[term], 0.0, model.spec)[0]
+            refused.append(
+                f"{name_of(term, joints)}: left out, since {value} would explain "
+                f"{100 * explained:.1f} % of the squared torque errors that are left; so large a value takes "
+                f"{100 * POSSIBLE:.0f} %"
+            )
         del values[term]
     if not values:
         raise InputError(f"nothing of {', '.join(choices)} can be estimated with the model: " + "; ".join(refused))
@@ -457,6 +466,24 @@ def _reason(term: Term, has_effect: bool) -> str:
             "`rrrgen experiment drive-gains` tells it from a known load"
         )
     return "the parameters of the model can take it up" if has_effect else "it changes no torque of this motion"
+
+
+def doubtful(fit: NuisanceFit, values: Mapping[Term, float], spec: Any) -> tuple[Term, float] | None:
+    """The term beyond what its prior allows that explains least, below what a cause must explain; None without one.
+
+    A zero of a few degrees is an ordinary fault, and its prior deviation is :data:`LARGEST_STD`. A value beyond it is
+    a mistake that the diagnosis would have to call possible: errors of the model alone make some for a few per cent.
+    """
+    large = [term for term, value in values.items() if abs(value) > _largest(term, spec)]
+    if not large:
+        return None
+    left = _error(fit, values) ** 2
+    shares = {}
+    for term in large:
+        rest = {other: value for other, value in values.items() if other != term}
+        shares[term] = max(0.0, 1.0 - left / max(_error(fit, rest) ** 2, np.finfo(float).tiny))
+    least = min(shares, key=lambda term: shares[term])
+    return (least, shares[least]) if shares[least] < POSSIBLE else None
 
 
 def _coupled(recordings: Sequence[Recording]) -> set[int]:
