@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import rrrgen
 from excitation.problems import (
     CHAPTER_LIMITS,
     independent_peaks,
@@ -15,6 +16,7 @@ from rrrgen.lab.design.design import (
     check_trajectory,
     solve_start,
 )
+from rrrgen.lab.design.robot import robot_problem
 from rrrgen.lab.design.search import random_start
 
 TARGET_CONDITION = 1.6  # the chapter reports 3.1 on a grid that aliases
@@ -50,3 +52,19 @@ def test_every_objective_improves_its_own_measure(objective: str) -> None:
         "sigma_min": lambda c: -c.singular_values[-1],
     }[objective]
     assert measure(after) < measure(before) - 0.02 * abs(measure(before))
+
+
+def test_a_motion_whose_size_does_not_change_the_condition_number_uses_the_limits(tmp_path) -> None:
+    """One axis along gravity has one parameter, of condition number 1 at any amplitude: 0.0065 rad were taken."""
+    text = (
+        "schema: rrrgen/1\nname: turntable\nconvention: standard\ngravity: [0, 0, -9.81]\n"
+        "units: {angle: rad, length: m}\njoints: [{name: q1, type: revolute, alpha: 0, a: 0.1, d: 0, theta: 0, "
+        "limits: {lower: -2.8, upper: 2.8, velocity: 2.5}}]\n"
+    )
+    (tmp_path / "turntable.yaml").write_text(text, encoding="utf-8")
+    model = rrrgen.compile(tmp_path / "turntable.yaml")
+    problem = robot_problem(model, harmonics=3, base_frequency=1 / 6)
+    found = solve_start(problem, 0)
+    assert found.check.condition == pytest.approx(1.0)
+    assert found.check.feasible
+    assert found.check.worst_use > 0.9

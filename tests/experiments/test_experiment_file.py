@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import rrrgen
 from experiments.whole_file import FULL
 from rrrgen.base.errors import InputError
 from rrrgen.lab.experiment.experiment_file import loads_experiment
@@ -37,6 +38,19 @@ def test_an_almost_empty_file_means_the_defaults(model) -> None:
     assert problem.limits.speed == pytest.approx((2 * np.pi, 3 * np.pi, 3 * np.pi))
     assert problem.limits.torque == (60.0, 30.0, 15.0)  # of the drives
     assert problem.sample_period == 1e-3
+
+
+def test_limits_that_a_file_does_not_state_are_those_of_the_robot_file_but_for_torques() -> None:
+    """A file with a speed alone took the end stops away: a prismatic joint was sent to -674 km, all limits met."""
+    scara = rrrgen.compile("scara")
+    of_robot = problem_of(loads_experiment("schema: rrrgen-experiment/1\n", 4), scara).limits
+    assert of_robot.position_lower is not None
+    own = loads_experiment("schema: rrrgen-experiment/1\nexcitation: {limits: {speed: 2, upper: .1}}\n", 4)
+    limits = problem_of(own, scara).limits
+    assert (limits.speed, limits.position_upper) == ((2.0,) * 4, (0.1,) * 4)
+    assert limits.position_lower == of_robot.position_lower
+    assert limits.acceleration == of_robot.acceleration
+    assert limits.torque is None
 
 
 def test_faults_are_found_together_and_in_place() -> None:

@@ -143,3 +143,18 @@ def test_innovations_find_the_variances_and_are_white():
 
 def test_the_variance_of_rounding_is_that_of_the_chapter():
     assert quantisation_variance(1e-5) == pytest.approx(8.3e-12, rel=0.01)
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_the_deviation_of_the_speed_is_that_of_motions_of_the_model(smooth):
+    """Sample motions of the model, white jerk held over a period, measured with white noise."""
+    period, eta, xi, rng = 2e-3, 1e-10, 4e4, np.random.default_rng(5)
+    matrices = kalman_matrices(period, eta, xi)
+    states = np.zeros((40_000, 3))
+    for k, jerk in enumerate(rng.normal(0.0, np.sqrt(xi), len(states) - 1)):
+        states[k + 1] = matrices.E @ states[k] + matrices.g * jerk
+    measured = states[:, 0] + rng.normal(0.0, np.sqrt(eta), len(states))
+    smoother = KalmanSmoother((eta,), (xi,), smooth=smooth)
+    found = smoother(np.arange(len(states)) * period, measured[:, None])
+    error = (found.dq[:, 0] - states[:, 1])[500:-500]
+    assert smoother.speed_deviations(period) == pytest.approx([np.sqrt(np.mean(error**2))], rel=0.03)

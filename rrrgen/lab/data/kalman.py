@@ -167,6 +167,21 @@ def smoother_recursions(matrices: KalmanMatrices) -> tuple[Array, Array]:
     return forward, np.asarray(np.linalg.solve(P.T, right.T).T / scale)
 
 
+def smoothed_covariance(matrices: KalmanMatrices) -> Array:
+    """Error covariance (3, 3) of the smoothed state ``[e, de, dde]``, divided by ``var eta``.
+
+    The steady state of Rauch, Tung and Striebel: ``P_s = P_updated + C (P_s - P_predicted) C'`` with C of
+    :func:`smoother_recursions`.
+    """
+    from scipy.linalg import solve_discrete_lyapunov
+
+    _, C = smoother_recursions(matrices)
+    scale = np.sqrt(np.diag(matrices.predicted))
+    C, S = C * scale / scale[:, None], np.outer(scale, scale)
+    own = matrices.updated / S - C @ (matrices.predicted / S) @ C.T
+    return np.asarray(solve_discrete_lyapunov(C, own) * S)
+
+
 # ------------------------------------------------------------------------------------------------------------------
 # Kalman filter and fixed-interval smoother over a whole recording, (14.26)-(14.31), and their tuning by innovations.
 #
@@ -215,6 +230,16 @@ class KalmanSmoother:
         """The filter matrices of each of ``joints`` joints, for a sampling ``period`` in s."""
         pairs = zip(_per_joint(self.var_eta, joints), _per_joint(self.var_xi, joints), strict=True)
         return [kalman_matrices(period, eta, xi) for eta, xi in pairs]
+
+    def speed_deviations(self, period: float) -> Array:
+        """Standard deviations (n,) of the reconstructed speeds, rad/s (m/s), for a sampling ``period`` in s.
+
+        They are those of the model: what the noise of the positions leaves open, and what is smoothed away.
+        """
+        joints = int(max(np.size(self.var_eta), np.size(self.var_xi)))
+        each = self.matrices(period, joints)
+        covariances = [smoothed_covariance(m) if self.smooth else m.updated for m in each]
+        return np.sqrt([P[1, 1] * eta for P, eta in zip(covariances, _per_joint(self.var_eta, joints), strict=True)])
 
     def memory(self, period: float) -> int:
         """Number of samples in which the slowest pole of any joint decays to round-off, for a ``period`` in s."""

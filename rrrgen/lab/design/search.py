@@ -34,6 +34,12 @@ HALVINGS = 12
 LARGEST_SHRINKING = 0.03
 """A trajectory that exceeds a limit by more than this is reported as infeasible instead of being scaled down."""
 
+GROWTH = (2.0, 1.3, 1.1)
+"""Factors by which a motion is enlarged one after the other."""
+
+SAME_CONDITION = 1e-6
+"""Relative difference of two condition numbers that is round-off."""
+
 STAGES: dict[str, tuple[tuple[str, int], ...]] = {
     "cond": (("logdet", 0), ("cond", 4), ("cond", 16), ("cond", 64)),
     "frobenius": (("logdet", 0), ("cond", 1)),
@@ -165,6 +171,7 @@ def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
             break
         _exchange(program, trajectory, instants, torques=True)
         trajectory = _solve(program, NEAREST, 0, eigenvalue, trajectory, instants, history)
+    trajectory = _up_to_limits(problem, trajectory)
     return StartResult(seed, trajectory, check_trajectory(problem, trajectory), tuple(history), start.condition)
 
 
@@ -262,6 +269,25 @@ def _solve(
     history.append((f"{stage}{p or ''}", path))
     x = np.asarray(solution["x"]).ravel()
     return program.trajectory(x) if np.all(np.isfinite(x)) else trajectory
+
+
+def _up_to_limits(problem: ExcitationProblem, trajectory: FourierTrajectory) -> FourierTrajectory:
+    """Scale a motion that is far from every limit up about q0, as long as it meets them and is no worse conditioned.
+
+    The condition number compares parameters with one another. Where the size of the motion does not change it, as with
+    one parameter, the solver leaves the motion as small as it happens to be, and noise and friction at rest decide.
+    """
+    check = check_trajectory(problem, trajectory)
+    for gain in GROWTH:
+        while check.worst_use * gain < 1.0:
+            larger = FourierTrajectory(
+                trajectory.q0, trajectory.a * gain, trajectory.b * gain, trajectory.base_frequency
+            )
+            tried = check_trajectory(problem, larger)
+            if not tried.feasible or tried.condition > check.condition * (1.0 + SAME_CONDITION):
+                break
+            trajectory, check = larger, tried
+    return trajectory
 
 
 def _within_limits(problem: ExcitationProblem, trajectory: FourierTrajectory) -> FourierTrajectory:

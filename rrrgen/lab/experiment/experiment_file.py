@@ -52,7 +52,7 @@ KEYS: dict[str, Entries] = {
         "starts": Entry("number of random starts of the optimisation; 4 if missing"),
         "max_iterations": Entry("of one start"),
         "row_weights": Entry("1 over the standard deviation of each torque, per joint"),
-        "limits": Entry("of the motion; those of the robot file if missing"),
+        "limits": Entry("of the motion; what is missing but `torque` and `box` is that of the robot file"),
     },
     "limits": {
         "lower": Entry("lowest position, per joint", "rad, m"),
@@ -172,7 +172,7 @@ class ControlSection:
 class Experiment:
     """The content of an experiment file; absent sections are empty.
 
-    - ``excitation``: fields of the excitation problem; ``limits``: its limits, those of the robot file if None;
+    - ``excitation``: fields of the excitation problem; ``limits``: its limits, all those of the robot file if None;
       ``starts``: number of random starts.
     - ``writing``: arguments of the writing task; ``branch`` (n,): joint positions near which its inverse kinematics
       begins.

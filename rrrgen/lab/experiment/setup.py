@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.lab.design.problem import ExcitationProblem
+from rrrgen.lab.design.problem import ExcitationLimits, ExcitationProblem
 from rrrgen.lab.design.robot import limits_of, robot_problem
 from rrrgen.lab.experiment.experiment_file import FROM_ROBOT, Experiment
 from rrrgen.lab.experiment.loop_design import POSTURES, ControlledArm, LoopDesign, design_loop
@@ -42,12 +42,14 @@ Motion = Callable[[Array], tuple[Array, Array, Array]]
 def problem_of(experiment: Experiment, model: Any) -> ExcitationProblem:
     """The excitation problem of an experiment file for a compiled robot; limits default to those of the robot file.
 
-    A robot file without links does not say which torques a motion takes: then those of the drives do not bound it.
+    A file with limits of its own leaves positions, speeds and accelerations that it does not state to the robot file;
+    the torques of the drives then do not bound the motion. Neither do they for a robot file without links, which does
+    not say which torques a motion takes.
     """
-    limits = experiment.limits
-    if limits is None:
-        limits = limits_of(model.spec, torque=model.beta is not None)
-    return robot_problem(model, limits, sample_period=experiment.period, **experiment.excitation)
+    of_robot = limits_of(model.spec, torque=model.beta is not None and experiment.limits is None)
+    own = experiment.limits or ExcitationLimits()
+    missing = {each.name: getattr(of_robot, each.name) for each in fields(own) if getattr(own, each.name) is None}
+    return robot_problem(model, replace(own, **missing), sample_period=experiment.period, **experiment.excitation)
 
 
 def writing_path(experiment: Experiment, model: Any) -> JointPath:

@@ -381,16 +381,23 @@ def reach(tuning: Tuning) -> float:
     It is the radius that holds 99 % of the energy of the response of the reconstructed acceleration, plus that of the
     decimation filter.
     """
-    processing, decimate = tuning.processing, Decimator(tuning.processing.decimate or 1)
+    decimate = Decimator(tuning.processing.decimate or 1)
     samples = 0 if decimate.factor == 1 else _energy_radius(decimate.taps()[:, None])
-    if processing.method != "logged":
-        method = processing.reconstructor()
-        half = method.memory(tuning.period)
-        joints = len(processing.var_eta or (0.0,))
-        impulse = np.zeros((2 * half + 1, joints))
-        impulse[half] = 1.0
-        samples += _energy_radius(method(np.arange(len(impulse)) * tuning.period, impulse).ddq)
-    return samples * tuning.period
+    return (samples + reconstruction_reach(tuning.processing, tuning.period)) * tuning.period
+
+
+def reconstruction_reach(processing: Processing, period: float) -> int:
+    """Samples on either side that hold 99 % of the energy of the response of the reconstructed acceleration.
+
+    ``period`` is that of the sampling, s.
+    """
+    if processing.method == "logged":
+        return 0
+    method = processing.reconstructor()
+    half = method.memory(period)
+    impulse = np.zeros((2 * half + 1, len(processing.var_eta or (0.0,))))
+    impulse[half] = 1.0
+    return _energy_radius(method(np.arange(len(impulse)) * period, impulse).ddq)
 
 
 def _energy_radius(response: Array) -> int:

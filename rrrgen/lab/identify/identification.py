@@ -62,7 +62,7 @@ from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.nuisance_estimate import Nuisances, estimate_nuisances, start
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.lab.identify.parameters import Column, DriveTerms, explained_names, identified_units
-from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, RigidModel, parametrise
+from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, RigidModel, parametrise, standstill
 from rrrgen.lab.identify.scores import Fingerprint, Score, TorqueBand, conformal_band, fingerprint, score_models
 from rrrgen.robot.model.inertial_parameters import standard_names
 
@@ -317,7 +317,9 @@ def identify(
         corrections = nuisances.corrections
         recordings, options = corrections.recordings(measured), replace(given, known=corrections.torque)
     width = len(regressor.columns)
-    maker = RowMaker(regressor, tuning.processing, width, options.known, regressor.sliding)
+    slow, around = standstill(regressor, tuning.processing, tuning.period)
+    sliding = regressor.sliding
+    maker = RowMaker(regressor, tuning.processing, width, options.known, sliding, slow, around=around)
     observations = Observations(tuple(recordings), maker)
     blocks: Iterable[Rows]
     held_out: Iterable[Rows] = []

@@ -34,7 +34,7 @@ from rrrgen.lab.identify.factoring import FittedRows, factor_recordings
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.nuisances import ALL, UNIT, Influence, Instants, NuisanceFit, Term
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
-from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation
+from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, standstill
 
 CHOICES = ("zeros", "gains", "delay", "delays", "tilt", "drift")
 LARGEST_STD = {"zero": math.radians(20.0), "gain": 0.3, "delay": 0.1, "tilt": math.radians(20.0)}
@@ -526,7 +526,8 @@ def estimate_nuisances(
 
     def rows(at: Corrections, beside: Columns | None) -> FittedRows:
         width = len(regressor.columns) + len(terms)
-        maker = RowMaker(regressor, processing, width, at.torque, regressor.sliding, beside=beside)
+        slow, around = standstill(regressor, processing, max(recording.period for recording in recordings))
+        maker = RowMaker(regressor, processing, width, at.torque, regressor.sliding, slow, beside, around)
         return FittedRows(Observations(tuple(at.recordings(recordings)), maker), split)
 
     def with_theta(at: Corrections, x: Array) -> Corrections:

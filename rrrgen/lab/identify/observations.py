@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
@@ -53,8 +54,9 @@ class RowMaker:
     ``regressor(q, dq, ddq)`` gives W (N, n, p) with p = ``columns``; ``processing`` holds filters and lowest speeds.
     ``known`` is a torque as a function of the motion that is subtracted from the measured one first, such as friction
     that is already known, (14.19). ``sliding`` computes the friction states that the regressor needs, None if it needs
-    none. Samples of a joint below the speeds ``slow`` (n,), rad/s (m/s), are left out before the filters, so that
-    friction near rest does not reach the rows beside them; empty for none. ``beside(motion, W)`` gives further columns
+    none. Samples of a joint below the speeds ``slow`` (n,), rad/s (m/s), and ``around`` samples on either side of them,
+    are left out before the filters, so that friction near rest does not reach the rows beside them; empty for none.
+    ``beside(motion, W)`` gives further columns
     (N, n, k), those of nuisance parameters, which stand after those of the regressor.
     """
 
@@ -65,10 +67,12 @@ class RowMaker:
     sliding: Sliding | None = None
     slow: tuple[float, ...] = ()
     beside: Callable[[Reconstruction, Array], Array] | None = None
+    around: int = 0
 
     def memory(self, period: float) -> int:
         """Number of samples on either side that a row depends on, for a sampling ``period`` in s."""
-        return _reconstruction_memory(self.processing, period) + Decimator(self.processing.decimate or 1).memory
+        filters = _reconstruction_memory(self.processing, period) + Decimator(self.processing.decimate or 1).memory
+        return filters + self.around
 
     def rows(self, window: Window) -> Iterator[Rows]:
         """Iterate over the rows of one window in blocks; raises InputError for a recording without torques."""
@@ -77,6 +81,8 @@ class RowMaker:
             raise InputError("the recording has no torques: nothing can be estimated from it")
         motion = reconstruct(part, self.processing)
         tau = part.tau if self.known is None else part.tau - self.known(motion)
+        if self.slow:
+            part = replace(part, valid=part.valid & self._moving(motion.dq))
         states = None if self.sliding is None else self._states(window, motion)
         decimate = Decimator(self.processing.decimate or 1)
         block = max(SHORTEST_BLOCK, decimate.memory, BLOCK_BYTES // (8 * part.q.shape[1] * self.columns))
@@ -87,6 +93,13 @@ class RowMaker:
             given = () if states is None else (states[lo:hi],)
             rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept, given)
             yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
+
+    def _moving(self, dq: Array) -> NDArray[np.bool_]:
+        """Mask (N, n) of the samples at the speeds ``dq`` (N, n) that are neither slow nor around a slow one."""
+        from scipy.ndimage import minimum_filter1d
+
+        moving = (np.abs(dq) >= np.asarray(self.slow)).astype(np.uint8)
+        return np.asarray(minimum_filter1d(moving, 2 * self.around + 1, axis=0) > 0)
 
     def _states(self, window: Window, motion: Reconstruction) -> Array:
         """Directions (N, m) of friction with a state along the N samples of the ``motion`` in a window.
@@ -114,12 +127,11 @@ class RowMaker:
     ) -> Rows:
         """Compute the rows of one block: regressor and torque pass the same filter and are decimated.
 
-        Samples with an invalid torque, and slow ones, are set to zero on both sides of the equation. ``kept`` selects
+        Samples that are not valid, such as slow ones, are set to zero on both sides of the equation. ``kept`` selects
         the rows of the block from the decimated samples; ``given`` holds the directions of friction with a state, if
         there are any.
         """
-        first = part.first
-        valid = part.valid & (np.abs(motion.dq) >= np.asarray(self.slow)) if self.slow else part.valid
+        first, valid = part.first, part.valid
         W = self.regressor(motion.q, motion.dq, motion.ddq, *given)
         if self.beside is not None:
             W = np.concatenate([W, self.beside(motion, W)], axis=-1)

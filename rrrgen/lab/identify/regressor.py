@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
+from rrrgen.lab.data.kalman import KalmanSmoother
+from rrrgen.lab.data.preprocessing import KALMAN, Processing
 from rrrgen.lab.estimate.identifiability import Restriction, Structure, fix_standard, structure_of
 from rrrgen.lab.estimate.tsqr import JointFactors
+from rrrgen.lab.identify.bandwidth import reconstruction_reach
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns
 from rrrgen.lab.identify.parameters import Column, DriveTerms
 from rrrgen.runtime.regressor_columns import drive_columns
@@ -85,6 +88,41 @@ class FullRegressor:
         columns = np.concatenate([rigid, drives], axis=-1)
         load = columns @ np.array(self.load) if self.load else None
         return np.concatenate([columns, law_columns(self.surfaces, np.asarray(dq, float), s, load)], axis=-1)
+
+
+STICKING = 3.0
+"""Speed up to which a joint may stand, in standard deviations of the reconstructed speed."""
+
+
+class Standstill(NamedTuple):
+    """Samples to leave out: slower than ``speeds`` (n,), rad/s (m/s), or within ``around`` samples of such a one."""
+
+    speeds: tuple[float, ...] = ()
+    around: int = 0
+
+
+def standstill(regressor: FullRegressor, processing: Processing, period: float) -> Standstill:
+    """The samples at which a joint with Coulomb friction may stand; none for a joint without.
+
+    Between two directions of motion it carries any torque up to its Coulomb friction, while the sign of the
+    reconstructed speed is that of an error, also as far as the reconstruction spreads the reversal. Friction with a
+    state describes a reversal; methods of reconstruction that state no uncertainty leave no sample out. ``period`` is
+    that of the sampling, s.
+    """
+    method = processing.reconstructor() if processing.method in KALMAN else None
+    if not isinstance(method, KalmanSmoother):
+        return Standstill()
+    n = regressor.model.n
+    signs = [column.direction for column in regressor.terms.columns(n) if column.kind == "coulomb"]
+    signs += [surface.direction for surface in regressor.surfaces if not surface.has_state]
+    deviations = np.zeros(n)
+    for direction in signs:
+        if np.count_nonzero(direction) == 1:
+            deviations[np.flatnonzero(direction)] = STICKING
+    if not np.any(deviations):
+        return Standstill()
+    speeds = deviations * method.speed_deviations(period)
+    return Standstill(tuple(speeds.tolist()), reconstruction_reach(processing, period))
 
 
 _COMPILED: dict[bytes, RigidModel] = {}
