@@ -30,7 +30,13 @@ class _WithFormats(click.Command):
 @click.option("--name", help="Name of the robot, instead of the one in the file.")
 @click.option("--set", "values", multiple=True, metavar="NAME=VALUE", help="Value of a name in the file; repeat.")
 @click.option("--base", metavar="LINK", default="", help="URDF, MJCF: first link; the root if not given.")
-@click.option("--tip", metavar="LINK", default="", help="URDF, MJCF: last link; the only leaf if not given.")
+@click.option(
+    "--tip",
+    "tips",
+    multiple=True,
+    metavar="LINK",
+    help="URDF, MJCF: last link; the only leaf if not given. Repeat for branches.",
+)
 @click.option("--hold", "held", multiple=True, metavar="JOINT=VALUE", help="URDF, MJCF: hold a joint; repeat.")
 @click.option(
     "--convention",
@@ -56,7 +62,7 @@ def import_robot(
     name: str | None,
     values: tuple[str, ...],
     base: str,
-    tip: str,
+    tips: tuple[str, ...],
     held: tuple[str, ...],
     convention: Literal["standard", "modified"],
     angle_tolerance: float,
@@ -73,6 +79,7 @@ def import_robot(
       rrrgen import RX90.par --set D3=450mm --set RL4=450mm --set G3=-9.81
       rrrgen import panda.urdf --tip panda_link8 -o panda.yaml
       rrrgen import cell.xml --tip tool --hold rail=250mm
+      rrrgen import torso.urdf --tip left_hand --tip right_hand --convention modified
     """
     from rrrgen.base.files import write_file
     from rrrgen.robot.importers.importing import import_robot as read
@@ -80,7 +87,7 @@ def import_robot(
     from rrrgen.robot.importers.interface import ChainChoice
 
     fixed = {joint: parse_value(joint, value) for joint, value in (_pair(text, "--hold") for text in held)}
-    chain = ChainChoice(base, tip, fixed, convention, angle_tolerance)
+    chain = ChainChoice(base, tips[0] if tips else "", fixed, convention, angle_tolerance, tips[1:])
     found = read(file, form, name, dict(_pair(value, "--set") for value in values), chain)
     path = output or Path(f"{found.spec.name}.yaml")
     if path.exists() and not force:

@@ -19,8 +19,9 @@ for pi/2 and pi, and differ from them by 4e-6 and 7e-6."""
 class ChainChoice:
     """The user's choice of a serial chain in a tree of bodies, and the convention in which its rows are written.
 
-    ``base`` and ``tip`` are names of links; empty for the root and for the only leaf. ``held`` are joints that are kept
-    at fixed values (rad, m). Angles within ``angle_tolerance`` (rad) of a multiple of 15 degrees are taken as exact.
+    ``base`` and ``tip`` are names of links; empty for the root and for the only leaf. ``further_tips`` are links to
+    which the robot branches. ``held`` are joints that are kept at fixed values (rad, m). Angles within
+    ``angle_tolerance`` (rad) of a multiple of 15 degrees are taken as exact.
     """
 
     base: str = ""
@@ -28,6 +29,7 @@ class ChainChoice:
     held: Mapping[str, sp.Expr] = field(default_factory=dict)
     convention: Convention = "standard"
     angle_tolerance: float = DEFAULT_ANGLE_TOLERANCE
+    further_tips: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class ImportedChain:
 
     ``offsets`` are the displacements (rad, m) of the moving joints at q = 0; they are not zero for some joints that
     follow others. ``rows`` are the numbers (from 0) of the moving joints' rows in the table, which may have fixed rows
-    besides.
+    besides. ``tips`` maps the names of all tips to their links where the robot branches.
     """
 
     base: str
@@ -59,6 +61,7 @@ class ImportedChain:
     held: Mapping[str, float]
     offsets: tuple[float, ...] = ()
     rows: tuple[int, ...] = ()
+    tips: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ class _Source(Protocol):
 
 
 def compare_with_source(imported: Imported, seed: int = SEED) -> SourceComparison:
-    """Compare forward kinematics and inverse dynamics (without drives) of the robot file with those of its source."""
+    """Compare poses of all tips and inverse dynamics (without drives) of the robot file with those of its source."""
     assert imported.chain is not None
     try:
         source = _SOURCES[imported.format](imported.source, imported.chain)
@@ -68,6 +68,10 @@ def compare_with_source(imported: Imported, seed: int = SEED) -> SourceCompariso
     poses = np.stack([source.pose(state) for state in y])
     reach = max(1.0, float(np.abs(poses[:, :3, 3]).max()))
     pose = float(np.abs(poses - ours.forward_kinematics(q)).max()) / reach
+    for tip, link in imported.chain.tips.items():
+        of_tip = _SOURCES[imported.format](imported.source, replace(imported.chain, tip=link))
+        found = NewtonEuler(chain_of(spec.at_tip(tip)), ours.phi).forward_kinematics(q)
+        pose = max(pose, float(np.abs(np.stack([of_tip.pose(state) for state in y]) - found).max()) / reach)
     if phi is None:
         return SourceComparison(source.name, pose, None, "the chain has no inertia")
     torques = np.stack([source.torque(*state) for state in zip(y, dq @ S.T, ddq @ S.T, strict=True)]) @ S

@@ -13,6 +13,9 @@ joint axis to the other at a right angle. It holds the small tilt, and all frame
 Every row starts from the frame that the rows before it give. Where an angle was replaced by an exact one, the following
 rows are computed from the changed frame, so that errors do not add up from row to row; only the change of the last row
 moves the tip.
+
+A branch starts from the frame of the link that carries it, in the modified convention: the common perpendicular to its
+first axis gives gamma and b of its first row.
 """
 
 from __future__ import annotations
@@ -50,6 +53,7 @@ from rrrgen.robot.importers.trees.exact_numbers import (
     vector,
 )
 from rrrgen.robot.importers.trees.serial_chain import (
+    Branch,
     Ends,
     SerialChain,
     drives_of,
@@ -64,6 +68,7 @@ from rrrgen.robot.spec import (
     JointType,
     LinkSpec,
     RobotSpec,
+    TipSpec,
     identifier,
     name_fault,
     robot_identifier,
@@ -80,6 +85,8 @@ class TableRow:
     """One row of the table at q = 0: ``theta`` about and ``d`` along z, then ``a`` along and ``alpha`` about the new x.
 
     Angles are in rad, lengths in m. ``joint`` is the number (from 0) of its joint in the chain; None for a fixed row.
+    ``parent`` is the row before it. ``start``, of the first row of a branch, is the step to its axis from the frame of
+    the link that carries it: theta and d are gamma and b.
     """
 
     theta: Any = 0
@@ -87,13 +94,16 @@ class TableRow:
     a: Any = 0
     alpha: Any = 0
     joint: int | None = None
+    parent: int = -1
+    start: TableRow | None = None
 
 
 @dataclass
 class DenavitHartenberg:
     """Rows (theta, d, a, alpha) at q = 0 with ``base`` and ``tool`` (4, 4), and the link frames (4, 4) in the base.
 
-    ``rounded`` lists by how much (rad) each angle was changed to make it exact.
+    ``rounded`` lists by how much (rad) each angle was changed to make it exact; ``tips`` is the row and the tool (4, 4)
+    of every tip by name, if there are several.
     """
 
     base: Array
@@ -101,6 +111,7 @@ class DenavitHartenberg:
     tool: Array
     link_frames: list[Array]
     rounded: list[Any] = field(default_factory=list)
+    tips: dict[str, tuple[int, Array]] = field(default_factory=dict)
 
 
 def denavit_hartenberg(
@@ -108,21 +119,66 @@ def denavit_hartenberg(
 ) -> DenavitHartenberg:
     """The rows of ``chain``; an angle within ``tolerance`` (rad) of a multiple of 15 degrees becomes that multiple.
 
-    With ``fixed_rows``, fixed rows hold the tilt of nearly parallel axes; otherwise there is a row for every joint.
+    With ``fixed_rows``, fixed rows hold the tilt of nearly parallel axes; otherwise there is a row for every joint. A
+    chain with branches has modified rows.
     """
-    return _Walk(chain, convention, number(tolerance), fixed_rows).result
+    found = _Walk(chain, convention, number(tolerance), fixed_rows).result
+    if not chain.branches:
+        return found
+    row_of = {row.joint: i for i, row in enumerate(found.rows)}
+    found.tips[chain.tip] = row_of[chain.trunk - 1], found.tool
+    for branch in chain.branches:
+        carrier = row_of[branch.parent] if branch.parent >= 0 else -1
+        frame = found.link_frames[carrier] if carrier >= 0 else found.base
+        if not branch.joints:
+            found.tips[branch.tip] = carrier, inverse(frame) @ branch.tip_pose
+            continue
+        more = _Walk(chain, convention, number(tolerance), fixed_rows, branch, frame).result
+        first, *rows = more.rows
+        for k, row in enumerate(rows):
+            row.parent = len(found.rows) + k - 1 if k else carrier
+        rows[0].start = first
+        row_of |= {row.joint: len(found.rows) + k for k, row in enumerate(rows)}
+        found.rows += rows
+        found.link_frames += more.link_frames[1:]
+        found.rounded += more.rounded
+        found.tips[branch.tip] = len(found.rows) - 1, more.tool
+    return found
 
 
 class _Walk:
-    def __init__(self, chain: SerialChain, convention: Convention, tolerance: Any, fixed_rows: bool) -> None:
+    """Goes along the joints to the first tip, or from the ``frame`` of the link that carries a ``branch`` to its tip.
+
+    The first row of a branch is the step from that frame, a row without a joint.
+    """
+
+    def __init__(
+        self,
+        chain: SerialChain,
+        convention: Convention,
+        tolerance: Any,
+        fixed_rows: bool,
+        branch: Branch | None = None,
+        frame: Array | None = None,
+    ) -> None:
         self.chain, self.tolerance = chain, tolerance
         self.parallel = max(tolerance, number(NO_TILT if fixed_rows else PARALLEL))
-        self.frame, d = _first_frame(chain)
-        self.rows = [TableRow(d=d, joint=0)]
+        self.tip_pose = chain.tip_pose if branch is None else branch.tip_pose
+        if frame is None:
+            self.frame, d = _first_frame(chain)
+            self.rows = [TableRow(d=d, joint=0)]
+        else:
+            self.frame, d = frame, number(0)
+            self.rows = [TableRow()]
         self.result = DenavitHartenberg(self.frame, self.rows, identity(), [])
         self._move(transform(identity(3), (0, 0, d)))
-        for k, joint in enumerate(chain.joints[1:], 1):
-            across = self._tilted_axis(joint.point, joint.direction) if fixed_rows else None
+        for k in range(1, chain.trunk) if branch is None else branch.joints:
+            joint = chain.joints[k]
+            across = (
+                self._tilted_axis(joint.point, joint.direction)
+                if fixed_rows and len(self.rows) > (branch is not None)
+                else None
+            )
             if across is not None:
                 self._to_axis(*across, convention, None)
             self._to_axis(joint.point, joint.direction, convention, k)
@@ -169,7 +225,7 @@ class _Walk:
         self._link_frame(convention, "modified")
         self._move(transform(rotation((1, 0, 0), alpha), (a, 0, 0)))
         self._link_frame(convention, "standard")
-        self.rows.append(TableRow(joint=joint))
+        self.rows.append(TableRow(joint=joint, parent=len(self.rows) - 1))
 
     def _link_frame(self, convention: Convention, ends_here: Convention) -> None:
         if convention == ends_here:
@@ -196,7 +252,7 @@ class _Walk:
 
         The tool is the transform that then remains between the last link frame and the tip.
         """
-        rest = inverse(self.frame) @ self.chain.tip_pose
+        rest = inverse(self.frame) @ self.tip_pose
         row = self.rows[-1]
         theta, height = number(0), _no_noise(rest[2, 3])
         if abs(rest[2, 2] - 1) <= EQUAL:
@@ -204,7 +260,7 @@ class _Walk:
         row.theta, row.d = row.theta + theta, row.d + height
         self._move(transform(rotation((0, 0, 1), theta), (0, 0, height)))
         self.result.link_frames.append(self.frame)
-        tool = inverse(self.frame) @ self.chain.tip_pose
+        tool = inverse(self.frame) @ self.tip_pose
         tool[:3, 3] = [_no_noise(x) for x in tool[:3, 3]]
         self.result.tool = tool
 
@@ -251,7 +307,10 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     ``rounded`` are the changes (rad) that reading the file has made to angles.
     """
     choice = source.chain
-    chain = serial_chain(tree, Ends(choice.base, choice.tip, choice.held), faults)
+    if choice.further_tips and choice.convention == "standard":
+        faults.error(None, "standard rows cannot branch", "--convention modified writes gamma and b for branches")
+        return None
+    chain = serial_chain(tree, Ends(choice.base, choice.tip, choice.held, choice.further_tips), faults)
     if chain is None:
         return None
     table = denavit_hartenberg(chain, choice.convention, choice.angle_tolerance, fixed_rows=True)
@@ -262,12 +321,16 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     links = _links(chain, table, faults)
     rows = _rows(names, chain, table, choice)
     _tell_about_fixed_rows(chain, table, rows, choice, faults)
-    joints, mechanism = with_followers(rows, [row.joint for row in table.rows], faults, chain)
+    parents = tuple(row.parent for row in table.rows)
+    joints, mechanism = with_followers(rows, [row.joint for row in table.rows], parents, faults, chain)
     if mechanism is not None and tree.shafts:
         faults.warning(
             tree.shafts[0].place, "tendons are left out", "beside joints that follow others they are not read"
         )
     g = [decimal(x) for x in chain.gravity]
+    tips = _tips(table, rows, faults)
+    if faults.errors:
+        return None
     spec = RobotSpec(
         name=robot_identifier(tree.name) or source.name,
         convention=choice.convention,
@@ -279,13 +342,30 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
         drives=drives_of(tree, chain, names, faults) if mechanism is None else None,
         mechanism=mechanism,
         tool=fixed_transform(table.tool),
-        description=f"{chain.base} to {chain.tip}",
+        tips=tips,
+        description=f"{chain.base} to {', '.join([chain.tip, *(branch.tip for branch in chain.branches)])}",
     )
     held = {joint: float(value) for joint, value in chain.held.items()}
     offsets = tuple(0.0 if each is None else float(each.offset) for each in followed_rows(chain))
     moving = tuple(each.joint.name for each in chain.joints)
     places = tuple(i for i, row in enumerate(table.rows) if row.joint is not None)
-    return Found(spec, ImportedChain(chain.base, chain.tip, moving, held, offsets, places))
+    links_of_tips = dict(zip(tips, table.tips, strict=True))
+    return Found(spec, ImportedChain(chain.base, chain.tip, moving, held, offsets, places, links_of_tips))
+
+
+def _tips(table: DenavitHartenberg, rows: list[JointSpec], faults: FaultList) -> dict[str, TipSpec]:
+    tips: dict[str, TipSpec] = {}
+    for k, (link, (row, tool)) in enumerate(table.tips.items(), 1):
+        if row < 0:
+            faults.error(None, f"no joint moves the tip '{link}'", "leave it out, or choose another --base")
+            continue
+        name = identifier(link)
+        if name_fault(name, "tip") is not None or name in tips:
+            name = f"tip{k}"
+        if name != link:
+            faults.warning(None, f"tip '{link}' is called {name}", "a name is a C identifier")
+        tips[name] = TipSpec(rows[row].name, fixed_transform(tool))
+    return tips
 
 
 def _tell_about_angles(rounded: list[Any], choice: ChainChoice, faults: FaultList) -> None:
@@ -310,7 +390,7 @@ def _tell_about_fixed_rows(
 ) -> None:
     for i, row in enumerate(table.rows):
         if row.joint is None:
-            before, behind = (chain.joints[table.rows[k].joint or 0] for k in (i - 1, i + 1))
+            before, behind = (chain.joints[table.rows[k].joint or 0] for k in (row.parent, i + 1))
             tilt = float(norm(cross(before.direction, behind.direction)))
             between = f"the axes of '{before.joint.name}' and '{behind.joint.name}' are parallel to {tilt:.1e} rad"
             hint = f"a larger --angle-tolerance than {choice.angle_tolerance:g} rad takes them as parallel"
@@ -342,8 +422,10 @@ def _rows(names: list[str], chain: SerialChain, table: DenavitHartenberg, choice
     rows: list[JointSpec] = []
     taken = set(names)
     for i, row in enumerate(table.rows):
-        twist = row if choice.convention == "standard" else table.rows[i - 1] if i else TableRow()
-        geometry = {"alpha": exact_angle(twist.alpha), "a": exact_length(twist.a)}
+        before = row.start or (table.rows[row.parent] if i else TableRow())
+        twist = row if choice.convention == "standard" else before
+        geometry = {} if row.start is None else {"gamma": exact_angle(before.theta), "b": exact_length(before.d)}
+        geometry |= {"alpha": exact_angle(twist.alpha), "a": exact_length(twist.a)}
         geometry |= {"d": exact_length(row.d), "theta": exact_angle(row.theta)}
         if row.joint is None:
             behind = names[table.rows[i + 1].joint or 0]

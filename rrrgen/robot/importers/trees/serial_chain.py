@@ -1,4 +1,4 @@
-"""The serial chain from one body of a tree to another: its axes in space, and the inertia that each link carries."""
+"""The chain from one body of a tree to another, or to several: its axes in space, and the inertia of each link."""
 
 from __future__ import annotations
 
@@ -42,11 +42,25 @@ class SerialJoint:
 
 
 @dataclass(frozen=True)
+class Branch:
+    """The way to a further ``tip``: ``joints`` of the chain, numbered from 0, behind joint ``parent`` (-1: the base).
+
+    There are none where the tip is on the way to another. ``tip_pose`` is (4, 4), in the base frame.
+    """
+
+    tip: str
+    parent: int
+    joints: range
+    tip_pose: Array
+
+
+@dataclass(frozen=True)
 class SerialChain:
     """A serial chain at its zero position, in the base frame: its joints, their links, and the pose of the tip.
 
     ``links`` are the inertias that the joints carry; None where no body of a link states one. ``tip_pose`` has shape
     (4, 4), ``gravity`` (3,). ``held`` are the joints outside the chain, with the value at which they are held.
+    ``branches`` lead to further tips; their joints follow those to the first.
     """
 
     base: str
@@ -56,18 +70,25 @@ class SerialChain:
     tip_pose: Array
     gravity: Array
     held: Mapping[str, Any]
+    branches: tuple[Branch, ...] = ()
+
+    @property
+    def trunk(self) -> int:
+        """The number of joints on the way to the first tip."""
+        return len(self.joints) - sum(len(branch.joints) for branch in self.branches)
 
 
 @dataclass(frozen=True)
 class Ends:
     """The user's choice of a chain: names of the bodies at its ends, and joints to hold at a value (rad, m).
 
-    An empty ``base`` is the root of the tree, an empty ``tip`` its only leaf.
+    An empty ``base`` is the root of the tree, an empty ``tip`` its only leaf; ``further`` are the tips of branches.
     """
 
     base: str = ""
     tip: str = ""
     held: Mapping[str, Any] | None = None
+    further: tuple[str, ...] = ()
 
 
 def motion(joint: TreeJoint, q: Any) -> Array:
@@ -85,16 +106,21 @@ def serial_chain(tree: Tree, ends: Ends, faults: FaultList) -> SerialChain | Non
     _check_held(tree, held, faults)
     base = _body(ends.base or tree.root, tree, faults, "base")
     tip = _body(ends.tip, tree, faults, "tip") if ends.tip else _only_tip(tree, base, held, faults)
+    further = [_body(name, tree, faults, "tip") for name in ends.further]
     if base is None or tip is None or faults.errors:
         return None
-    path = list(_path(tree, base, tip))
-    moving = [(joint, forward) for joint, forward in path if joint.moves and joint.name not in held]
-    _check_path(base, tip, moving, faults)
+    paths = {name: list(_path(tree, base, name)) for name in (tip, *further) if name is not None}
+    moving = {
+        name: [(joint, forward) for joint, forward in path if joint.moves and joint.name not in held]
+        for name, path in paths.items()
+    }
+    on_chain = {joint.name: joint for way in moving.values() for joint, _ in way}
+    for name, way in moving.items():
+        _check_path(base, name, way, on_chain, faults)
     if faults.errors:
         return None
-    on_chain = {joint.name for joint, _ in moving}
-    beside = _beside(tree, held, on_chain, faults)
-    return _in_space(tree, base, tip, path, on_chain, beside)
+    beside = _beside(tree, held, set(on_chain), faults)
+    return _in_space(tree, base, paths, set(on_chain), beside)
 
 
 def _beside(tree: Tree, held: Mapping[str, Any], on_chain: set[str], faults: FaultList) -> dict[str, Any]:
@@ -160,7 +186,7 @@ def _only_tip(tree: Tree, base: str | None, held: Mapping[str, Any], faults: Fau
     shown = sorted(leaves, key=lambda leaf: (-leaf[0], leaf[1]))[:MAX_NAMED]
     named = ", ".join(f"{body} ({count} joints)" for count, body in shown)
     more = ", ..." if len(leaves) > MAX_NAMED else ""
-    hint = f"choose one with --tip: {named}{more}, or a link before them"
+    hint = f"choose one with --tip, or several for a robot that branches: {named}{more}, or a link before them"
     faults.error(None, f"the file has {len(leaves)} chains from '{base}'", hint)
     return None
 
@@ -186,12 +212,18 @@ def _path(tree: Tree, base: str, tip: str) -> Iterator[tuple[TreeJoint, bool]]:
         yield joint, True
 
 
-def _check_path(base: str, tip: str, moving: list[tuple[TreeJoint, bool]], faults: FaultList) -> None:
+def _check_path(
+    base: str,
+    tip: str,
+    moving: list[tuple[TreeJoint, bool]],
+    on_chain: Mapping[str, TreeJoint],
+    faults: FaultList,
+) -> None:
     for joint, _ in moving:
         if joint.kind not in MOVING:
             hint = f"revolute and prismatic joints make a serial chain; hold it with --hold {joint.name}=0"
             faults.error(joint.place, f"joint '{joint.name}' on the chain is {joint.kind}", hint)
-        elif joint.mimic is not None and not _leads_to_drive(joint, {each.name: each for each, _ in moving}):
+        elif joint.mimic is not None and not _leads_to_drive(joint, on_chain):
             hint = f"hold it with --hold {joint.name}=0, or choose other ends with --base and --tip"
             message = f"joint '{joint.name}' on the chain follows '{joint.mimic.of}', which is not a moving joint of it"
             faults.error(joint.place, message, hint)
@@ -213,22 +245,34 @@ def _leads_to_drive(joint: TreeJoint, on_chain: Mapping[str, TreeJoint]) -> bool
 
 
 def _in_space(
-    tree: Tree, base: str, tip: str, path: list[tuple[TreeJoint, bool]], on_chain: set[str], held: Mapping[str, Any]
+    tree: Tree,
+    base: str,
+    paths: Mapping[str, list[tuple[TreeJoint, bool]]],
+    on_chain: set[str],
+    held: Mapping[str, Any],
 ) -> SerialChain:
+    """The joints along the ``paths`` from ``base`` to each tip, those that several pass once."""
     poses = _poses(tree, base, held)
-    joints = []
+    joints: list[SerialJoint] = []
     owner = {base: 0}
-    body = base
-    for joint, forward in path:
-        if joint.name in on_chain:
-            frame = poses[joint.parent] @ joint.origin
-            direction = frame[:3, :3] @ joint.axis
-            joints.append(SerialJoint(joint, frame[:3, 3], direction if forward else -direction, frame))
-        body = joint.child if forward else joint.parent
-        owner[body] = len(joints)
+    branches: list[Branch] = []
+    for tip, path in paths.items():
+        start, carrier = len(joints), 0
+        for joint, forward in path:
+            body = joint.child if forward else joint.parent
+            if body not in owner:
+                if joint.name in on_chain:
+                    frame = poses[joint.parent] @ joint.origin
+                    direction = frame[:3, :3] @ joint.axis
+                    joints.append(SerialJoint(joint, frame[:3, 3], direction if forward else -direction, frame))
+                owner[body] = len(joints) if len(joints) > start else carrier
+            elif len(joints) == start:
+                carrier = owner[body]
+        branches.append(Branch(tip, carrier - 1, range(start, len(joints)), poses[tip]))
     links = _links(tree, owner, poses, len(joints))
     gravity = poses[tree.root][:3, :3] @ tree.gravity
-    return SerialChain(base, tip, tuple(joints), links, poses[tip], gravity, held)
+    first, *further = branches
+    return SerialChain(base, first.tip, tuple(joints), links, first.tip_pose, gravity, held, tuple(further))
 
 
 def _poses(tree: Tree, base: str, held: Mapping[str, Any]) -> dict[str, Array]:
@@ -304,15 +348,20 @@ def followed_rows(chain: SerialChain) -> list[Followed | None]:
 
 
 def with_followers(
-    joints: Sequence[JointSpec], places: Sequence[int | None], faults: FaultList, chain: SerialChain
+    joints: Sequence[JointSpec],
+    places: Sequence[int | None],
+    parents: tuple[int, ...],
+    faults: FaultList,
+    chain: SerialChain,
 ) -> tuple[tuple[JointSpec, ...], MechanismSpec | None]:
     """Make the driven joints and the mechanism that relates all rows to them; None where each row is a driven joint.
 
-    ``joints`` are the rows, and ``places`` the number in ``chain`` of the joint of each, None for a fixed row.
+    ``joints`` are the rows, and ``places`` the number in ``chain`` of the joint of each, None for a fixed row;
+    ``parents`` are the rows that carry them.
     Friction, inertia and limits of a following joint are transferred to the joint that it follows; a warning says so.
     """
     found = followed_rows(chain)
-    if not any(found) and None not in places:
+    if not any(found) and None not in places and not chain.branches:
         return tuple(joints), None
     rows = list(joints)
     row_of = {joint: k for k, joint in enumerate(places) if joint is not None}
@@ -338,8 +387,7 @@ def with_followers(
         hint = "its friction, inertia and limits of position and speed count at the joint that it follows"
         told = "" if row.limits.torque is None else "; its torque limit is left out"
         faults.warning(place, message, hint + told)
-    parents = tuple(range(-1, len(rows) - 1))
-    return mechanism_of_rows(rows, parents, len(rows) - 1, [tuple(row) for row in matrix], driven)
+    return mechanism_of_rows(rows, parents, row_of[chain.trunk - 1], [tuple(row) for row in matrix], driven)
 
 
 def _carrying(joint: JointSpec, row: JointSpec, factor: float) -> JointSpec:
