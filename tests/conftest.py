@@ -32,9 +32,9 @@ os.environ.pop("COLUMNS", None)  # processes of pytest-xdist have it: commands w
 gc.set_threshold(100_000, 20, 20)
 
 # Robots are slow to draw and their evaluation time varies with n, so deadlines would only measure the machine's load.
-# "ci" is derandomised: a red run can be repeated; "explore" searches with fresh seeds.
+# "ci" is derandomised: a red run can be repeated; "explore", of `make sweep`, searches with fresh seeds.
 _common = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large]}
-settings.register_profile("ci", derandomize=True, max_examples=50, **_common)
+settings.register_profile("ci", derandomize=True, max_examples=25, **_common)
 settings.register_profile("explore", max_examples=500, **_common)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 

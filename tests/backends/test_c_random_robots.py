@@ -15,6 +15,7 @@ from rrrgen.derive.optimizer import Optimizer
 from rrrgen.robot.file import loads_spec
 from rrrgen.robot.identity import identify
 from rrrgen.runtime.load import load_model
+from samples.draws import draws
 
 DOUBLE = 1e-11  # relative to the largest torque (matrix entry) over the states: hundreds of roundings of 1e-16
 SINGLE = 1e-4  # the same for roundings of 6e-8, with cancellation
@@ -33,8 +34,8 @@ CALLED = (
 )
 """The functions compared here; the others would only be compiled."""
 
-JOINTS = (1, 2, 3) * 4 + (4, 5)
-SINGLE_TOO = (0, 4, 8, 12)
+JOINTS = (4, 5) + (1, 2, 3) * draws(2)
+SINGLE_TOO = (0, 2, 6, 4)
 """Robots of every number of joints in single precision too: the same statements, whatever was derived."""
 
 

@@ -59,7 +59,7 @@ def test_best_of_many_starts_is_kept_and_written(tmp_path) -> None:
 
 
 def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, undisturbed) -> None:
-    """The same search on a cluster, one of whose workers is killed in the middle, gives the same result."""
+    """The same search on a cluster, whose worker is killed in the middle and replaced, gives the same result."""
     distributed = pytest.importorskip("distributed", reason="clusters need the extra 'cluster'")
     from joblib import parallel_config
 
@@ -69,7 +69,7 @@ def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, und
     settings = []
     monkeypatch.setattr("joblib.parallel_config", lambda **given: settings.append(given) or parallel_config(**given))
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
     ) as cluster:
         killed: list[int] = []
 

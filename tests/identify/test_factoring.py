@@ -124,7 +124,7 @@ def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path):
     maker = RowMaker(regressor, PROCESSINGS[1], len(regressor.names))
     observations = Observations((LogStream(open_log(path), chunk=1500),), maker)
     alone = factor_recordings(observations)
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:  # which is replaced
         victim = next(iter(cluster.workers.values())).pid
 
         def kill(count, total, message, killed=[]):  # noqa: B006 - remembers that it has been done
