@@ -224,6 +224,12 @@ ELIMINATION = (
     _both("done", "1.4e-14", "error of the pose (lengths scaled) at which refinement stops: its rounding"),
     Tolerance("accept", "9e-13", "3e-05", "error of the pose above which a candidate is dropped"),
     Tolerance("followed", "2.8e-14", "8e-06", "error of the pose that remains along a continuum of solutions"),
+    Tolerance(
+        "nearly",
+        "3e-9",
+        "8e-06",
+        "and along what is nearly one: above rounding, far below that beside a double solution, 5e-5",
+    ),
     _both("exact", "9e-13", "error of the pose above which a solution is none but for the rounding of a float"),
     _both(
         "same",
@@ -244,11 +250,11 @@ ELIMINATION = (
     _both("widest", "0.2", "and largest one"),
     _both("clear", "30", "on that circle the polynomial exceeds its noise by this factor"),
     _both("whole", "0.05", "largest error of that count, which is an integral, from a whole number"),
+    _both("firm", "1e-5", "pivot of J'J in the last Newton step above which a solution is not singular"),
     Tolerance("double", "1e-5", "3e-3", "least gain of the Jacobian (lengths scaled) of a solution that counts once"),
     Tolerance(
         "twins", "0.03", "0.3", "distance (see `same`) up to which two singular solutions are halves of a double one"
     ),
-    _both("steady", "3e-3", "least gain at which a solution survives the motion to a pose nearby"),
     _both("shape", "1e-2", "largest distance of a null vector from a product of powers of two half-angle tangents"),
     _both("close", "1e-3", "a solution belongs to the root it was refined from if the first error is below this"),
     Tolerance(

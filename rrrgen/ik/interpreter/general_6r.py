@@ -81,44 +81,46 @@ class General6R:
         """Find the solutions, refined; sets ``certain``, which tells that these are all.
 
         The eliminations are tried in the order of :func:`~rrrgen.ik.solutions.general_6r.passes`, until the number of
-        solutions is the one that the roots of an elimination at the target ask for, or those of one at a pose nearby
-        if no solution is so near a singular configuration that the number there may differ. A solution that is one of
-        a continuum has the flag FREE, and the free joint has its reference value if a path leads there.
+        solutions is the one that the roots of an elimination at the target ask for. A solution that is one of a
+        continuum has the flag FREE, and the free joint has its reference value if a path leads there. Of what is
+        nearly a continuum nothing tells that all are found.
         """
         here = -1
         self.certain = self._beyond()
         if self.certain:
             return []
         for roles, _ in passes(self._tables, "double"):
-            total, moved = self._complete(roles), roles[-1] > 0
-            here = here if moved else total
+            total = self._complete(roles)
+            here = here if roles[-1] > 0 else total
             gains = [_smallest_gain(self._task, row.q) for row in self._rows]
-            steady = moved and bool(gains) and min(gains) > ELIMINATION["steady"]
-            self.certain = here in (len(gains), self._weighed(gains)) or (steady and len(gains) == total)
+            self.certain = here in (len(gains), self._weighed(gains))
             if self.certain:
                 break
         for row in self._rows:
-            if _smallest_gain(self._task, row.q) < ELIMINATION["double"] and self._set_free_joint(row):
-                row.flags |= FREE
+            if _smallest_gain(self._task, row.q) < ELIMINATION["double"]:
+                free = self._set_free_joint(row)
+                row.flags |= FREE if free else 0
+                self.certain = self.certain and free is not None
         return self._rows
 
-    def _set_free_joint(self, row: CandidateRow) -> bool:
+    def _set_free_joint(self, row: CandidateRow) -> bool | None:
         """Whether the singular solution ``row`` is one of a continuum, in which a joint can turn freely.
 
-        If so it becomes the one with that joint at its reference, if a path of solutions leads there.
+        If so it becomes the one with that joint at its reference, if a path of solutions leads there. None if it is
+        nearly one, so that the target hardly tells where on it the solutions lie.
         """
         task, chain = self._task, self._task.chain
         free = np.abs(np.linalg.svd(_moving(task, row.q))[2][-1])
         j = [k for k in range(chain.n) if k != self._locked][int(np.argmax(free))]
-        goal = ELIMINATION["followed"] ** 2
 
-        def moved(q: Sequence[float], by: float) -> list[float] | None:
+        def moved(q: Sequence[float], by: float, left: str = "followed") -> list[float] | None:
             x = [*q[:j], q[j] + by, *q[j + 1 :]]
-            return task.reaches(x, goal, int(ELIMINATION["steps"]), frozenset({j}))
+            return task.reaches(x, ELIMINATION[left] ** 2, int(ELIMINATION["steps"]), frozenset({j}))
 
         small = TOLERANCE["turn"] * task.units[j]
         if moved(row.q, small) is None and moved(row.q, -small) is None:
-            return False
+            nearly = any(moved(row.q, by, "nearly") is not None for by in (small, -small))
+            return None if nearly else False
         steps, by = int(SEARCH["path_steps"]), self._query.reference[j] - row.q[j]
         q: list[float] | None = row.q
         for _ in range(steps):

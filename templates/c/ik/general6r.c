@@ -1162,11 +1162,13 @@ LOCAL ik_real ik_6r_residual(const ik_real pose[12], ik_real cs[6][2], ik_real r
     return err;
 }
 
-/* (J'J + damping) step = J' r by the LDL' decomposition. */
-LOCAL void ik_6r_step(ik_real jac[6][6], const ik_real r[6], ik_real damping, ik_real step[6])
+/* (J'J + damping) step = J' r by the LDL' decomposition. Returns the smallest pivot: the square of the smallest singular value of J, or
+ * more. */
+LOCAL ik_real ik_6r_step(ik_real jac[6][6], const ik_real r[6], ik_real damping, ik_real step[6])
 {
     ik_real l[6][6];
     ik_real d[6];
+    ik_real least = 1.0;
     int i;
     int j;
     int k;
@@ -1190,6 +1192,7 @@ LOCAL void ik_6r_step(ik_real jac[6][6], const ik_real r[6], ik_real damping, ik
             step[i] -= l[i][j] * step[j];
         }
         d[i] = (pivot > (IK_6R_EPS * IK_6R_EPS)) ? pivot : (IK_6R_EPS * IK_6R_EPS);
+        least = (d[i] < least) ? d[i] : least;
     }
     for (i = 5; i >= 0; --i) {
         step[i] /= d[i];
@@ -1197,6 +1200,7 @@ LOCAL void ik_6r_step(ik_real jac[6][6], const ik_real r[6], ik_real damping, ik
             step[i] -= l[k][i] * step[k];
         }
     }
+    return least;
 }
 
 /* Moves the joints by a step, scaled down where a joint would move by more than half. Angles turn by 2 atan(step / 2), which is the step
@@ -1226,11 +1230,13 @@ LOCAL void ik_6r_move(ik_real cs[6][2], const ik_real step[6])
 
 /* Refines a trial solution on the pose by Newton steps damped by the squared residual; the result is cs. A patient search, near
  * a singular pose, takes up to *left more steps; where it stalls it restarts at a distance of the square root of the error from
- * the best solution so far, which is the order of the distance to the solution where the Jacobian is singular. Returns 0 if the
- * pose is not met, 1 if it is met far from the start, 2 if it is met close to the start. */
-LOCAL int ik_6r_polish(const ik_real pose[12], int patient, int *left, ik_real trial[6][2], ik_real cs[6][2])
+ * the best solution so far, which is the order of the distance to the solution where the Jacobian is singular. *firm is lowered to the
+ * smallest pivot of the last step, or of one that is not needed. Returns 0 if the pose is not met, 1 if it is met far from the start, 2 if it is met close to the
+ * start. */
+LOCAL int ik_6r_polish(const ik_real pose[12], int patient, int *left, ik_real *firm, ik_real trial[6][2], ik_real cs[6][2])
 {
     ik_real best = 10.0;
+    ik_real pivot = 0.0;
     ik_real begin = 0.0;
     ik_real before = 10.0;
     int it;
@@ -1254,13 +1260,14 @@ LOCAL int ik_6r_polish(const ik_real pose[12], int patient, int *left, ik_real t
             }
         }
         if ((best < IK_6R_DONE) || ((it >= 3) && (best > (ik_real)VALUE_6R_HOPELESS)) || ((best < IK_6R_ACCEPT) && !(err < (0.5 * before))) || !((patient != 0) || better)) {
+            pivot = (it == 0) ? ik_6r_step(jac, r, 0.0, step) : pivot;
             break;
         }
         before = err;
         for (i = 0; i < 6; ++i) {
             damping += r[i] * r[i];
         }
-        ik_6r_step(jac, r, damping, step);
+        pivot = ik_6r_step(jac, r, damping, step);
         if (stalled && (patient != 0)) {
             const ik_real kick = 2.0 * sqrt(best);
             from = cs;
@@ -1275,6 +1282,7 @@ LOCAL int ik_6r_polish(const ik_real pose[12], int patient, int *left, ik_real t
         }
         ik_6r_move(trial, step);
     }
+    *firm = ((best < IK_6R_ACCEPT) && (pivot < *firm)) ? pivot : *firm;
     return (best < IK_6R_ACCEPT) ? (1 + (int)(begin < (ik_real)VALUE_6R_CLOSE)) : 0;
 }
 
@@ -1302,7 +1310,7 @@ LOCAL int ik_6r_place(ik_real rows[IK_6R_MAX + 1][6][2], int count)
  * that is among `taken` (bits) by other roots, the solutions that share it are sought as for an unresolved root. Returns the number
  * of complex solutions at the root. */
 LOCAL int ik_6r_rows(const ik_real pose[12], const signed char pass[6], ik_real e[6][12], ik_real h[3][6][10],
-    const ik_real root[2], int order, int *left, unsigned *taken, ik_real rows[IK_6R_MAX + 1][6][2], int *count)
+    const ik_real root[2], int order, int *left, ik_real *firm, unsigned *taken, ik_real rows[IK_6R_MAX + 1][6][2], int *count)
 {
     int unreal = 0;
     int attempt;
@@ -1351,7 +1359,7 @@ LOCAL int ik_6r_rows(const ik_real pose[12], const signed char pass[6], ik_real 
             cs[DH_SLIDE][0] = t[2 + pass[4]][0] * (ik_real)pass[1];
             cs[DH_SLIDE][1] = 0.0;
 #endif
-            near = ik_6r_polish(pose, (pass[5] != 0) || (attempt == 2), left, cs, rows[*count]);
+            near = ik_6r_polish(pose, (pass[5] != 0) || (attempt == 2), left, firm, cs, rows[*count]);
             if (near > 0) {
                 place = ik_6r_place(rows, *count);
                 met |= (int)((order == 1) && ((near + (int)(pass[5] != 0)) >= 2) && (((*taken >> (unsigned)place) & 1u) == 0u));
@@ -1459,7 +1467,7 @@ LOCAL int ik_6r_wind(ik_real p[2][9], ik_real noise, const ik_real at[2], ik_rea
  * not known. The count is exact for simple roots. Unresolved ones are counted together by the winding number of the polynomial around
  * them, from which the complex solutions that share them are subtracted. */
 LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_real noise,
-    ik_real rows[IK_6R_MAX + 1][6][2], int *count, int *plain)
+    ik_real rows[IK_6R_MAX + 1][6][2], int *count, int *plain, ik_real *firm)
 {
     ik_real e[6][12];
     ik_real h[3][6][10];
@@ -1532,7 +1540,7 @@ LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_
             }
             empty = 0;
             if (order[k] == 1) {
-                (void)ik_6r_rows(pose, pass, e, h, cs, 1, &left, &taken, rows, count);
+                (void)ik_6r_rows(pose, pass, e, h, cs, 1, &left, firm, &taken, rows, count);
                 known &= (int)(singles < 24);
                 simple[singles % 24][0] = cs[0];
                 simple[singles % 24][1] = cs[1];
@@ -1547,7 +1555,7 @@ LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_
                 const ik_real r = circle[m][2] - root[k][2];
                 inside |= (int)((of[m] == at) && (r > 0.0) && (((x * x) + (y * y)) < (r * r)));
             }
-            (void)ik_6r_rows(pose, pass, e, h, cs, 2, &left, &taken, rows, count);
+            (void)ik_6r_rows(pose, pass, e, h, cs, 2, &left, firm, &taken, rows, count);
             if ((inside == 0) && (!middle || (*count > before))) {
                 ik_real mean[2];
                 ik_real *const radius = circle[circles % 24] + 2;
@@ -1559,7 +1567,7 @@ LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_
                     circle[circles][1] = root[k][1];
                     of[circles] = at;
                     (void)ik_6r_magnify(zone[at], mean, mean);
-                    total += turns - ik_6r_rows(pose, pass, e, h, mean, 2, &left, &taken, rows, count);
+                    total += turns - ik_6r_rows(pose, pass, e, h, mean, 2, &left, firm, &taken, rows, count);
                     ++circles;
                 }
                 known &= (int)(turns >= 0);
@@ -1636,12 +1644,13 @@ LOCAL ik_real ik_6r_gain(const ik_real pose[12], ik_real cs[6][2], int *joint)
 }
 
 /* Moves one joint of a solution by `by` (rad or scaled length) and the others after it, such that the pose is met to within twice the
- * rounding error. Returns 0 if it cannot be. */
-LOCAL int ik_6r_follow(const ik_real pose[12], int joint, ik_real by, ik_real cs[6][2])
+ * rounding error. Returns the error of an entry of the pose that remains. */
+LOCAL ik_real ik_6r_follow(const ik_real pose[12], int joint, ik_real by, ik_real cs[6][2])
 {
     ik_real step[6] = {0};
     ik_real r[6];
     ik_real jac[6][6];
+    ik_real error = 10.0;
     int it;
     int i;
 #if DH_SLIDES
@@ -1659,36 +1668,42 @@ LOCAL int ik_6r_follow(const ik_real pose[12], int joint, ik_real by, ik_real cs
     }
     for (it = 0; it <= IK_6R_STEPS; ++it) {
         ik_6r_move(cs, step);
-        if (ik_6r_residual(pose, cs, r, jac) < (ik_real)VALUE_6R_FOLLOWED) {
-            return 1;
+        error = ik_6r_residual(pose, cs, r, jac);
+        if (error < (ik_real)VALUE_6R_FOLLOWED) {
+            break;
         }
         for (i = 0; i < 6; ++i) {
             jac[joint][i] = 0.0;
         }
-        ik_6r_step(jac, r, IK_6R_EPS, step);
+        (void)ik_6r_step(jac, r, IK_6R_EPS, step);
     }
-    return 0;
+    return error;
 }
 
-/* Whether a singular solution is one of a continuum, in which a joint can turn freely. If so it becomes the one with that joint at its
- * reference (of all six joints: rad or scaled length), if a path of solutions leads there. */
+/* Whether a singular solution is one of a continuum, in which a joint can turn freely: 1 if it is, -1 if it is nearly one, so that the
+ * pose hardly tells where on it the solutions lie, else 0. Of a continuum it becomes the one with that joint at its reference (of all six
+ * joints: rad or scaled length), if a path of solutions leads there. */
 LOCAL int ik_6r_free(const ik_real pose[12], int joint, const REAL ref[6], ik_real cs[6][2])
 {
     ik_real x[6][2];
     ik_real by = 0.01;
+    ik_real least = 1.0;
     int side;
     int i;
     for (side = 0; side < 2; ++side) {
+        ik_real error;
         for (i = 0; i < 12; ++i) {
             x[i / 2][i % 2] = cs[i / 2][i % 2];
         }
-        if (ik_6r_follow(pose, joint, by, x) != 0) {
+        error = ik_6r_follow(pose, joint, by, x);
+        if (error < (ik_real)VALUE_6R_FOLLOWED) {
             break;
         }
+        least = (error < least) ? error : least;
         by = -by;
     }
     if (side == 2) {
-        return 0;
+        return -(int)(least < (ik_real)VALUE_6R_NEARLY);
     }
     for (i = 0; i < 12; ++i) {
         x[i / 2][i % 2] = cs[i / 2][i % 2];
@@ -1698,7 +1713,7 @@ LOCAL int ik_6r_free(const ik_real pose[12], int joint, const REAL ref[6], ik_re
 #else
     by = (ik_real)ik_wrap(ref[joint] - ik_atan2((REAL)cs[joint][1], (REAL)cs[joint][0]));
 #endif
-    for (side = 0; (side < VALUE_PATH_STEPS) && (ik_6r_follow(pose, joint, by / (ik_real)VALUE_PATH_STEPS, x) != 0); ++side) {
+    for (side = 0; (side < VALUE_PATH_STEPS) && (ik_6r_follow(pose, joint, by / (ik_real)VALUE_PATH_STEPS, x) < (ik_real)VALUE_6R_FOLLOWED); ++side) {
     }
     for (i = 0; (i < 12) && (side == VALUE_PATH_STEPS); ++i) {
         cs[i / 2][i % 2] = x[i / 2][i % 2];
@@ -1765,8 +1780,7 @@ LOCAL void ik_6r_straighten(ik_real pose[12])
 /* Finds all joint angles (rad, in (-pi, pi]) with Rz(q1)Tz(d1)Tx(a1)Rx(alpha1) .. Rz(q6)Tz(d6)Tx(a6)Rx(alpha6) = t (row-major
  * 4 x 4); a prismatic joint has Tz(q)Rz(theta) for Rz(q)Tz(d). A solution that is one of a continuum is flagged IK_FREE, and has the free
  * joint at its value in ref if it can. Returns the number of solutions. *certain: these are all. That is so if their number is the one
- * that an elimination at the target counts, or at a pose nearby if no solution is so near a singular configuration that the number
- * there may differ. */
+ * that an elimination at the target counts, and no solution is nearly one of a continuum. */
 LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], unsigned flags[IK_6R_MAX], int *certain)
 {
     ik_real pose[12];
@@ -1779,6 +1793,7 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     int here = -1;
     int plain = 1;
     int joint = 0;
+    ik_real firm = 1.0;
 #if NARROW
     ik_real r[6];
     ik_real jac[6][6];
@@ -1800,19 +1815,14 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     *certain = ik_6r_beyond(pose);
 #endif
     for (pass = 0; (pass < PASSES) && !*certain; ++pass) {
-        const int total = ik_6r_eliminate(pose, ik_6r_pass[pass], ik_6r_noise[pass], rows, &count, &plain);
-        const bool moved = ik_6r_pass[pass][5] != 0;
-        here = moved ? here : total;
+        const int total = ik_6r_eliminate(pose, ik_6r_pass[pass], ik_6r_noise[pass], rows, &count, &plain, &firm);
+        here = (ik_6r_pass[pass][5] != 0) ? here : total;
         *certain = (int)(count == here);
         if (!*certain) {
-            ik_real least = 1.0;
-            int steady;
             for (i = 0; i < count; ++i) {
                 gain[i] = ik_6r_gain(pose, rows[i], &joint);
-                least = (gain[i] < least) ? gain[i] : least;
             }
-            steady = (int)(moved && (plain >= 0) && (count > 0) && (least > (ik_real)VALUE_6R_STEADY));
-            *certain = (int)(((plain < 1) && (ik_6r_weigh(gain, rows, count) == here)) || ((steady != 0) && (count == total)));
+            *certain = (int)((plain < 1) && (ik_6r_weigh(gain, rows, count) == here));
 #if NARROW
             exact = 0;
             for (i = 0; i < count; ++i) {
@@ -1824,12 +1834,10 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     }
     for (i = 0; i < count; ++i) {
         flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
-#if NARROW
-        if (ik_6r_gain(pose, rows[i], &joint) < (ik_real)VALUE_6R_DOUBLE) { /* resolved roots too: single precision resolves no continuum */
-#else
-        if ((plain < 1) && (ik_6r_gain(pose, rows[i], &joint) < (ik_real)VALUE_6R_DOUBLE)) {
-#endif
-            flags[i] = (ik_6r_free(pose, joint, ref, rows[i]) != 0) ? (unsigned)IK_FREE : 0u;
+        if ((firm < (ik_real)VALUE_6R_FIRM) && (ik_6r_gain(pose, rows[i], &joint) < (ik_real)VALUE_6R_DOUBLE)) {
+            const int free = ik_6r_free(pose, joint, ref, rows[i]);
+            flags[i] = (free > 0) ? (unsigned)IK_FREE : 0u;
+            *certain = (free < 0) ? 0 : *certain;
         }
         for (j = 0; j < 6; ++j) {
             const REAL x = ik_atan2((REAL)rows[i][j][1], (REAL)rows[i][j][0]);

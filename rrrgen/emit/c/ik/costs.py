@@ -185,7 +185,7 @@ CALLS = {
 }
 """Operations of one call of each kernel function, at a target that is not singular."""
 
-ELIMINATION = SolverOperations(mul=15500, add=14800, div=450, sqrt=4)
+ELIMINATION = SolverOperations(mul=15500, add=14800, div=490, sqrt=4)
 ELIMINATED = SolverOperations(mul=2220, add=2150, div=64, sqrt=8)
 """Operations of the elimination for six joints, and of each solution that it finds.
 
