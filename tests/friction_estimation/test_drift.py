@@ -50,6 +50,19 @@ def test_a_fall_by_35_percent_is_reported_with_its_size(seed):
     assert "viscous friction changes by -" in drift.sentence
 
 
+def test_a_delay_between_those_tried_does_not_change_the_drift():
+    """Half a sampling period left of the delay had made the drift of a joint at 1 kHz 43 % too large."""
+    truth = Joint("stribeck")
+    made = record(truth, seed=2, substeps=4, torque_noise=0.01)
+    t, q = made["t"], made["q"]
+    tau = made["tau"] - 0.35 * truth.viscous * (t / t[-1] - 0.5) * made["v"]
+    data = joint_data(Log(("q",), t, q[:, None], tau[:, None]), "q")
+    for delay in (0.0, 0.5):
+        drift = friction_drift(data, 2, delay)
+        assert drift.is_certain
+        assert drift.viscous == pytest.approx(-0.35 * truth.viscous, rel=0.03)
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_friction_that_drifts_is_that_of_the_middle_of_the_recording(seed):
     """Without the drift in the fit, Coulomb and viscous friction were six deviations off."""

@@ -93,13 +93,15 @@ def friction_drift(data: JointData, gravity: int, delay: float) -> Drift | None:
         return None
     dq, tau = samples.dq[fast], samples.tau[fast]
     sign = np.sign(dq)
-    rigid = [column[fast] for column in samples.rigid_columns(gravity)]
+    # the delay is one of a grid: what is left of it acts through the derivative of the torque
+    ahead, behind = (sliding_samples(data, delay + side).tau[fast] for side in (0.5, -0.5))
+    others = [*(column[fast] for column in samples.rigid_columns(gravity)), ahead - behind]
     change = np.column_stack([s * dq, s * sign])
     fits = []
     for speed in SPEEDS * data.speed:
         ratio = (dq / speed) ** 2
         stribeck = [sign * np.exp(-ratio), sign * ratio * np.exp(-ratio)]  # with its derivative by the Stribeck speed
-        W = np.column_stack([dq, sign, *rigid, *stribeck])
+        W = np.column_stack([dq, sign, *others, *stribeck])
         A = np.column_stack([W, change])
         fits.append((float(np.sum(solve(A, tau).residual(tau) ** 2)), W))
     W = min(fits, key=lambda fit: fit[0])[1]
@@ -108,7 +110,7 @@ def friction_drift(data: JointData, gravity: int, delay: float) -> Drift | None:
     decrease = before - after
     spread = float(np.std(decrease, ddof=1)) / np.sqrt(len(decrease))
     x = solve(A, tau).x
-    covariance = _block_covariance(A, tau - A @ x, block)[-2:, -2:]
+    covariance = _jackknife(A, tau, block)[-2:, -2:]
     moved = x[-2:]
     std = np.sqrt(np.diag(covariance))
     return Drift(
@@ -135,12 +137,21 @@ def _held_out(A: Array, y: Array, block: NDArray[np.int64]) -> Array:
     return errors
 
 
-def _block_covariance(A: Array, residual: Array, block: NDArray[np.int64]) -> Array:
-    """Covariance of the least-squares estimate with residuals that are correlated within blocks alone."""
-    inverse = np.linalg.pinv(A.T @ A)
+def _jackknife(A: Array, y: Array, block: NDArray[np.int64]) -> Array:
+    """Covariance of the least-squares estimate from those that leave out one of the G blocks each.
+
+    ``(G - 1)/G sum (x_g - mean)(x_g - mean)'``; the sum of squared scores of the residuals is too small where, as here,
+    a few blocks determine a parameter, since the fit follows their errors.
+    """
     count = int(block[-1]) + 1
-    scores = np.stack([np.bincount(block, column * residual, minlength=count) for column in A.T], axis=1)
-    return np.asarray(inverse @ (scores.T @ scores) @ inverse * count / max(1, count - 1))
+    rows = np.column_stack([A, y])
+    products = np.stack([rows[block == k].T @ rows[block == k] for k in range(count)])
+    left = np.sum(products, axis=0) - products
+    size = np.sqrt(np.einsum("gii->gi", left[:, :-1, :-1])).max(axis=0)
+    H = left[:, :-1, :-1] / (size[:, None] * size)
+    x = np.stack([np.linalg.pinv(each) @ (row / size) / size for each, row in zip(H, left[:, :-1, -1], strict=True)])
+    x -= x.mean(axis=0)
+    return np.asarray((count - 1) / count * x.T @ x)
 
 
 def _probability(statistic: float, parameters: int, blocks: int) -> float:
