@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 @click.option(
     "--limits/--no-limits", default=True, show_default=True, help="Leave out solutions outside the joint limits."
 )
+@click.option(
+    "--tip", metavar="NAME", help="Named tip of a branching robot; --near then holds the joints that tips share."
+)
 @click.option("--redundancy", type=float, help="Prescribed joint variable or arm angle of a redundant arm, rad or m.")
 @click.option(
     "--closest", is_flag=True, help="Also for unreachable poses: the configuration with the least-squares error."
@@ -47,26 +50,36 @@ if TYPE_CHECKING:
 @ik_option
 @json_option
 def ik(
-    robot: str, pose: str, near: str | None, backend: EngineName, method: str | None, as_json: bool, **options: Any
+    robot: str,
+    pose: str,
+    near: str | None,
+    tip: str | None,
+    backend: EngineName,
+    method: str | None,
+    as_json: bool,
+    **options: Any,
 ) -> int:
     """Solve the inverse kinematics in closed form: all configurations that reach a pose.
 
     Prints the family of the arm and one line per solution with its branch. If there is none, prints the reason and the
-    distance to the workspace, and exits with 1.
+    distance to the workspace, and exits with 1. Of a named tip the joints are solved that move it and no tip beside it.
 
     \b
     Examples:
       rrrgen ik rrr --pose '0.2 -0.4 0.6'
       rrrgen ik puma560 --pose '0.4 0.1 0.3 0 3.1416 0' --near '0 0 0 0 0 0' --json
+      rrrgen ik hand.yaml --tip thumb --pose '0.1 0 0.2 0 0 0' --near '0 0 0 0 0 0 0 0'
     """
     from rrrgen.runtime.inverse_kinematics import load_solver
 
     spec = read_with_warnings(robot)
     spec = spec if method is None else replace(spec, ik=method)
+    target = _target(pose)
+    reference = None if near is None else _numbers(near, "--near", (spec.n,))
+    if tip is not None:
+        spec, target, reference = _of_tip(spec, tip, target, reference)
     with working("compiling the solver"):
         solver = load_solver(spec, backend=backend)
-    target = _target(pose)
-    reference = None if near is None else _numbers(near, "--near", (solver.n,))
     chosen = {"limits": options["limits"], "redundancy": options["redundancy"]}
     if options["closest"]:
         found = solver.closest(target, reference, **chosen)
@@ -77,6 +90,36 @@ def ik(
     else:
         _print(spec, solver, found)
     return 0 if len(found) else 1
+
+
+def _of_tip(
+    spec: RobotSpec, tip: str, target: Any, reference: list[float] | None
+) -> tuple[RobotSpec, Any, list[float] | None]:
+    """The robot of the own joints of a named tip, with the target in its base frame and the reference of its joints."""
+    import numpy as np
+
+    from rrrgen.derive import prepare, record
+    from rrrgen.derive.functions.table import named
+    from rrrgen.program import evaluate
+    from rrrgen.robot.model.mechanism import tip_arm
+
+    if tip not in spec.tips:
+        known = ", ".join(spec.tips) or "none: name them under tips in the robot file"
+        raise click.BadParameter(f"the robot has no tip '{tip}'; its tips are {known}", param_hint="--tip")
+    arm = tip_arm(spec, tip)
+    own = None if reference is None else [reference[k] for k in arm.joints]
+    if not arm.shared:
+        return arm.spec, target, own
+    if reference is None:
+        names = ", ".join(spec.joints[k].name for k in arm.shared)
+        raise click.UsageError(f"--tip {tip} needs --near, which holds {names}, shared with other tips")
+    pose = np.eye(4)
+    pose[:3, 3] = target[:3, 3] if target.ndim == 2 else target
+    pose[:3, :3] = target[:3, :3] if target.ndim == 2 else pose[:3, :3]
+    name = f"{tip}_tip_target"
+    program = record(prepare(spec), (named(name),)).alternatives[name][0]
+    (seen,) = evaluate(program, pose, np.array(reference))
+    return arm.spec, seen if target.ndim == 2 else seen[:3, 3], own
 
 
 def _numbers(text: str, option: str, sizes: tuple[int, ...]) -> list[float]:

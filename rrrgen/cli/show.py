@@ -398,15 +398,9 @@ def _solver(spec: RobotSpec) -> str:
 
 def _solvers_of_tips(spec: RobotSpec) -> str:
     """The solver of every named tip in a line, or the reason why there is none; empty without named tips."""
-    from rrrgen.ik.classify import tip_plans
+    from rrrgen.emit.html.robot_facts import solvers_of_tips
 
-    lines = []
-    for tip, (arm, found) in tip_plans(spec).items():
-        joints = ", ".join(joint.name for joint in arm.joints)
-        solved = (
-            f"{found.title}, at most {found.max_solutions} solutions, for {joints}" if found.solvable else found.reason
-        )
-        lines.append(f"  {tip}: {solved}\n")
+    lines = [f"  {tip}: {words}\n" for tip, words in solvers_of_tips(spec)]
     return "".join(["\nInverse kinematics of named tips\n", *lines]) if lines else ""
 
 

@@ -63,7 +63,12 @@ function armViewer(changed) {
     T = frames[tipRow + 1];
     step(scene.tool);
     frames.push(T);
-    return { frames: frames, joints: joints, lines: lines, tip: T };
+    const named = (scene.tips || []).map((tip) => {
+      T = frames[tip.row + 1];
+      step(tip.tool);
+      return { at: origin(T), text: tip.name };
+    });
+    return { frames: frames, joints: joints, lines: lines, tip: frames[frames.length - 1], named: named };
   }
 
   /* -- projection ---------------------------------------------------------------------------------------------------- */
@@ -248,7 +253,7 @@ function armViewer(changed) {
     shown.forEach((T) => triad(T, length, colors));
     triad(arm.tip, 1.3 * length, colors);
     const frames = shown.map((T, k) => ({ at: origin(T), text: String(k) }));
-    write([...frames, { at: origin(arm.tip), text: "tip" }], colors);
+    write([...frames, ...arm.named, { at: origin(arm.tip), text: "tip" }], colors);
     if (solver) ring(arm.tip, colors);
     report(arm.tip);
   }

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import InputError
-from rrrgen.emit.html.scene import LARGEST_DRAWING, SAMPLES, PlayedMotion, illustrations
+from rrrgen.emit.html.scene import LARGEST_DRAWING, SAMPLES, PlayedMotion, illustrations, scene
+from rrrgen.robot.file import load_spec
 
 
 def test_long_motions_are_thinned_and_keep_both_ends() -> None:
@@ -49,3 +50,11 @@ def test_figures_are_embedded_large_drawings_as_pixels(tmp_path: Path) -> None:
     assert torques.caption == "run: joint torques"
     assert torques.address == "data:image/svg+xml;base64," + base64.b64encode(b"<svg/>").decode()
     assert points.address == "data:image/png;base64," + base64.b64encode(b"pixels").decode()
+
+
+def test_the_view_has_every_named_tip() -> None:
+    hand = load_spec(Path(__file__).resolve().parents[2] / "examples" / "trees" / "hand.yaml")
+    shown = scene(hand)["tips"]
+    assert [(tip["name"], hand.rows[tip["row"]].name, tip["tool"][0][3]) for tip in shown] == [
+        ("finger", "f3", 0.03), ("thumb", "t3", 0.025)
+    ]  # fmt: skip

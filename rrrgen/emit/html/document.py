@@ -78,6 +78,7 @@ def html_report(
             passes=tables.passes(model),
             verification=verification,
             inverse=equations.inverse_kinematics(spec),
+            tips=facts.solvers_of_tips(spec),
             figures=figures,
             scene=Markup(as_json(view)),
             solver=Markup(script_text(inverse or "")),

@@ -78,6 +78,18 @@ def tables(spec: RobotSpec) -> list[tuple[str, Rows]]:
     return [(title, rows) for title, rows in found if rows]
 
 
+def solvers_of_tips(spec: RobotSpec) -> list[tuple[str, str]]:
+    """The name of every named tip with its solver in words, or with the reason why it has none."""
+    from rrrgen.ik.classify import tip_plans
+
+    found = []
+    for tip, (arm, plan) in tip_plans(spec).items():
+        joints = ", ".join(joint.name for joint in arm.joints)
+        solved = f"{plan.title}, at most {plan.max_solutions} solutions, for {joints}"
+        found.append((tip, solved if plan.solvable else plan.reason))
+    return found
+
+
 def not_stated(spec: RobotSpec) -> str:
     """One clause that names what the file does not state; empty if it states everything."""
     missing = [

@@ -164,6 +164,7 @@ def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]
     """Data of a mechanism: its Denavit-Hartenberg rows ``rows`` and the row ``tip_row`` of the tip; empty for a chain.
 
     Each row has its ``parent``, the number of the row that carries it, and ``factors`` of q in its displacement.
+    ``tips`` are the named tips with their rows and tools, if there are any.
     """
     if spec.mechanism is None:
         return {}
@@ -173,7 +174,15 @@ def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]
     ]
     for row, (gamma, b) in zip(rows, spec.placements(), strict=True):
         row |= {"gamma": _short(gamma), "b": _short(b)} if gamma or b else {}
-    return {"rows": rows, "tip_row": spec.tip_row}
+    tips = [
+        {
+            "name": name,
+            "row": spec.at_tip(name).tip_row,
+            "tool": _rows([[float(spec.nominal(v)) for v in line] for line in tip.tool.matrix().tolist()]),
+        }
+        for name, tip in spec.tips.items()
+    ]
+    return {"rows": rows, "tip_row": spec.tip_row} | ({"tips": tips} if tips else {})
 
 
 def _range(joint: JointSpec, reach: float) -> tuple[float, float]:
