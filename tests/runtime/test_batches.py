@@ -1,5 +1,7 @@
 """Batches: states in the lanes of vector registers, and several threads, give what single states give."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,15 @@ def test_batches_equal_single_states(function, real):
     single = np.concatenate([rows(evaluate(*(a[k] for a in arguments)), 1) for k in range(37)])
     tolerance = ROUND_OFF if real == "double" else FLOAT_ROUND_OFF
     assert np.max(np.abs(batch - single)) <= tolerance * np.max(np.abs(single))
+
+
+@pytest.mark.parametrize("name", ["T", "q"])
+def test_a_robot_may_be_called_as_an_argument_is(name):
+    """The type ``T_simd`` of the robot T was hidden by the lanes of the pose T: `verify` ended in a compiler error."""
+    model = rrrgen.compile(replace(rrrgen.load_spec("pendulum"), name=name))
+    q = states(1, 9)[0]
+    named = rrrgen.compile("pendulum").kinematics(q)
+    assert np.array_equal(rows(model.kinematics(q), 9), rows(named, 9))
 
 
 def test_an_input_may_have_a_name_of_one_letter():

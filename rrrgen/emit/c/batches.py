@@ -365,35 +365,38 @@ def _few_states(program: Program, dialect: Dialect) -> list[str]:
 
 
 def _simd_body(program: Program, dialect: Dialect) -> list[str]:
-    """The code that gathers one state per lane, evaluates all lanes, and scatters the results."""
+    """The code that gathers one state per lane, evaluates all lanes, and scatters the results.
+
+    No variable ends in ``_simd``: the type of a robot called T is ``T_simd``.
+    """
     simd = f"{dialect.prefix}_simd"
     lines: list[str] = []
     arguments: list[str] = []
     for port in program.inputs:
         first, step = f"{port.name} + {STATE}*{port.name}_step", f"{port.name}_step"
-        lines.append(f"{simd} {port.name}_simd[{port.size}];")
+        lines.append(f"{simd} {port.name}_lanes[{port.size}];")
         if port.size in SIZES:
-            lines.append(f"{simd}_in{port.size}({first}, {step}, {port.name}_simd);")
+            lines.append(f"{simd}_in{port.size}({first}, {step}, {port.name}_lanes);")
         else:
-            lines += _each(port.size, f"{port.name}_simd[{{0}}] = ({simd})SIMD_GATHER({first} + {{0}}, {step});")
-        arguments.append(f"{port.name}_simd" if port.shape else f"{port.name}_simd[0]")
+            lines += _each(port.size, f"{port.name}_lanes[{{0}}] = ({simd})SIMD_GATHER({first} + {{0}}, {step});")
+        arguments.append(f"{port.name}_lanes" if port.shape else f"{port.name}_lanes[0]")
     stores: list[str] = []
     for k, port in enumerate(program.outputs):
         if program.is_status(k):
-            lines.append(f"{simd} {STATUS_LANES}_simd[1];")
-            arguments.append(f"{STATUS_LANES}_simd")
+            lines.append(f"{simd} {STATUS_LANES}[1];")
+            arguments.append(STATUS_LANES)
             stores += [
                 "for (int lane = 0; lane < SIMD_LANES; lane++)",
-                f"    status[{STATE} + lane] = {_code(program, dialect, f'{STATUS_LANES}_simd[0][lane]')};",
+                f"    status[{STATE} + lane] = {_code(program, dialect, f'{STATUS_LANES}[0][lane]')};",
             ]
             continue
-        lines.append(f"{simd} {port.name}_simd[{port.size}];")
-        arguments.append(f"{port.name}_simd")
+        lines.append(f"{simd} {port.name}_lanes[{port.size}];")
+        arguments.append(f"{port.name}_lanes")
         place = f"{port.name} + {STATE}*{port.size}"
         if port.size in SIZES:
-            stores.append(f"{simd}_out{port.size}({port.name}_simd, {place});")
+            stores.append(f"{simd}_out{port.size}({port.name}_lanes, {place});")
             continue
-        stores += _each(port.size, f"SIMD_SCATTER({place} + {{0}}, {port.size}, {port.name}_simd[{{0}}]);")
+        stores += _each(port.size, f"SIMD_SCATTER({place} + {{0}}, {port.size}, {port.name}_lanes[{{0}}]);")
     return [*lines, f"{simd_name(program, dialect)}({', '.join(arguments)});", *stores]
 
 
