@@ -1,7 +1,9 @@
-"""Study of what recordings hide, on virtual arms with known truth: ``python tests/identify/recordings_study.py NAME``.
+"""Study of what recordings hide, on virtual arms with known truth.
 
-It prints a line per case: coverage of the 95 % intervals of the parameters (``coverage``), of those of the consistent
-estimate (``prior``) and of the bands of held-out torques (``bands``), each on sets with fresh motion and noise.
+    PYTHONPATH=tests python tests/identify/recordings_study.py NAME
+
+It prints a line per case: coverage of the 95 % intervals of the parameters (``coverage``), what the diagnosis says of
+single mistakes (``detection``) and of two at once (``pairs``), each on sets with fresh motion and noise.
 """
 
 from __future__ import annotations
@@ -159,6 +161,30 @@ def detection(sets: int, robot: str) -> Iterator[str]:
     yield f"{robot}: {counts}"
 
 
+PAIRS = (
+    *(("gain 3 2", "zero 2 90"), ("gain 3 2", "delay 0 30"), ("zero 2 10", "delay 0 30")),
+    *(("tilt 0 3", "gain 2 0.7"), ("drift 0 -35", "gain 3 2"), ("zero 2 20", "drift 0 -35")),
+)
+
+
+def pairs(sets: int, robot: str) -> Iterator[str]:
+    """What is said of two mistakes at once, on seeds that no level was chosen on: both, one of them, wrong causes."""
+    model = model_of(robot)
+    counts: dict[str, int] = {}
+    for seed in range(sets):
+        given = case(model, 700 + seed, 30.0, 0.1, noise=0.01)
+        for pair in PAIRS:
+            true = {(kind, int(joint) - 1) for kind, joint, _ in (each.split() for each in pair)}
+            findings = comparison(mistaken(mistaken(given, pair[0]), pair[1])).findings()
+            said = [(each.outcome.hypothesis.subject, each.outcome.hypothesis.joint, each.named) for each in findings]
+            right = {(k, j) for k, j in true if any(k == a and (k == "tilt" or j == b) for a, b, _ in said)}
+            wrong = [each for each in said if not any(each[0] == k and (k == "tilt" or each[1] == j) for k, j in true)]
+            for what in (f"{len(right)} of 2", *(f"WRONG {'named' if named else 'possible'}" for *_, named in wrong)):
+                counts[what] = counts.get(what, 0) + 1
+            yield f"{' and '.join(pair)}: {len(right)} of 2{''.join(f', WRONG {a} {b + 1}' for a, b, _ in wrong)}"
+    yield f"{robot}: {counts}"
+
+
 def mistaken(given: Case, mistake: str) -> Case:
     """The set with a mistake, such as ``zero 2 90`` (joint, deg), ``gain 3 2``, ``delay 0 30`` (ms; joint 0 is all).
 
@@ -187,7 +213,11 @@ def mistaken(given: Case, mistake: str) -> Case:
     return replace(given, log=replace(log, q=q, tau=tau))
 
 
-STUDIES: dict[str, Callable[[int, str], Iterator[str]]] = {"coverage": coverage, "detection": detection}
+STUDIES: dict[str, Callable[[int, str], Iterator[str]]] = {
+    "coverage": coverage,
+    "detection": detection,
+    "pairs": pairs,
+}
 
 
 @click.command()
