@@ -4,17 +4,20 @@ Model functions are analysed over the box of the robot file's limits, where ever
 alarm. The controller is analysed from every state that it can have, with any bits in its input, NaN and infinity
 included: whether an operation fails, and whether all numbers of its output and of the next state are finite. Its
 parameters are within the ranges of their table, which ``_check`` sees to; ``_check`` itself is analysed with any bits.
+The model functions that it calls are analysed by themselves, with any bits in their inputs; in a tick
+a function stands in for each that writes any bits, so that what is shown does not depend on what they compute.
 
 EVA knows no relations between variables. Where the code relies on one, the analysed text says the same in another way:
 the bits that show whether numbers are finite are read as comparisons (a test holds that both agree), ``fabs`` as a
-choice, ``tanh`` by its bounds, and sines and cosines by the proven ones of the kernel, which has a row of its own. The
-modes are analysed one by one.
+choice, ``tanh`` by its bounds, and sines and cosines by the proven ones of the kernel, which has a row of its own; the
+kernel's own range is read as two comparisons. The modes are analysed one by one.
 """
 
 from __future__ import annotations
 
 import csv
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -24,10 +27,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rrrgen.controller.files import standalone_files
 from rrrgen.controller.layout import COUNTERS, structs
+from rrrgen.controller.programs import called_programs, own_programs
 from rrrgen.controller.proposals import proposals
 from rrrgen.emit.c.function_files import function_files
+from rrrgen.emit.c.header_comments import prototype
 from rrrgen.emit.c.ik.files import sources
-from rrrgen.emit.c.language import RANGE, InlineSinCos
+from rrrgen.emit.c.language import RANGE, Dialect, InlineSinCos
 from rrrgen.emit.controller.differential_ik import declaration, differential_ik_files
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of
 from rrrgen.ik.classify import plan as make_plan
@@ -84,12 +89,12 @@ def is_available() -> bool:
 
 
 def alarms(
-    directory: Path, files: Mapping[str, str], main: str, special: str = "none", apart: Sequence[str] = ()
+    directory: Path, files: Mapping[str, str], main: str, special: str = "none", apart: Mapping[str, int] | None = None
 ) -> list[Alarm]:
     """What stays open when ``main`` of the C ``files`` is analysed in ``directory``, in which they are written.
 
     Files whose names end with ``.c`` are sources, unless others include them. ``special`` says which floating-point
-    values are alarms: "none" or "non-finite". In the functions ``apart`` up to 400 states are kept apart. Raises
+    values are alarms: "none" or "non-finite". In the functions ``apart`` so many states are kept apart. Raises
     RuntimeError where the analysis does not come to an end.
     """
     for name, text in {**files, "stated.h": STATED}.items():
@@ -98,7 +103,7 @@ def alarms(
     sources = [name for name in sorted(files) if name.endswith(".c") and name not in included]
     report = directory / f"{main}.csv"
     command = ["frama-c", *sources, "-main", main, "-warn-special-float", special, *OPTIONS]
-    command += ["-eva-slevel-function", ",".join(f"{name}:400" for name in apart)] if apart else []
+    command += ["-eva-slevel-function", ",".join(f"{name}:{count}" for name, count in apart.items())] if apart else []
     command += ["-then", "-report-csv", report.name]
     place = {**os.environ, "PWD": str(directory.resolve())}  # Frama-C believes this variable more than the system
     done = subprocess.run(command, cwd=directory, env=place, capture_output=True, text=True, check=False)
@@ -210,17 +215,79 @@ def differential_alarms(name: str, n: int, directory: Path) -> list[Alarm]:
 # The controller
 # ---------------------------------------------------------------------------------------------------------------------
 
-ENTRIES = ("step", "start", "checks")
-"""What is analysed: a tick; init, set and reset with parameters in their ranges; all functions with any parameters."""
+ENTRIES = ("step", "start", "checks", "called")
+"""What is analysed: a tick; init, set and reset with parameters in their ranges; all functions with any parameters; the
+model functions that the controller calls."""
+
+APART = (400, 5000)
+"""States that are kept apart in a tick. Neither number settles more than the other for all units; what one analysis
+settles is settled."""
 
 
 def controller_alarms(unit: Unit, directory: Path, entry: str) -> list[Alarm]:
     """What stays open about one of :data:`ENTRIES` of the controller, in double."""
     files = {name: text for name, text in standalone_files(unit, "double").items() if not name.endswith(".json")}
     prefix = f"{unit.model.spec.name.removesuffix('_any_gravity')}_controller"
+    if entry == "called":
+        files = {
+            name: _BOUND.sub(r"!\1 || !((x == x) && (x >= -\2) && (x <= \2))", text) for name, text in files.items()
+        }
+        return alarms(directory, {**files, "driver.c": _calls(unit)}, entry)
     files[f"{prefix}.c"] = _readable(files[f"{prefix}.c"], prefix)
-    apart = (f"{prefix}_step", f"{prefix}_with_sample")
-    return alarms(directory, {**files, "driver.c": _driver(unit, prefix, entry)}, entry, apart=apart)
+    if entry == "step":
+        files |= {f"{name}.c": _stand_ins(name, programs) for name, programs in _called(unit).items()}
+    files["driver.c"] = _driver(unit, prefix, entry)
+    open_: list[Alarm] = []
+    for count in APART:
+        found = alarms(directory, files, entry, apart={f"{prefix}_step": count, f"{prefix}_with_sample": count})
+        open_ = [each for each in found if count == APART[0] or each in open_]
+        if not open_:
+            break
+    return open_
+
+
+_BOUND = re.compile(r"!\((\w+) && \(fabs\(x\) <= (\(\w+\)[0-9.e+]+)\)\)")
+"""The condition for angles outside the range of the emitted sines; fabs hides from EVA that x is a number inside it."""
+
+
+def _called(unit: Unit) -> dict[str, list[Program]]:
+    """The model functions that the controller calls, by the name of the file that has them."""
+    own = own_programs(unit)
+    of_model = [program for program in called_programs(unit) if program.name not in own]
+    robot = unit.model.spec.name
+    found = {robot: of_model, f"{robot.removesuffix('_any_gravity')}_controller_laws": list(own.values())}
+    return {name: programs for name, programs in found.items() if programs}
+
+
+def _stand_ins(name: str, programs: Sequence[Program]) -> str:
+    """The source of a file whose functions write any bits and return any status."""
+    functions = []
+    for program in programs:
+        body = [f"Frama_C_make_unknown((char *){p.name}, {8 * p.size}u);" for p in program.data_outputs]
+        body += [f"return ({name}_status)Frama_C_interval(0, 99);"] if program.status else []
+        lines = "\n    ".join(body)
+        functions.append(f"{prototype(program, Dialect(name, 'double'))}\n{{\n    {lines}\n}}\n")
+    return f'#include "{name}.h"\n#include "__fc_builtin.h"\n\n' + "\n".join(functions)
+
+
+def _calls(unit: Unit) -> str:
+    """A driver that calls the model functions of the controller with any bits."""
+    called = _called(unit)
+    lines = [f'#include "{name}.h"' for name in called]
+    lines += ['#include "__fc_builtin.h"', "void called(void)", "{"]
+    for name, programs in called.items():
+        for program in programs:
+            given = []
+            lines.append("    {")
+            for port in program.inputs:
+                lines.append(f"        double {port.name}[{port.size}];")
+                lines.append(f"        Frama_C_make_unknown((char *){port.name}, sizeof {port.name});")
+                given.append(port.name if port.shape else f"{port.name}[0]")
+            for port in program.data_outputs:
+                lines.append(f"        double {port.name}_[{port.size}];")
+                given.append(f"{port.name}_")
+            lines += [f"        (void){name}_{program.name}({', '.join(given)});", "    }"]
+    return "\n".join([*lines, "}", ""])
 
 
 def _readable(text: str, prefix: str) -> str:

@@ -32,6 +32,15 @@ def test_the_controller_has_no_run_time_error_and_stays_finite(model, entry, tmp
 
 
 @needs_frama_c
+def test_a_tick_of_few_modes_needs_more_states(model, tmp_path, monkeypatch):
+    """With the first number of states alone EVA joins what the gates have checked with what they have not."""
+    unit = unit_of(model, ["gravity"], ["observer"])
+    assert controller_alarms(unit, tmp_path, "step") == []
+    monkeypatch.setattr(value_analysis, "APART", value_analysis.APART[:1])
+    assert controller_alarms(unit, tmp_path, "step")
+
+
+@needs_frama_c
 def test_without_its_gate_the_controller_is_not_finite(model, tmp_path, monkeypatch):
     readable = value_analysis._readable
     gate = "(pendulum_controller_finite(&tick.ratio, 1) != 0) ? tick.ratio : ZERO"
