@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from bench.calibrated import _random, _spec
 from bench.measurements.completeness import Study, arms, configurations
 from ik.robots import ROWS, make, reference, robot
 from rrrgen.emit.c.ik.files import emit
@@ -57,6 +58,20 @@ def test_no_regular_solution_is_lost_with_the_status_ok(name):
         loss = study.judge(configurations(study.turning, kind, FEW, 7))
         assert loss.lost == 0
         assert loss.incomplete <= most * FEW
+
+
+@pytest.mark.parametrize("angle", [1e-12, 1e-9, 1e-6])
+@pytest.mark.parametrize("apart", [0.1, 1e-6])
+def test_axes_that_are_nearly_parallel_lose_no_solution(angle, apart):
+    """Or nearly the same line, of which the arm is refused where the two joints move the tip alike."""
+    rows = [list(row) for row in _random("RRRRRR", 3)]
+    rows[1][1:3] = angle, apart
+    spec = _spec([tuple(row) for row in rows], "standard")
+    if plan(spec).solvable:
+        study = Study(spec)
+        assert study.judge(configurations(study.turning, "special", FEW, 7)).lost == 0
+    else:
+        assert apart < 0.1
 
 
 def test_float_says_where_it_may_lack_solutions():
