@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from rrrgen.emit import Real
     from rrrgen.ik.inverse_kinematics import InverseKinematics
     from rrrgen.ik.results import IKBatch, IKResult
+    from rrrgen.robot.model.mechanism import TipArm
     from rrrgen.runtime.controller import Controller
 
 
@@ -186,6 +187,24 @@ class Model(
             target = self.tool_target(target, tool)
         return _solved(solver, target, q_ref, limits=limits, sort=sort, redundancy=redundancy)
 
+    def tip_arm(self, tip: str) -> TipArm:
+        """The joints that move a named tip and no tip beside it, for which its inverse kinematics solves.
+
+        Args:
+            tip: the name of the tip in the robot file.
+
+        Returns:
+            The robot of these joints, their numbers in q, and those of the joints that the tip shares with others.
+
+        Raises:
+            DerivationError: no joint moves the tip alone, or joints that tips share stand behind such ones.
+            ValueError: the robot has no such tip.
+        """
+        from rrrgen.robot.model.mechanism import tip_arm
+
+        self._at_tip("inverse_kinematics", tip)
+        return tip_arm(self.spec, tip)
+
     def tip_ik(self, tip: str) -> InverseKinematics:
         """The inverse kinematics of a named tip as an object with all options.
 
@@ -202,21 +221,18 @@ class Model(
             DerivationError: no solver fits these joints.
             ValueError: the robot has no such tip.
         """
-        from rrrgen.robot.model.mechanism import tip_arm
         from rrrgen.runtime.inverse_kinematics import load_solver
 
-        self._at_tip("inverse_kinematics", tip)
+        arm = self.tip_arm(tip)
         if tip not in self._tip_solvers:
-            self._tip_solvers[tip] = load_solver(tip_arm(self.spec, tip).spec, backend=self.engine.name)
+            self._tip_solvers[tip] = load_solver(arm.spec, backend=self.engine.name)
         return self._tip_solvers[tip]
 
     def _ik_at_tip(
         self, tip: str, target: ArrayLike, q_ref: ArrayLike | None, tool: ArrayLike | None, **options: Any
     ) -> IKResult | IKBatch:
         """Solve for a named tip by the joints that move it alone; the others are in the solutions as in ``q_ref``."""
-        from rrrgen.robot.model.mechanism import tip_arm
-
-        solver, arm = self.tip_ik(tip), tip_arm(self.spec, tip)
+        solver, arm = self.tip_ik(tip), self.tip_arm(tip)
         whole = np.zeros(self.n) if q_ref is None else np.asarray(q_ref, dtype=float)
         if whole.shape != (self.n,):
             raise ValueError(f"q_ref must hold {self.n} numbers, not shape {whole.shape}")
@@ -305,10 +321,9 @@ class Model(
         if name in ("inverse_kinematics", "tool_inverse_kinematics") or tip in self.spec.tips:
             from rrrgen.emit.casadi.function import import_casadi
             from rrrgen.emit.casadi.inverse_kinematics import branch_function
-            from rrrgen.robot.model.mechanism import tip_arm
 
             import_casadi()
-            spec = tip_arm(self.spec, tip).spec if tip in self.spec.tips else self.spec
+            spec = self.tip_arm(tip).spec if tip in self.spec.tips else self.spec
             return branch_function(spec, tool=name.startswith("tool_"))
         program = self._with(name).derived.programs[name]
         from rrrgen.emit.casadi import function

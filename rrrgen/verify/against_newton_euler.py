@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
-from rrrgen.robot.model.mechanism import tip_arm
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
 from rrrgen.verify.identities import check_refusal, is_definite
 from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
@@ -53,7 +52,7 @@ def check_tip(model: Model, ne: NewtonEuler, tip: str, s: States, tolerances: To
     scale = max(size(acceleration), size(J) * size(s.dq) ** 2)
     check(f"{tip}_jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq, tip=tip), acceleration, scale=scale)
     if f"{tip}_tip_target" in model.derived.programs:
-        carrier = ne.link_frames(s.q)[:, tip_arm(model.spec, tip).carrier]
+        carrier = ne.link_frames(s.q)[:, model.tip_arm(tip).carrier]
         check(f"{tip}_tip_target", lambda: model.tip_target(T, s.q, tip=tip), np.asarray(np.linalg.inv(carrier) @ T))
 
 

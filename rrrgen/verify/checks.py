@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.robot.model.mechanism import tip_arm
 from rrrgen.verify.against_newton_euler import (
     check_dynamics,
     check_floating_base,
@@ -96,7 +95,7 @@ def verify(
     for tip in model.spec.tips:
         check_tip(model, NewtonEuler(chain_of(model.spec.at_tip(tip)), sets[-1].phi), tip, states, tolerances, rows)
         try:
-            arm = chain_of(tip_arm(model.spec, tip).spec)
+            arm = chain_of(single_model.tip_arm(tip).spec)
         except DerivationError as reason:
             rows.skipped.append((f"{tip}_inverse_kinematics", str(reason)))
             continue
