@@ -20,9 +20,10 @@ PYTHON_TESTS := tests/yamltext tests/program tests/optimize tests/robotfile/impo
 unit python sweep: export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := rrr
-.PHONY: playground rrr core setup test lint types unit python sweep generated update stubs bench docs pages stranger mutants machines clean help
+.PHONY: playground rrr core setup test lint types unit python sweep generated update stubs bench docs pages stranger mutants fuzz machines clean help
 SEEDS ?= 12
 SEED ?= 1
+SECONDS_EACH ?= 600
 
 rrr: core  ## generate the RRR robot into runs/rrr, run its self-test, verify it against independent dynamics
 	$(BIN)/rrrgen generate rrr -o runs/rrr
@@ -98,6 +99,9 @@ stranger:  ## SEEDS=12 robots that nobody has tried, each from a wheel all the w
 
 mutants: setup  ## 30 changes of one operator, number or condition: do the tests notice? SEED=1 is the fixed sample
 	$(BIN)/python tests/mutants.py --seed $(SEED)
+
+fuzz: setup  ## damaged files for all readers, hostile numbers for emitted C under sanitizers; SECONDS_EACH=600
+	$(BIN)/python tests/fuzz.py --seconds $(SECONDS_EACH)
 
 machines: setup  ## the self-tests of all robots on other processors (QEMU, Node), as far as their tools are installed
 	$(BIN)/python -m bench.machines

@@ -517,7 +517,7 @@ static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref,
     }
     if (q_ref != NULL) {
         for (i = 0; i < 3; ++i) {
-            sum += q_ref[i] * (rrr_real)0;
+            sum += (q_ref[i] * q_ref[i]) * (rrr_real)0; /* sums and distances of huge numbers would overflow */
         }
     }
     if (!(sum <= (rrr_real)0)) {

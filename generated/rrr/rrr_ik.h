@@ -66,7 +66,7 @@ typedef enum rrr_ik_status {
     RRR_IK_OK = 0,
     RRR_IK_UNREACHABLE = 1, /* no configuration reaches the target; see distance and stage */
     RRR_IK_OUTSIDE_LIMITS = 2, /* solutions exist, all outside the joint limits */
-    RRR_IK_NOT_FINITE = 3, /* the target or q_ref holds a NaN or an infinity */
+    RRR_IK_NOT_FINITE = 3, /* the target or q_ref holds a NaN or an infinity, or q_ref a number whose square is infinite */
     RRR_IK_NOT_A_ROTATION = 4 /* the rotation of the pose is not orthonormal and right-handed */
 } rrr_ik_status;
 

@@ -70,6 +70,9 @@ def test_numbers_that_are_no_target(name):
                 assert answer.status == "not finite"
         answer = solver.solve(T, np.full(n, bad), **given)
         assert answer.status == "not finite"
+    for huge in (1e160, -1e308):  # sums and distances of such references overflow
+        assert solver.solve(T, np.full(n, huge), limits=False, **given).status == "not finite"
+        assert np.isfinite(solver.solve(T, np.full(n, huge / 1e154), limits=False, **given).q).all()
     far = T.copy()
     far[0, 3] = 1e300
     assert len(solver.solve(far, **given)) == 0

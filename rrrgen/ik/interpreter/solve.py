@@ -81,7 +81,7 @@ def solve(
     row-major). ``q_ref`` is the reference configuration or None, ``given`` the redundancy parameter, ``options`` the
     sum of option bits of a call of the emitted code.
     """
-    if not all(map(isfinite, [*target, *(q_ref or ()), given])):
+    if not all(map(isfinite, [*target, *(x * x for x in (*(q_ref or ()), given))])):
         return Solutions(NOT_FINITE)
     chain = plan.chain
     T, defect = translation((target[0], target[1], target[2])), 0.0

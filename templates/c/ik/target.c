@@ -38,7 +38,7 @@ LOCAL REAL ik_accuracy(const REAL *target)
 LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, REAL T[TARGET])
 {
 #if REDUNDANT
-    REAL sum = lock * (REAL)0;
+    REAL sum = (lock * lock) * (REAL)0;
 #else
     REAL sum = (REAL)0;
 #endif
@@ -49,7 +49,7 @@ LOCAL ik_status ik_check(const REAL *target, const REAL *q_ref LOCK_PARAMETER, R
     }
     if (q_ref != NULL) {
         for (i = 0; i < JOINTS; ++i) {
-            sum += q_ref[i] * (REAL)0;
+            sum += (q_ref[i] * q_ref[i]) * (REAL)0; /* sums and distances of huge numbers would overflow */
         }
     }
     if (!(sum <= (REAL)0)) {
