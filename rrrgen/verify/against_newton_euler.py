@@ -41,8 +41,19 @@ def check_kinematics(model: Model, ne: NewtonEuler, s: States, tolerances: Toler
     check("jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq), acceleration, scale=scale)
 
 
-def check_tip(model: Model, ne: NewtonEuler, tip: str, s: States, tolerances: Tolerances, rows: Collector) -> None:
-    """Compare pose, Jacobian and target of a named ``tip`` with those of ``ne``, the same robot with this tip."""
+def check_tip(
+    model: Model,
+    ne: NewtonEuler,
+    tip: str,
+    carrier: int | None,
+    s: States,
+    tolerances: Tolerances,
+    rows: Collector,
+) -> None:
+    """Compare pose, Jacobian and target of a named ``tip`` with those of ``ne``, the same robot with this tip.
+
+    ``carrier`` is the link in whose frame targets are given; None for the base.
+    """
     check = rows.against(ne.name, NO_PARAMETERS, tolerances.exact, s.count)
     T, J, acceleration = ne.forward_kinematics(s.q), ne.jacobian(s.q), ne.jacobian_dot_dq(s.q, s.dq)
     check(f"{tip}_forward_kinematics", lambda: model.forward_kinematics(s.q, tip=tip), T)
@@ -51,9 +62,9 @@ def check_tip(model: Model, ne: NewtonEuler, tip: str, s: States, tolerances: To
     check(f"{tip}_kinematics: J", lambda: model.kinematics(s.q, tip=tip)[1], J)
     scale = max(size(acceleration), size(J) * size(s.dq) ** 2)
     check(f"{tip}_jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq, tip=tip), acceleration, scale=scale)
-    if f"{tip}_tip_target" in model.derived.programs:
-        carrier = ne.link_frames(s.q)[:, model.tip_arm(tip).carrier]
-        check(f"{tip}_tip_target", lambda: model.tip_target(T, s.q, tip=tip), np.asarray(np.linalg.inv(carrier) @ T))
+    if carrier is not None:
+        seen = np.asarray(np.linalg.inv(ne.link_frames(s.q)[:, carrier]) @ T)
+        check(f"{tip}_tip_target", lambda: model.tip_target(T, s.q, tip=tip), seen)
 
 
 def _at(model: Model, name: str, q: Array) -> Array:

@@ -93,13 +93,15 @@ def verify(
         check_identities(model, chain, parameters, states, tolerances, rows)
     check_inverse_kinematics(single_model, chain, samples, rng, rows, tell)
     for tip in model.spec.tips:
-        check_tip(model, NewtonEuler(chain_of(model.spec.at_tip(tip)), sets[-1].phi), tip, states, tolerances, rows)
+        one = NewtonEuler(chain_of(model.spec.at_tip(tip)), sets[-1].phi)
         try:
-            arm = chain_of(single_model.tip_arm(tip).spec)
+            arm = single_model.tip_arm(tip)
         except DerivationError as reason:
+            check_tip(model, one, tip, None, states, tolerances, rows)
             rows.skipped.append((f"{tip}_inverse_kinematics", str(reason)))
             continue
-        check_inverse_kinematics(single_model, arm, samples, rng, rows, tell, tip)
+        check_tip(model, one, tip, arm.carrier if arm.shared else None, states, tolerances, rows)
+        check_inverse_kinematics(single_model, chain_of(arm.spec), samples, rng, rows, tell, tip)
     if libraries:
         for name in LIBRARIES:
             for parameters in sets:
