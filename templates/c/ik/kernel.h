@@ -76,6 +76,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <string.h>
 
 #include "constants.h" /* includes settings.h */
 
