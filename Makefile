@@ -9,11 +9,11 @@ READY := $(VENV)/.ready
 READY_CORE := $(VENV)/.ready-core
 # syntax trees, protocols, pickling, numbers and texts of the standard library change from one Python to the next; what
 # compilers and other libraries say does not
-PYTHON_TESTS := tests/yamltext tests/program tests/optimize tests/robotfile/importers/test_xml.py \
-	$(patsubst %,tests/robotfile/test_%.py,joints links properties quantities reader schema suggestions units writer) \
-	tests/output/test_manifest.py tests/output/test_writer.py tests/runtime/test_model.py \
-	tests/runtime/test_derived_model.py tests/cli/test_main.py tests/backends/test_language.py \
-	tests/backends/test_function.py tests/test_imports.py
+PYTHON_TESTS := tests/base/yamltext tests/program tests/robot/importers/test_xml.py \
+	$(patsubst %,tests/robot/file/test_%.py,joints links properties quantities reader schema suggestions units writer) \
+	tests/emit/test_manifest.py tests/emit/test_writer.py tests/runtime/test_model.py \
+	tests/runtime/test_derived_model.py tests/cli/test_main.py tests/emit/test_language.py \
+	tests/emit/test_function.py tests/test_imports.py
 
 # --dist worksteal: a file stays with one worker while there are others, so that its fixtures are set up once;
 # tests start many processes, which would compile every module anew where the environment forbids to keep byte code

@@ -39,10 +39,10 @@ ROOT = Path(__file__).resolve().parents[1]
 EXPLAINED = Path(__file__).with_suffix(".yaml")
 ROOMS = ("rrrgen/derive", "rrrgen/program", "rrrgen/ik", "rrrgen/emit", "rrrgen/lab/estimate", "templates/c")
 FOLDERS = {
-    **{"rrrgen/emit/targets": ("export",), "rrrgen/emit/html": ("report", "output")},
-    **{"rrrgen/emit": ("backends", "output"), "rrrgen/derive": ("derive", "pipeline"), "rrrgen/ik": ("ik",)},
-    **{"rrrgen/program": ("program", "optimize"), "rrrgen/lab/estimate": ("estimate",)},
-    "templates/c": ("backends", "control", "ik"),
+    **{"rrrgen/emit/targets": ("emit/targets",), "rrrgen/emit/html": ("emit/html", "emit")},
+    **{"rrrgen/emit": ("emit",), "rrrgen/derive": ("derive", "pipeline"), "rrrgen/ik": ("ik",)},
+    **{"rrrgen/program": ("program", "program/passes"), "rrrgen/lab/estimate": ("lab/estimate",)},
+    "templates/c": ("emit", "controller", "ik"),
 }
 """Folders of tests for the modules of a room, the innermost room first."""
 
@@ -214,7 +214,7 @@ def stages(path: str) -> list[list[str]]:
     named = [file for file in tests if file.stem == f"test_{name}"]
     near = [file for file in tests if imports.search((ROOT / file).read_text(encoding="utf-8")) and file not in named]
     near.sort(key=lambda file: (ROOT / file).stat().st_size)
-    room = [file for file in tests if file.parent.name in folders and file not in [*named, *near]]
+    room = [file for file in tests if str(file.parent.relative_to("tests")) in folders and file not in [*named, *near]]
     return [*([*pytest, str(file)] for file in named), code, *([*pytest, str(file)] for file in [*near, *room])]
 
 

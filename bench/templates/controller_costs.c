@@ -1,6 +1,6 @@
 /*
  * Ticks of the controller along a motion: `controller_costs PASSES` makes PASSES over TICKS inputs, and prints the least
- * nanoseconds of a tick and, for more than two, the bytes of stack that one takes (valgrind forbids to look). Macros as in tests/control/fault_table.c, and MODE.
+ * nanoseconds of a tick and, for more than two, the bytes of stack that one takes (valgrind forbids to look). Macros as in tests/controller/fault_table.c, and MODE.
  */
 #define _POSIX_C_SOURCE 199309L
 #include MODEL_HEADER

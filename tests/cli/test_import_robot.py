@@ -7,7 +7,7 @@ import pytest
 from rrrgen.cli.main import run
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.importers.importing import importers
-from tests.robotfile.par_files import SLIDING, inertia, text
+from tests.robot.file.par_files import SLIDING, inertia, text
 
 
 @pytest.fixture

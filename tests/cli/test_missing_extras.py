@@ -16,7 +16,7 @@ from rrrgen.lab.data.tables.formats import open_here
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.robot.robots import bundled_path
 from samples.recordings import write_log
-from tests.robotfile.test_ur_calibration import FAR_AWAY
+from tests.robot.file.test_ur_calibration import FAR_AWAY
 
 
 class Hider:

@@ -231,7 +231,7 @@ def make_robot(folder: Path) -> None:
 
 
 def make_par(folder: Path) -> None:
-    from tests.robotfile.par_files import SLIDING, inertia, text
+    from tests.robot.file.par_files import SLIDING, inertia, text
 
     (folder / "arm.par").write_text(text({**SLIDING, **inertia(3, 1)}), encoding="utf-8")
 
@@ -244,7 +244,7 @@ def read_par(folder: Path) -> None:
 
 
 def make_calibration(folder: Path) -> None:
-    from tests.robotfile.test_ur_calibration import FAR_AWAY
+    from tests.robot.file.test_ur_calibration import FAR_AWAY
 
     (folder / "ur.yaml").write_text(FAR_AWAY, encoding="utf-8")
 
@@ -260,13 +260,13 @@ def make_mechanism(folder: Path) -> None:
 
 
 def make_urdf(folder: Path) -> None:
-    from tests.robotfile.importers.urdf_files import ARM
+    from tests.robot.importers.urdf_files import ARM
 
     (folder / "arm.urdf").write_text(ARM, encoding="utf-8")
 
 
 def make_mjcf(folder: Path) -> None:
-    from tests.robotfile.importers.test_mjcf import ARM
+    from tests.robot.importers.test_mjcf import ARM
 
     (folder / "arm.xml").write_text(ARM, encoding="utf-8")
 

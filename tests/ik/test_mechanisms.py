@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from backends.c_tools import C99, CXX, IDENTITY, SANITIZERS, compile_all, compiler, run, write
+from emit.c_tools import C99, CXX, IDENTITY, SANITIZERS, compile_all, compiler, run, write
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive import derive
 from rrrgen.emit.c.ik.files import sources

@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from backends.c_tools import compiler, frames, write
+from emit.c_tools import compiler, frames, write
 from ik.robots import make
 from ik.test_emitted_c import LIMITS, VARIANTS
 from rrrgen.base.errors import InternalError

@@ -34,17 +34,17 @@ TESTED = ("README.md", "CONTRIBUTING.md", "docs/first-")
 """Pages whose commands their own tests run, or that are how to run the tests."""
 
 ELSEWHERE = {
-    "pip install": "tests/export/test_wheel.py installs a wheel; it needs an index for the dependencies of rrrgen",
+    "pip install": "tests/emit/targets/test_wheel.py installs a wheel; the dependencies of rrrgen need an index",
     "colcon": "needs ROS 2",
     "examples/tx40": "needs measured data, which examples/README.md says where to get",
     "examples/emps": "needs measured data, which examples/README.md says where to get",
     "examples/flexible_arm": "needs measured data, which examples/README.md says where to get",
-    "rrrgen experiment case-study": "tests/experiments/test_case_study.py",
-    "--presliding": "tests/friction_estimation/test_estimation.py",
-    "rrrgen experiment friction": "tests/friction_estimation/test_estimation.py, with the other joints locked",
-    "RX90.par": "tests/robotfile/test_open_symoro.py",
-    "panda_link8": "tests/robotfile/importers/test_serial_chain.py, with a URDF of the Panda",
-    "rrrgen response linearise": "tests/experiments/test_response_experiment.py",
+    "rrrgen experiment case-study": "tests/lab/experiment/test_case_study.py",
+    "--presliding": "tests/lab/friction/test_estimation.py",
+    "rrrgen experiment friction": "tests/lab/friction/test_estimation.py, with the other joints locked",
+    "RX90.par": "tests/robot/file/test_open_symoro.py",
+    "panda_link8": "tests/robot/importers/test_serial_chain.py, with a URDF of the Panda",
+    "rrrgen response linearise": "tests/lab/experiment/test_response_experiment.py",
     "make-robot": "tests/cli/test_main.py",
 }
 """Words of commands that are not run here, and why."""

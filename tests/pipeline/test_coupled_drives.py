@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rrrgen
-from backends.c_tools import C99, CXX, compile_all, compiler, emitted, run
+from emit.c_tools import C99, CXX, compile_all, compiler, emitted, run
 from oracles import newton_euler as oracle
 from oracles.random_robots import random_robot, to_yaml
 from rrrgen.cli.show import as_data, as_text

@@ -11,8 +11,8 @@ from jsonschema import validate
 from ruamel.yaml import YAML
 
 import rrrgen
-from control.test_emitted_programs import Emitted
-from friction.examples import EXAMPLES
+from controller.test_emitted_programs import Emitted
+from robot.friction.examples import EXAMPLES
 from rrrgen.base.errors import InputError
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.lab.friction.report import with_friction

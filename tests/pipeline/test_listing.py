@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from backends.formula_reading import compute, read_latex, read_mathml
+from emit.formula_reading import compute, read_latex, read_mathml
 from rrrgen.cli.show import as_data, as_text
 from rrrgen.derive import derive
 from rrrgen.derive.parameters.listing import listing

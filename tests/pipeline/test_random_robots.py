@@ -64,7 +64,7 @@ def test_every_recorded_and_every_optimized_function_equals_the_independent_dyna
 
 @pytest.mark.parametrize("joints", [1, 3, 4])
 def test_every_compiled_function_equals_the_independent_dynamics(joints):
-    """All functions and twins through C; tests/backends/test_c_random_robots.py runs some of them on more robots.
+    """All functions and twins through C; tests/emit/test_c_random_robots.py runs some of them on more robots.
 
     In both precisions for every other robot, since they are printed alike for any. The model in Python is verified
     besides, with what it computes from these functions.

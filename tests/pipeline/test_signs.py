@@ -1,6 +1,6 @@
 """Joints with ``sign: -1``: everything that names a link frame means the frame of the robot file.
 
-The dynamics of such robots are compared in tests/derive/test_dynamics.py and tests/export/test_export.py, the link
+The dynamics of such robots are compared in tests/derive/test_dynamics.py and tests/emit/targets/test_export.py, link
 frames among them.
 """
 

@@ -8,7 +8,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from backends.casadi_cases import arguments, random_program
+from emit.casadi_cases import arguments, random_program
 from rrrgen.base.errors import InternalError
 from rrrgen.program import Builder, Op, Port, Program, count_operations, evaluate
 from rrrgen.program.differentiation import jacobian

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from backends.c_tools import IDENTITY
-from backends.planar import planar_model
+from emit.c_tools import IDENTITY
+from emit.planar import planar_model
 from rrrgen.runtime.load import load_model
 
 

@@ -7,8 +7,8 @@ import pickle
 
 import pytest
 
-from backends.c_tools import IDENTITY
-from backends.planar import planar_model
+from emit.c_tools import IDENTITY
+from emit.planar import planar_model
 from rrrgen.base.cache import cache_directory, keep
 from rrrgen.derive import derive_model, derive_once, derived_model
 from rrrgen.derive.derived_model import dumps, loads

@@ -7,8 +7,8 @@ import threading
 import numpy as np
 import pytest
 
-from backends.c_tools import IDENTITY
-from backends.planar import IA_NOMINAL, planar_model
+from emit.c_tools import IDENTITY
+from emit.planar import IA_NOMINAL, planar_model
 from rrrgen.runtime.load import load_model
 from runtime.states import CALLS, arguments, close
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from backends.planar import BETA_NOMINAL, projection
+from emit.planar import BETA_NOMINAL, projection
 from runtime.states import CALLS, arguments, close
 
 SHAPES = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from backends.c_tools import IDENTITY
-from backends.planar import BETA_NOMINAL, IA_NOMINAL, planar_model
+from emit.c_tools import IDENTITY
+from emit.planar import BETA_NOMINAL, IA_NOMINAL, planar_model
 from rrrgen.program import evaluate
 from rrrgen.runtime.load import load_model
 from runtime.states import close

@@ -9,7 +9,7 @@ import warnings
 import pytest
 
 import rrrgen
-from robotfile.sample import SAMPLE
+from robot.file.sample import SAMPLE
 
 DOUBTFUL = SAMPLE.replace("zz: 0.1}", "zz: 0.5}").replace("alpha: pi/2", "alpha: 1.5708")
 

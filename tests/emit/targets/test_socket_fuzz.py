@@ -1,0 +1,14 @@
+"""Random faults through every socket of the controller that has code of its own."""
+
+from __future__ import annotations
+
+import pytest
+
+from emit.targets.socket_fuzz import SOCKETS, fuzz
+
+
+@pytest.mark.parametrize("target", ["rust", "fmu", "mex", "simulink", "arduino", "zephyr", "ros2"])
+def test_random_faults_leave_a_socket_as_they_leave_the_unit(target):
+    if SOCKETS[target].missing:
+        pytest.skip(f"needs {SOCKETS[target].missing}")
+    assert "of 1" in fuzz(target, 3000)  # ten or more kinds of faults

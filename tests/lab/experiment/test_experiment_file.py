@@ -1,0 +1,91 @@
+"""Experiment files: what they say is done, and what is wrong in them is found in its place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rrrgen
+from lab.experiment.whole_file import FULL
+from rrrgen.base.errors import InputError
+from rrrgen.lab.experiment.experiment_file import loads_experiment
+from rrrgen.lab.experiment.setup import problem_of
+
+
+def test_everything_in_a_file_arrives_in_si(model) -> None:
+    found = loads_experiment(FULL, 3)
+    assert (found.period, found.seed, found.starts) == (0.002, 7, 3)
+    assert found.limits is not None
+    assert found.limits.position_lower == pytest.approx((-np.radians(170),) * 3)
+    assert found.limits.position_upper == pytest.approx((np.radians(170), 2.0, 3.0))
+    assert found.limits.box_lower == (None, None, 0.2)
+    assert found.limits.box_upper == (None, None, pytest.approx(0.9))
+    assert found.writing["peak_speed"] == pytest.approx(0.7)
+    assert found.writing["plane"].y == -0.42
+    assert found.branch == (-1.0, -1.5, 2.0)
+    assert found.virtual_robot["torque_noise"] == pytest.approx((0.1, 0.05, 0.02))
+    assert found.virtual_robot["friction"].parameters[0].tolist() == [0.5, 3.0, 1.0, 0.1]
+    assert found.control.bandwidth == (5.0, 5.0, 5.0)
+    problem = problem_of(found, model)
+    assert (problem.harmonics, problem.objective, problem.at_rest, problem.sample_period) == (6, "logdet", True, 0.002)
+    assert problem.torque is not None
+    assert problem.tip is not None
+
+
+def test_an_almost_empty_file_means_the_defaults(model) -> None:
+    found = loads_experiment("schema: rrrgen-experiment/1\n", 3)
+    problem = problem_of(found, model)
+    assert problem.limits.speed == pytest.approx((2 * np.pi, 3 * np.pi, 3 * np.pi))
+    assert problem.limits.torque == (60.0, 30.0, 15.0)  # of the drives
+    assert problem.sample_period == 1e-3
+
+
+def test_limits_that_a_file_does_not_state_are_those_of_the_robot_file_but_for_torques() -> None:
+    """A file with a speed alone took the end stops away: a prismatic joint was sent to -674 km, all limits met."""
+    scara = rrrgen.compile("scara")
+    of_robot = problem_of(loads_experiment("schema: rrrgen-experiment/1\n", 4), scara).limits
+    assert of_robot.position_lower is not None
+    own = loads_experiment("schema: rrrgen-experiment/1\nexcitation: {limits: {speed: 2, upper: .1}}\n", 4)
+    limits = problem_of(own, scara).limits
+    assert (limits.speed, limits.position_upper) == ((2.0,) * 4, (0.1,) * 4)
+    assert limits.position_lower == of_robot.position_lower
+    assert limits.acceleration == of_robot.acceleration
+    assert limits.torque is None
+
+
+def test_faults_are_found_together_and_in_place() -> None:
+    text = """schema: rrrgen-experiment/1
+excitation:
+  harmonic: 6
+  limits: {speed: [1, 2], torque: 3 m}
+writing: {duration: -1, plane: {x: [1, 0]}}
+virtual_robot:
+  friction: {law: stribek, joints: [{}, {}, {}]}
+  torque_record: late
+control: {kp: 3}
+"""
+    with pytest.raises(InputError) as caught:
+        loads_experiment(text, 3, "mine.yaml")
+    shown = str(caught.value)
+    for part in (
+        "mine.yaml:3:3: error: unknown key 'harmonic'",
+        "did you mean 'harmonics'",
+        "speed has 2 entries for 3 joints",
+        "mine.yaml:4",
+        "duration must be positive",
+        "x[0] < x[1]",
+        "friction law 'stribek'",
+        "torque_record is 'late'",
+        "both kp and kd",
+    ):
+        assert part in shown, part
+    with pytest.raises(InputError, match="needs the key 'schema'"):
+        loads_experiment("seed: 1\n", 3)
+
+
+def test_half_a_pair_leaves_one_side_of_the_box_open_and_is_a_fault_of_the_plane():
+    box = "schema: rrrgen-experiment/1\nexcitation: {limits: {box: {z: [0.4, ~]}}}\n"
+    limits = loads_experiment(box, 3).limits
+    assert (limits.box_lower, limits.box_upper) == ((None, None, 0.4), (None, None, None))
+    with pytest.raises(InputError, match=r"plane.yaml:2:\d+: error: z is .*, not a value"):
+        loads_experiment("schema: rrrgen-experiment/1\nwriting: {plane: {z: [0.4, ~]}}\n", 3, "plane.yaml")

@@ -1,0 +1,183 @@
+"""OpenSYMORO files: the robot is the one that the file describes, and whatever is wrong or left out is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rrrgen
+from oracles import khalil
+from rrrgen.base.errors import InputError
+from rrrgen.robot.file import load_spec
+from rrrgen.robot.importers.importing import import_robot
+from tests.robot.file.par_files import ELBOW, SLIDING, TREE, VALUES, inertia, numbers, text
+
+ARMS = {"elbow": (ELBOW, 6, 0, "0,0,-9.81"), "sliding": (SLIDING, 3, 1, "1.5,-2,-9.5")}
+
+
+def columns_of(arm: str) -> tuple[dict[str, str], str]:
+    geometry, moving, fixed, gravity = ARMS[arm]
+    return {**geometry, **inertia(moving, fixed)}, gravity
+
+
+def given(arm: str) -> dict[str, str]:
+    return {name: value for name, value in VALUES.items() if name in "".join(ARMS[arm][0].values())}
+
+
+def write(folder: Path, content: str, name: str = "arm.par") -> Path:
+    (folder / name).write_text(content, encoding="utf-8")
+    return folder / name
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_kinematics_and_energies_are_those_of_the_file(arm, tmp_path):
+    columns, gravity = columns_of(arm)
+    found = import_robot(write(tmp_path, text(columns, arm, gravity)), values=given(arm))
+    assert (found.spec.name, found.spec.convention, found.format) == (arm, "modified", "symoro")
+    file = write(tmp_path, found.text, "arm.yaml")
+    assert load_spec(file) == found.spec
+    model = rrrgen.compile(file, backend="numpy")
+    numeric = numbers(columns, gravity)
+    rng = np.random.default_rng(0)
+    q, dq = rng.uniform(-2, 2, (2, 6, model.n))
+    frames = np.array([khalil.frames(numeric, state).real for state in q])
+    np.testing.assert_allclose(model.link_frames(q), frames[:, : model.n], atol=1e-13)
+    np.testing.assert_allclose(model.forward_kinematics(q), frames[:, -1], atol=1e-13)
+    kinetic, potential = np.transpose([khalil.energies(numeric, *state) for state in zip(q, dq, strict=True)])
+    K, U = model.energy(q, dq)
+    np.testing.assert_allclose(K, kinetic, rtol=1e-12)
+    np.testing.assert_allclose(U - U[0], potential - potential[0], atol=1e-12 * np.abs(potential).max())
+
+
+def test_a_tree_is_the_one_of_the_file(tmp_path):
+    """Every frame is a row, placed by gamma and b; frames, energies and the fixed frame's inertia are the file's."""
+    columns, gravity = {**TREE, **inertia(6)}, "1.5,-2,-9.5"
+    content = text(columns, "tree", gravity).replace("Type = 0", "Type = 1")
+    found = import_robot(write(tmp_path, content), values={"L2": "0.35"})
+    file = write(tmp_path, found.text, "tree.yaml")
+    assert load_spec(file) == found.spec
+    assert [row.name for row in found.spec.rows] == ["t1", "t2", "r3", "fixed4", "t5", "t6"]
+    assert found.spec.mechanism.parents == (-1, 0, 1, 0, 3, -1)
+    model = rrrgen.compile(file, backend="numpy")
+    numeric = numbers(columns, gravity)
+    q, dq = np.random.default_rng(0).uniform(-2, 2, (2, 5, model.n))
+    frames = np.array([khalil.frames(numeric, state).real for state in q])
+    np.testing.assert_allclose(model.link_frames(q), frames, atol=1e-13)
+    kinetic, potential = np.transpose([khalil.energies(numeric, *state) for state in zip(q, dq, strict=True)])
+    K, U = model.energy(q, dq)
+    np.testing.assert_allclose(K, kinetic, rtol=1e-12)
+    np.testing.assert_allclose(U - U[0], potential - potential[0], atol=1e-12 * np.abs(potential).max())
+
+
+def test_lengths_stay_parameters_and_joint_variables_name_the_joints(tmp_path):
+    spec = import_robot(write(tmp_path, text(ELBOW)), values=given("elbow")).spec
+    assert {name: float(value) for name, value in spec.parameters.items()} == {"D3": 0.45, "RL4": 0.45}
+    assert [str(joint.a) for joint in spec.joints] == ["0", "0", "D3", "0", "0", "0"]
+    assert [joint.name for joint in spec.joints] == [f"th{k + 1}" for k in range(6)]
+    assert [str(joint.theta) for joint in spec.joints] == ["0", "-pi/2", "pi/2", "0", "0", "0"]
+    assert import_robot(write(tmp_path, text(ELBOW)), name="my_arm", values=given("elbow")).spec.name == "my_arm"
+
+
+def test_drives_and_friction_and_what_is_left_out(tmp_path):
+    more = {"IA": "0.5,0,0,0,0,IA6", "FV": "1.5,0,0,0,0,0", "FS": "0,2.5,0,0,0,0", "FX": "0,0,0,0,0,FX6"}
+    links = {"M": "M1,M2,M3,M4,M5,M6", "mu": "1,1,0,1,1,1", "k": "0,0,0,0,0,0"}
+    found = import_robot(write(tmp_path, text({**ELBOW, **more, **links})), values=given("elbow"))
+    spec = found.spec
+    assert spec.links is None
+    assert spec.joints[0].drive.inertia == 0.5
+    assert (spec.joints[0].friction.viscous, spec.joints[0].friction.coulomb) == (1.5, None)
+    assert (spec.joints[1].friction.viscous, spec.joints[1].friction.coulomb) == (None, 2.5)
+    assert spec.joints[2].friction is None
+    said = "\n".join(map(str, found.notes))
+    for part in (
+        "IA of joint 6 is left out: 'IA6'",
+        "FX left out",
+        "no mass has a value",
+        "joint 3 is passive",
+        "'k' is",
+    ):
+        assert part in said
+    assert all(note.line > 0 and note.severity == "warning" for note in found.notes)
+
+
+def test_millimetres_without_a_unit_are_noticed(tmp_path):
+    found = import_robot(write(tmp_path, text(ELBOW)), values={"D3": "450", "RL4": "450 mm"})
+    assert [note.message for note in found.notes] == ["d of frame 3 is 450 m"]
+
+
+def spoilt(old: str, new: str) -> str:
+    content = text({**columns_of("elbow")[0]}, "arm")
+    assert content.count(old) == 1, old
+    return content.replace(old, new)
+
+
+FAULTS = {
+    "later frame": ("0,1,2,3,4,5", "0,1,2,5,4,5", "frame 4 follows frame 5", "0 to 3; 0 is the base"),
+    "closed loop": ("Type = 0", "Type = 2", "a chain with closed loops", "Type = 0"),
+    "mobile base": ("is_mobile = 0", "is_mobile = 1", "a base that moves", "fixed base"),
+    "fixed frame inside": (
+        "sigma = {0,0,0,0,0,0}",
+        "sigma = {0,0,2,0,0,0}",
+        "frame 3 is fixed to a moving link",
+        "row",
+    ),
+    "unknown sigma": ("sigma = {0,0,0,0,0,0}", "sigma = {0,0,3,0,0,0}", "sigma is 3", "0 revolute"),
+    "nothing moves": ("sigma = {0,0,0,0,0,0}", "sigma = {2,2,2,2,2,2}", "no joint moves", "sigma is 0"),
+    "branch": ("gamma = {0,0,0", "gamma = {0,0,pi/2", "gamma of frame 3 is not 0", "theta and r"),
+    "too few": ("0,0,D3,0,0,0", "0,0,D3,0,0", "d has 5 entries instead of 6", ""),
+    "sigma too short": ("sigma = {0,0,0,0,0,0}", "sigma = {0,0,0,0,0}", "sigma has 5 entries instead of 6", ""),
+    "empty entry": ("0,0,D3,0,0,0", "0,0,,0,0,0", "an entry is empty", ""),
+    "no number": ("0,0,D3,0,0,0", "0,0,D3*,0,0,0", "not an expression", "allowed are"),
+    "evaluation": ("0,0,D3,0,0,0", "0,0,__import__('os'),0,0,0", "d:", ""),
+    "no value": ("0,0,D3,0,0,0", "0,0,D9,0,0,0", "'D9' has no value", "--set D9=VALUE"),
+    "wrong sign": ("th4", "-th4", "is not 'th4' plus a constant", "no other sign"),
+    "two variables": ("th4", "th4+th7", "several names without a value: th4, th7", "--set"),
+    "massless": ("4.0,3.5,", "0,3.5,", "frame 1 has first moments and no mass", "centre of mass"),
+    "negative mass": ("4.0,3.5,", "4.0,-3.5,", "the mass of frame 2 is negative", ""),
+    "negative friction": ("is_mobile = 0", "is_mobile = 0\nFV = {0,-1,0,0,0,0}", "FV of joint 2 is -1", "0 or more"),
+    "too large": ("0,0,D3,0,0,0", "0,0,D3,9e300*9e300,0,0", "d: an entry is about 1e+601", "at most 1e+15"),
+    "moving base": ("0,0,0}\n\n(* End", "0,0,1}\n\n(* End", "the base moves", "fixed base"),
+    "twice": ("is_mobile = 0", "is_mobile = 0\nd = {0}", "'d' is given twice", ""),
+    "division by zero": ("4.0,3.5,", "1/(D3-0.45),3.5,", "M of frame 1 is not finite", "division by zero"),
+    "no assignment": ("is_mobile = 0", "mobile", "'mobile' is no assignment", "NAME = VALUE"),
+    "no gravity": ("G = {", "GG = {", "there is no list 'G'", "3 entries"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_faults_are_located(case, tmp_path):
+    old, new, message, hint = FAULTS[case]
+    file = write(tmp_path, spoilt(old, new))
+    with pytest.raises(InputError) as caught:
+        import_robot(file, values=given("elbow"))
+    assert caught.value.exit_code == 3
+    fault = next((f for f in caught.value.faults if message in f.message), None)
+    assert fault is not None, str(caught.value)
+    assert hint in fault.hint
+    assert fault.file == str(file)
+    assert fault.line > 0 or case == "no gravity"
+
+
+def test_the_place_of_a_fault_is_that_of_the_entry(tmp_path):
+    with pytest.raises(InputError) as caught:
+        import_robot(write(tmp_path, spoilt("0,0,D3,0,0,0", "0,0, D3*(,0,0,0")), values={"RL4": "0.45"})
+    place = text(columns_of("elbow")[0]).splitlines().index("d = {0,0,D3,0,0,0}") + 1
+    (fault,) = [fault for fault in caught.value.faults if fault.message.startswith("d: ")]
+    assert fault.line == place
+    assert fault.source_line[fault.column - 1 :].startswith(("D3", "*", "(", ",")), fault
+
+
+def test_values_that_nobody_asked_for_and_formats_that_nobody_knows(tmp_path):
+    file = write(tmp_path, text(ELBOW))
+    for options, message in (
+        ({"values": {**VALUES, "D3": "0.45", "X9": "1"}}, "--set X9: the file has no such name"),
+        ({"values": {"D3": "os.getcwd()"}}, "value of D3"),
+        ({"form": "sdf"}, "no format 'sdf'"),
+    ):
+        with pytest.raises(InputError) as caught:
+            import_robot(file, **options)
+        assert message in str(caught.value)
+    with pytest.raises(InputError, match="of no format that can be imported"):
+        import_robot(write(tmp_path, "solid cube", "cube.stl"))
