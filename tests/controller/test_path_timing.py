@@ -180,7 +180,7 @@ def excess_and_stretch(count: int, points: int, inside: int) -> tuple[float, np.
 
 @pytest.mark.parametrize(("points", "median", "largest"), [(11, 1.1, 1.17), (51, 1.01, 1.03)])
 def test_limits_hold_between_the_points(points, median, largest):
-    """A small version of ``python -m tests.control.timed_paths``, which takes 125 paths and up to 1001 points."""
+    """A small version of ``python -m tests.controller.timed_paths``, which takes 125 paths and up to 1001 points."""
     most, stretches = excess_and_stretch(12, points, 60)
     assert most <= 1.0 + 1e-9
     assert 1.0 < np.median(stretches) < median

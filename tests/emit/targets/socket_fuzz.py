@@ -1,7 +1,7 @@
 """Random faults through every socket: ``python -m tests.emit.targets.socket_fuzz --ticks 1000000 [--target rust ..]``.
 
 Each socket gets the same inputs as the unit in Python, with wild numbers in any field, changes of mode and resets, and
-its outputs must be the same bits; the unit itself is judged by ``tests.control.fault_table``. So nothing that is not
+its outputs must be the same bits; the unit itself is judged by ``tests.controller.fault_table``. So nothing that is not
 finite leaves a socket, its status is right and it recovers. Undefined behaviour in C and C++ is fatal, and so is
 a panic of Rust. What only a socket has is damaged too: parameters, value references and states of the FMU, names and
 sizes in MATLAB, signals of Simulink that are no integers, parameters of ROS 2, time and watchdog of the boards.
