@@ -120,6 +120,9 @@ class Controller:
                 raise ValueError(str(error)) from None
         self._refuse(call("check", self._whole()))
 
+    def __repr__(self) -> str:
+        return f"<Controller in mode '{self.mode}', of {', '.join(self.modes)}>"
+
     def _whole(self) -> int:
         return self.params.address
 

@@ -27,6 +27,11 @@ def test_parameters_are_checked_by_name(controller):
             controller(**wrong)
 
 
+def test_it_shows_its_mode_and_those_that_it_has(rrr):
+    shown = repr(rrr.controller("pd_gravity", modes=["gravity", "pd_gravity"]))
+    assert shown.startswith("<Controller in mode 'pd_gravity', of ")
+
+
 def test_unknown_modes_and_parts(rrr):
     with pytest.raises(InputError, match="did you mean 'computed_torque'"):
         rrr.controller(modes=["computed_torqe"])

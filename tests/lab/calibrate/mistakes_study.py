@@ -1,7 +1,7 @@
 """Study of the diagnosis of mistaken files: how often the mistake is named rightly, not decided, or named wrongly.
 
-``python -m tests.lab.calibrate.mistakes_study`` prints a line for each robot and number of poses, and ends with the exit
-code 1 if a mistake is named wrongly or a file without one is refused. Mistakes are drawn from those that
+``python -m tests.lab.calibrate.mistakes_study`` prints a line for each robot and number of poses, and ends with
+the exit code 1 if a mistake is named wrongly or a file without one is refused. Mistakes are drawn from those that
 :mod:`rrrgen.lab.calibrate.diagnosis` knows and from others, which must not be given a name.
 """
 

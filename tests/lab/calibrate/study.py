@@ -1,8 +1,8 @@
 """Study of geometric calibration on virtual arms: the demanded limits beside what is measured, over robots and seeds.
 
-``python -m tests.lab.calibrate.study`` prints a line for each limit and ends with the exit code 1 if one is missed. Errors
-of 0.5 mm and 0.5 mrad in the rows, 5 mm and 5 mrad in base and tool; noise of 0.05 mm and 0.1 mrad; errors at 1000
-other positions inside the limits of the joints. Quick tests of the same limits are in ``test_calibrate.py``.
+``python -m tests.lab.calibrate.study`` prints a line for each limit and ends with the exit code 1 if one is missed.
+Errors of 0.5 mm and 0.5 mrad in the rows, 5 mm and 5 mrad in base and tool; noise of 0.05 mm and 0.1 mrad;
+errors at 1000 other positions inside the limits of the joints. Quick tests of these limits: ``test_calibrate.py``.
 """
 
 from __future__ import annotations
