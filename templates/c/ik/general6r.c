@@ -1835,9 +1835,9 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     for (i = 0; i < count; ++i) {
         flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
         if ((firm < (ik_real)VALUE_6R_FIRM) && (ik_6r_gain(pose, rows[i], &joint) < (ik_real)VALUE_6R_DOUBLE)) {
-            const int free = ik_6r_free(pose, joint, ref, rows[i]);
-            flags[i] = (free > 0) ? (unsigned)IK_FREE : 0u;
-            *certain = (free < 0) ? 0 : *certain;
+            const int loose = ik_6r_free(pose, joint, ref, rows[i]);
+            flags[i] = (loose > 0) ? (unsigned)IK_FREE : 0u;
+            *certain = (loose < 0) ? 0 : *certain;
         }
         for (j = 0; j < 6; ++j) {
             const REAL x = ik_atan2((REAL)rows[i][j][1], (REAL)rows[i][j][0]);

@@ -114,7 +114,7 @@ def environment(folder: Path) -> Path:
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], check=True)
     shown = folder / "shown"
     shown.mkdir()
-    for each in Path(np.__file__).parents[2].glob("numpy*"):
+    for each in Path(np.__file__).parents[1].glob("numpy*"):
         (shown / each.name).symlink_to(each)
     (site,) = (folder / "venv").glob("lib/python*/site-packages")
     (site / "numpy.pth").write_text(str(shown), encoding="utf-8")
@@ -177,7 +177,7 @@ def test_options_that_make_no_sense_are_refused():
 def test_packages_hold_what_is_asked_for_and_say_what_they_cannot(capsys, tmp_path):
     with pytest.raises(
         InputError,
-        match=r"fmu cannot hold 'control'; it takes controller; targets that can: cuda, embedded, jax, matlab, ros2, w",
+        match=r"fmu cannot hold 'control'; it takes controller, timing, trajectory; targets that can: cuda, embedded",
     ):
         export_robot(arm(), "fmu", options=ExportOptions(further=("control",)))
     with pytest.raises(InputError, match=r"wheel cannot hold 'cpp'; it takes control, .*targets that can: embedded"):
