@@ -40,8 +40,8 @@ class SlidingSamples:
 def sliding_samples(data: JointData, delay: float) -> SlidingSamples:
     """Select the samples at which the joint slides, after filtering torque and motion with the same low-pass.
 
-    The motion lags the torque by ``delay`` sampling periods. The torque at an instant is the mean of the values held
-    before and after it.
+    The motion lags the torque by ``delay`` sampling periods. Torques are held from one sample to the next; that of a
+    sample is the mean of the values held before and after it.
     """
     torque = np.empty_like(data.u)
     for first, last in data.stretches:

@@ -221,10 +221,10 @@ class _Problem:
         return self.simulation.positions(theta, self.windows, self._states(theta, start))[0]
 
     def _states(self, theta: Array, start: Array) -> Array:
-        """Positions, speeds and deflections of bristles at the start of the windows, (s, S).
+        """State (s, S) at the start of each of S windows: position, speed and, if there are bristles, their deflection.
 
-        The bristles carry what smoothed torque and acceleration leave for friction, plus a correction in multiples of
-        break-away friction: the last unknown of ``start``.
+        The first force of the bristles is the friction that the smoothed torque and acceleration imply, plus a
+        correction: the last unknown in ``start`` of each window, in multiples of break-away friction.
         """
         if not self.candidate.has_bristles:
             return start
