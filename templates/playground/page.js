@@ -447,6 +447,7 @@ async function open(name) {
   files = null;
   derived = robot.results;
   await showArm(robot.picture, false);
+  document.body.dataset.shown ||= String(Math.round(performance.now()));  // for tests: when the first picture was drawn
   loadDynamics().catch((error) => status(error.message));
   showTable(robot.check);
   showTab();
@@ -467,7 +468,6 @@ async function begin() {
   await first;
   if (text === "") await open(names.includes("ur5") ? "ur5" : names[0]);
   else select.value = names.includes(wanted.get("robot") || "ur5") ? wanted.get("robot") || "ur5" : "";
-  document.body.dataset.shown = String(Math.round(performance.now()));
   if (wanted.get("file")) {
     try {
       change(await unpacked(wanted.get("file")), true);
