@@ -208,7 +208,7 @@ class Drawings(TableFunctions):
         """
         instants, every = np.asarray(t, dtype=float), self._configurations(q)
         if instants.shape != (len(every),) or len(every) < 2 or not np.all(np.diff(instants) > 0.0):
-            raise ValueError(f"t must be {len(every)} increasing instants, two or more: one for each row of q")
+            raise ValueError(f"t must be {len(every)} increasing times, two or more: one for each row of q")
         path = corners(self.spec, self.link_frames(every), self.forward_kinematics(every))
         return animate_arm(path, instants, ax, self.spec.name)
 

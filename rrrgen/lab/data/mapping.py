@@ -239,9 +239,9 @@ FILE_KEYS = {
 TIME_KEYS = {
     "rate": Entry("constant sampling rate", "Hz"),
     "period": Entry("constant sampling period, in place of a rate", "s"),
-    "file": Entry("of recorded instants; may be missing if there is only one"),
-    "column": Entry("of recorded instants, in place of a rate: its name, or its number from 1"),
-    "unit": Entry(f"of recorded instants: {words(log_units.TIME)}"),
+    "file": Entry("of recorded times; may be missing if there is only one"),
+    "column": Entry("of recorded times, in place of a rate: its name, or its number from 1"),
+    "unit": Entry(f"of recorded times: {words(log_units.TIME)}"),
 }
 
 

@@ -70,7 +70,7 @@ def _mapping() -> Iterator[str]:
     keys = mapping.KEYS
     yield _table("", keys["mapping"])
     yield _table("One of several `files`", mapping.FILE_KEYS)
-    yield _table("`time`: a rate, a period, or recorded instants", mapping.TIME_KEYS)
+    yield _table("`time`: a rate, a period, or recorded times", mapping.TIME_KEYS)
     yield _table("A row of `joints`", keys["joint"])
     yield _table("A channel: value = sign * (column - zero) * factor", keys["channel"])
     yield _table("`processing`; what is missing is chosen from the bandwidth of the motion", preprocessing.KEYS)
@@ -98,7 +98,7 @@ def _controller() -> Iterator[str]:
 def _response() -> Iterator[str]:
     yield _RESPONSE
     yield _table("", response_file.KEYS)
-    yield _table("`time`: a rate, a period, or recorded instants", mapping.TIME_KEYS)
+    yield _table("`time`: a rate, a period, or recorded times", mapping.TIME_KEYS)
     yield _table("`excitation`, `input`, `output`", response_file.CHANNEL_KEYS)
     yield _table("`controller`, whose output is subtracted from the excitation", response_file.CONTROLLER_KEYS)
 

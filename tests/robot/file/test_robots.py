@@ -15,8 +15,8 @@ from rrrgen.robot.file import RobotSpec, bundled_names, bundled_path, load_spec
 JOINTS = {"rrr": "RRR", "planar2r": "RR", "scara": "RRPR", "stanford": "RRPRRR", "puma560": "RRRRRR", "ur5": "RRRRRR",
           "ur10e": "RRRRRR", "iiwa14": "RRRRRRR", "panda": "RRRRRRR", "pendulum": "R", "gantry": "PPP",
           "ur3e": "RRRRRR", "ur5e": "RRRRRR", "ur20": "RRRRRR", "xarm6": "RRRRRR", "so101": "RRRRR", "gen3": "RRRRRRR",
-          "fr3": "RRRRRRR"}  # fmt: skip
-MODIFIED = ("panda", "fr3", "gen3")
+          "xarm7": "RRRRRRR", "fr3": "RRRRRRR"}  # fmt: skip
+MODIFIED = ("panda", "fr3", "gen3", "xarm7")
 AS_BUILT = ("gen3", "so101")
 """Arms with small offsets in the maker's own data, of which a file is warned."""
 
