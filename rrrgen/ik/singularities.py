@@ -92,13 +92,21 @@ def determinant(arm: Chain) -> sp.Expr:
     arm of the examples the result is -a2 a3 sin(q3) (a2 cos q2 + a3 cos(q2 + q3)).
     """
     q = [sp.Symbol(f"q_{joint.index + 1}", real=True) for joint in arm.joints]
-    moves = [_motion(joint.revolute, joint.sign * x + joint.offset) for joint, x in zip(arm.joints, q, strict=True)]
+    shifts = {  # angles between quarter turns would double the terms: they are added when the result is simplified
+        x: x + joint.sign * joint.offset
+        for joint, x in zip(arm.joints, q, strict=True)
+        if joint.revolute and not (2 * joint.offset / sp.pi).is_integer
+    }
+    moves = [
+        _motion(joint.revolute, joint.sign * x + (0 if x in shifts else joint.offset))
+        for joint, x in zip(arm.joints, q, strict=True)
+    ]
     w = _matrix(arm.links[0].matrix()) * moves[1] * _matrix(arm.links[1].matrix()) * moves[2] * _matrix(arm.tip)
     point = w[:3, 3]
     axis = sp.Matrix([0, 0, arm.joints[0].sign])
     first = axis.cross(point) if arm.joints[0].revolute else axis
     value = sp.Matrix.hstack(first, point.diff(q[1]), point.diff(q[2])).det()
-    return _simplified(sp.expand(value, trig=True), q[1:])
+    return _simplified(sp.expand(value, trig=True), q[1:]).xreplace(shifts)
 
 
 def _motion(revolute: bool, x: sp.Expr) -> sp.Matrix:

@@ -19,6 +19,13 @@ def test_the_singularities_of_the_reference_robot_are_those_of_its_determinant()
     assert found == {str(sp.sin(q3)), str(a2 * sp.cos(q2) + a3 * sp.cos(q2 + q3))}
 
 
+def test_constant_angles_are_added_to_the_joints():
+    """They stood beside them, in thousands of terms."""
+    form = closed_form(load_spec("piper"))
+    elbow = form.singularities[0].expression
+    assert str(elbow) == "a_4*sin(q_3 + theta_3) - d_4*cos(q_3 + theta_3)"
+
+
 def test_long_determinants_of_irrational_constants_are_not_factored():
     """Which took more than an hour for three axes with twists of 0.7 rad on a base turned by 0.3 rad."""
     q = sp.symbols("q_2 q_3", real=True)

@@ -9,7 +9,7 @@ import sympy as sp
 from rrrgen.robot.file import LinkSpec, bundled_names, load_spec
 from rrrgen.robot.file.links import is_positive_semidefinite, physical_fault, principal_moments
 
-WITHOUT_LINKS = ("ur3e", "ur5e", "xarm6")
+WITHOUT_LINKS = ("ur3e", "ur5e", "xarm6", "piper")
 """Arms whose makers publish no inertias."""
 """Arms with small offsets in the maker's own data, of which a file is warned."""
 

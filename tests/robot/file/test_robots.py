@@ -15,8 +15,8 @@ from rrrgen.robot.file import RobotSpec, bundled_names, bundled_path, load_spec
 JOINTS = {"rrr": "RRR", "planar2r": "RR", "scara": "RRPR", "stanford": "RRPRRR", "puma560": "RRRRRR", "ur5": "RRRRRR",
           "ur10e": "RRRRRR", "iiwa14": "RRRRRRR", "panda": "RRRRRRR", "pendulum": "R", "gantry": "PPP",
           "ur3e": "RRRRRR", "ur5e": "RRRRRR", "ur20": "RRRRRR", "xarm6": "RRRRRR", "so101": "RRRRR", "gen3": "RRRRRRR",
-          "xarm7": "RRRRRRR", "fr3": "RRRRRRR"}  # fmt: skip
-MODIFIED = ("panda", "fr3", "gen3", "xarm7")
+          "xarm7": "RRRRRRR", "piper": "RRRRRR", "fr3": "RRRRRRR"}  # fmt: skip
+MODIFIED = ("panda", "fr3", "gen3", "xarm7", "piper")
 AS_BUILT = ("gen3", "so101")
 """Arms with small offsets in the maker's own data, of which a file is warned."""
 
@@ -136,6 +136,12 @@ def test_zero_pose(name: str) -> None:
     assert np.allclose(forward(spec, [0.0] * spec.n)[:3, 3], ZERO_POSES[name], rtol=0, atol=1e-12)
 
 
+def test_piper_stands_where_the_makers_sdk_has_its_zero() -> None:
+    T = forward(load_spec("piper"), [0.0] * 6)
+    assert np.allclose(T[:3, 3], [0.056128, 0, 0.213266], rtol=0, atol=1e-6)
+    assert np.isclose(np.degrees(np.arctan2(-T[2, 0], T[0, 0])), 85)
+
+
 def test_gantry_moves_along_the_axes_of_its_base() -> None:
     T = forward(load_spec("gantry"), [1.0, 2.0, 3.0])
     assert np.allclose(T[:3, 3], [1, 2, 3], rtol=0, atol=1e-12)
@@ -144,7 +150,7 @@ def test_gantry_moves_along_the_axes_of_its_base() -> None:
 def test_angles_are_exact() -> None:
     for name in bundled_names():
         for joint in load_spec(name).joints:
-            if name in ("xarm6", "so101"):  # zero positions that the makers chose by the shape of their links
+            if name in ("xarm6", "so101", "piper"):  # zero positions that the makers chose by the shape of their links
                 assert (joint.alpha / (sp.pi / 2)).is_Integer
                 continue
             assert (joint.alpha / (sp.pi / 2)).is_Integer
