@@ -26,11 +26,13 @@ ARMS = [
     "ur10e",
     "ur20",
     "xarm6",
+    "piper",
     "so101",
     "iiwa14",
     "panda",
     "fr3",
     "gen3",
+    "xarm7",
 ]  # simple ones first, then by number of joints
 COLUMNS = 4
 
