@@ -63,9 +63,9 @@ unit: setup  ## the tests, on all processors
 python: $(READY_CORE)  ## the tests of what depends on the version of Python; continuous integration runs them on every one
 	$(BIN)/python -m pytest -q -n auto --dist worksteal $(PYTHON_TESTS)
 
-sweep: setup  ## the random tests with ten times the draws, fresh ones where Hypothesis draws, and more damaged files; hours
+sweep: setup  ## ten times the random draws, fresh ones of Hypothesis, more robots, compilers and damaged files; hours
 	RRRGEN_DRAWS=10 RRRGEN_FUZZ=300 HYPOTHESIS_PROFILE=explore $(BIN)/python -m pytest -q -n auto --dist worksteal \
-		tests/damage $$(grep -rlE '@given|draws\(' tests --include='test_*.py')
+		tests/damage $$(grep -rlE '@given|draws\(|mark\.sweep' tests --include='test_*.py')
 
 generated: core  ## the committed code of the reference robot is what the generator writes today
 	$(BIN)/rrrgen generate rrr -o generated/rrr --check

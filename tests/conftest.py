@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, settings
 from rrrgen.base.files import write_file
 from rrrgen.lab.data import figure_style as figures
 from rrrgen.lab.data.run_folder import RunFolder
+from samples.draws import draws
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,6 +31,17 @@ os.environ.pop("COLUMNS", None)  # processes of pytest-xdist have it: commands w
 # A full test process holds millions of objects, which the default thresholds have the collector visit again and again:
 # rarer visits save 7 % of the time.
 gc.set_threshold(100_000, 20, 20)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave the tests that are marked ``sweep`` to `make sweep`, and to those who name one."""
+    if draws(1) > 1 or any("::" in word for word in config.args):
+        return
+    left = [item for item in items if item.get_closest_marker("sweep")]
+    if left:
+        config.hook.pytest_deselected(items=left)
+        items[:] = [item for item in items if not item.get_closest_marker("sweep")]
+
 
 # Robots are slow to draw and their evaluation time varies with n, so deadlines would only measure the machine's load.
 # "ci" is derandomised: a red run can be repeated; "explore", of `make sweep`, searches with fresh seeds.

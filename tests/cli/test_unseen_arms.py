@@ -6,6 +6,7 @@ import csv
 import json
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from scipy.io import savemat
 
@@ -140,6 +141,7 @@ def test_a_prismatic_drive(tmp_path):
         assert f"scored on {label} (" in result.output
 
 
+@pytest.mark.sweep  # tests/stranger.py takes arms the same way
 def test_a_wrist_arm_in_modified_parameters_with_drives(tmp_path, no_figures):
     robot = tmp_path / "six.yaml"
     robot.write_text(SIX)
@@ -182,6 +184,7 @@ def as_matlab(log, folder):
     return folder / "cell.yaml"
 
 
+@pytest.mark.sweep  # tests/stranger.py takes arms the same way
 def test_a_seven_joint_arm_in_standard_parameters_from_matlab(tmp_path, no_figures):
     robot = tmp_path / "seven.yaml"
     robot.write_text(SEVEN)

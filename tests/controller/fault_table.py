@@ -42,7 +42,10 @@ def built(
     compiler: Sequence[str] = ("gcc", "-std=c99"),
     flags: Sequence[str] = ("-O1",),
 ) -> Path:
-    """Compile the driver for one arm in ``folder``, and with ``flags`` the emitted code; both without a warning."""
+    """Compile the emitted code for one arm in ``folder``, with ``flags``, and its driver; both without a warning.
+
+    Undefined behaviour is fatal unless ``flags`` switch the sanitizers off, which not every compiler has a library for.
+    """
     model = derived_model(read(robot), GROUPS)[0]
     unit = unit_of(model, None, parts)
     plant = [model.programs[name] for name in ("forward_dynamics", "forward_kinematics", "mass_matrix")]
@@ -62,14 +65,16 @@ def built(
         **({"OBSERVED": "1"} if unit.has("observer") else {}),
     }
     strict = [*WARNINGS, "-fsanitize=undefined", "-fno-sanitize-recover=all"]
+    sanitizers = [flag for flag in flags if flag.startswith("-fno-sanitize")]
     sources = [file for file in files if file.endswith(".c")]
     own = [f"-D{key}={value}" for key, value in words.items()]
     for command in (
         [*compiler, *strict, *flags, "-c", *sources],
-        [*compiler, *strict, "-O1", "-I.", *own, "-c", str(HERE / "fault_table.c")],
+        [*compiler, *strict, "-O1", *sanitizers, "-I.", *own, "-c", str(HERE / "fault_table.c")],
         [
             compiler[0],
             "-fsanitize=undefined",
+            *sanitizers,
             *(f"{Path(each).stem}.o" for each in (*sources, "fault_table.c")),
             "-lm",
             "-o",

@@ -214,7 +214,11 @@ def folder(tmp_path_factory):
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 @pytest.mark.parametrize(
     ("real", "options"),
-    [("double", "-O2"), ("double", "-O3 -ffast-math -march=native"), ("float", "-O2 -ffast-math")],
+    [
+        pytest.param("double", "-O2", marks=pytest.mark.sweep),
+        ("double", "-O3 -ffast-math -march=native"),
+        ("float", "-O2 -ffast-math"),
+    ],
 )
 def test_c(real, options, folder):
     """NaN has no meaning under -ffast-math, yet it is refused there too."""

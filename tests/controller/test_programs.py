@@ -66,7 +66,7 @@ def test_a_change_of_mode_in_motion_is_without_a_step(rrr, controller, mode):
     [
         (ARMS[0], "double", ["kalman", "estimator", "observer"], ["gcc", "-std=c99"], ["-O0"]),
         (ARMS[1], "float", None, ["clang", "-std=c99"], ["-O2", "-ffast-math", "-fno-sanitize=all"]),
-        (ARMS[2], "double", None, ["g++", "-std=c++17", "-x", "c++"], ["-O0"]),
+        pytest.param(ARMS[2], "double", None, ["g++", "-std=c++17", "-x", "c++"], ["-O0"], marks=pytest.mark.sweep),
     ],
     ids=["rrr", "Own6", "panda"],
 )

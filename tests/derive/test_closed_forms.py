@@ -109,7 +109,7 @@ def substituted(form: SharedForm, numbers) -> list[float]:
 
 @pytest.mark.parametrize(
     ("name", "function", "most"),
-    [("panda", "mass_matrix", 110), ("ur10e", "inverse_dynamics", 120)],
+    [("panda", "mass_matrix", 110), pytest.param("ur10e", "inverse_dynamics", 120, marks=pytest.mark.sweep)],
 )
 def test_long_forms_name_their_intermediate_results(name, function, most):
     model = bundled(name)

@@ -14,7 +14,9 @@ from rrrgen.robot.file import load_spec, loads_spec
 from rrrgen.verify import verify
 
 
-@pytest.mark.parametrize("text", [TREE.format(convention="modified"), PLACED_TREE])
+@pytest.mark.parametrize(
+    "text", [TREE.format(convention="modified"), pytest.param(PLACED_TREE, marks=pytest.mark.sweep)]
+)
 def test_every_function_of_a_tree_with_followers_agrees_with_newton_euler(text):
     """Prismatic and revolute followers with fractions, several branches and roots; verify asks every function."""
     model = rrrgen.compile(loads_spec(text), backend="numpy")

@@ -80,7 +80,9 @@ def close(got: list[np.ndarray], expected: list[np.ndarray]) -> None:
         np.testing.assert_allclose(one, other, rtol=ROUND_OFF, atol=ROUND_OFF * max(1.0, np.abs(other).max()))
 
 
-@pytest.mark.parametrize("name", ["rrr", "scara", "pendulum", "bare_gantry", "friction_arm", "panda"])
+@pytest.mark.parametrize(
+    "name", ["rrr", "scara", "pendulum", "bare_gantry", "friction_arm", pytest.param("panda", marks=pytest.mark.sweep)]
+)
 def test_every_function_and_its_rebuilt_twin_equal_the_program(name: str, tmp_path: Path) -> None:
     derived = model(name)
     text = sources(derived)[f"{name}_casadi.py"]

@@ -26,9 +26,11 @@ def sources(robot, real):
         ("rrr", "double", "gcc", ["-O1", *C99]),
         ("rrr", "float", "clang", ["-O1", *C99]),
         ("rrr", "double", "clang", ["-O1", "-ffast-math", *CXX]),
-        ("rrr", "float", "gcc", ["-O0", *CXX]),  # the optimizer gets the same code from C and C++
+        pytest.param(
+            "rrr", "float", "gcc", ["-O0", *CXX], marks=pytest.mark.sweep
+        ),  # the optimizer gets the same code from C and C++
         ("stanford", "float", "gcc", ["-O1", *C99]),
-        ("panda", "double", "clang", ["-O0", *C99]),
+        pytest.param("panda", "double", "clang", ["-O0", *C99], marks=pytest.mark.sweep),
         ("xarm6", "double", "clang", ["-O0", *C99]),  # general equations, which may not prove their number
         ("gantry", "double", "clang", ["-O0", *C99]),  # no angle: no kernel that nothing uses
         ("rrr", "double", "gcc", ["-Ofast", *C99]),  # the sines must not come from a kernel that is rearranged
@@ -44,12 +46,12 @@ def test_bundled_robots_compile_cleanly_and_pass_their_self_test(robot, real, co
 @pytest.mark.parametrize(
     ("robot", "real", "command", "flags"),
     [
-        ("stanford", "double", "gcc", ["-O2"]),  # loads inputs early
+        pytest.param("stanford", "double", "gcc", ["-O2"], marks=pytest.mark.sweep),  # loads inputs early
         ("stanford", "float", "clang", ["-O2"]),  # saves vectors
         ("rrr", "double", "clang", ["-O1"]),
         ("rrr", "float", "gcc", ["-O3", "-march=native"]),
         ("rrr", "double", "gcc", ["-O1"]),  # calls the kernel of the sines
-        ("gantry", "float", "clang", ["-O3"]),
+        pytest.param("gantry", "float", "clang", ["-O3"], marks=pytest.mark.sweep),
     ],
 )
 def test_no_function_takes_more_stack_than_its_bound(robot, real, command, flags, tmp_path):

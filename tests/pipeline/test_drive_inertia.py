@@ -34,7 +34,11 @@ def field(name: str, n: int) -> np.ndarray:
     return np.array([(FRICTION[i] or {}).get(name, 0.0) for i in range(n)])
 
 
-@pytest.fixture(scope="module", params=[(1, 11), (4, 13), (5, 14)], ids=lambda p: f"{p[0]}-joints")
+@pytest.fixture(
+    scope="module",
+    params=[(1, 11), (4, 13), pytest.param((5, 14), marks=pytest.mark.sweep)],
+    ids=lambda p: f"{p[0]}-joints",
+)
 def case(request):
     joints, seed = request.param
     robot = random_robot(seed, n=joints)

@@ -570,14 +570,22 @@ def test_fmu(reference, tmp_path):
     slave.end()
 
 
-CHOICES = (
-    {"modes": ("computed_torque",), "parts": ("kalman", "observer", "any_gravity")},
-    {"modes": ("free",), "parts": ()},
+FILTERED = {"modes": ("computed_torque",), "parts": ("kalman", "observer", "any_gravity")}
+LEAST = {"modes": ("free",), "parts": ()}
+
+
+@pytest.mark.parametrize(
+    ("target", "chosen"),
+    [
+        ("wheel", FILTERED),
+        ("fmu", FILTERED),
+        ("fmu", LEAST),
+        ("matlab", LEAST),
+        ("ros2", FILTERED),
+        ("embedded", LEAST),
+    ],
+    ids=["wheel", "fmu", "fmu-least", "matlab-least", "ros2", "embedded-least"],
 )
-
-
-@pytest.mark.parametrize("chosen", CHOICES, ids=["filtered", "least"])
-@pytest.mark.parametrize("target", ["wheel", "fmu", "matlab", "ros2", "embedded"])
 def test_packages_take_a_choice_of_modes_and_parts(target, chosen, tmp_path):
     """They compile without what is left out: joint speeds, if a filter computes them, and references of other modes."""
     folder = exported(target, tmp_path, chosen=chosen)

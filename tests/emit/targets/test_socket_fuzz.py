@@ -6,8 +6,13 @@ import pytest
 
 from emit.targets.socket_fuzz import SOCKETS, fuzz
 
+# one closed loop with a fault of every kind runs through all of them in test_controller_sockets.py
+OTHERS = ("rust", "mex", "arduino", "zephyr", "ros2")
 
-@pytest.mark.parametrize("target", ["rust", "fmu", "mex", "simulink", "arduino", "zephyr", "ros2"])
+
+@pytest.mark.parametrize(
+    "target", ["fmu", "simulink", *(pytest.param(name, marks=pytest.mark.sweep) for name in OTHERS)]
+)
 def test_random_faults_leave_a_socket_as_they_leave_the_unit(target):
     if SOCKETS[target].missing:
         pytest.skip(f"needs {SOCKETS[target].missing}")

@@ -58,6 +58,7 @@ def test_best_of_many_starts_is_kept_and_written(tmp_path) -> None:
     assert len((tmp_path / "two.csv").read_text().splitlines()) == 801
 
 
+@pytest.mark.sweep  # as test_factoring.py shows for identification
 def test_a_dask_cluster_survives_the_loss_of_a_worker(tmp_path, monkeypatch, undisturbed) -> None:
     """The same search on a cluster, whose worker is killed in the middle and replaced, gives the same result."""
     distributed = pytest.importorskip("distributed", reason="clusters need the extra 'cluster'")

@@ -53,7 +53,7 @@ def experiment(arm, seed, noise, rho=0.0, samples=1200):
     return Log(("q1", "q2"), t, q, tau, dq=dq, ddq=ddq, period=0.01)
 
 
-@pytest.mark.parametrize("method", ["weighted", "robust"])
+@pytest.mark.parametrize("method", ["weighted", pytest.param("robust", marks=pytest.mark.sweep)])
 def test_deviations_of_the_delivered_model_are_those_of_repeated_experiments(arm, method):
     """Coloured noise, links off the prior by nothing and friction at its bound: spread and reports agree."""
     options = Options(method=method, terms=TERMS, poses=2)

@@ -135,6 +135,7 @@ def test_interleaved_blocks(case):
     assert found(case, "blocks:0.5", correlated=False).consistent_held_out["relative_error"] <= 0.06
 
 
+@pytest.mark.sweep
 def test_friction_with_presliding_and_an_exponential_term(case):
     """All samples, slow ones too, friction evaluated at 5 kHz, shapes tuned on the fitted part alone.
 

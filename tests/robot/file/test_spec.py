@@ -61,7 +61,8 @@ def test_the_solver_of_any_legal_name():
 
 
 @pytest.mark.parametrize(
-    ("name", "further"), [("MyArm", "control,cpp,javascript,rust"), (random_names(2, 9)[-1], "cpp")]
+    ("name", "further"),
+    [("MyArm", "control,cpp,javascript,rust"), pytest.param(random_names(2, 9)[-1], "cpp", marks=pytest.mark.sweep)],
 )
 def test_from_new_to_every_package(name, further, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

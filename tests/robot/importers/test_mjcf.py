@@ -13,6 +13,7 @@ from rrrgen.robot.importers.importing import import_robot
 from rrrgen.robot.importers.interface import ChainChoice
 from rrrgen.robot.importers.mjcf import ATTRIBUTES
 from rrrgen.verify.references.imported_source import compare_with_source
+from samples.draws import draws
 
 AGREE = 1e-9  # relative; both sides compute with doubles
 
@@ -62,7 +63,7 @@ def write(folder: Path, text: str) -> Path:
 @pytest.mark.parametrize("convention", ["standard", "modified"])
 def test_random_chains_equal_mujoco(convention, tmp_path):
     pytest.importorskip("mujoco")
-    for seed in range(10):
+    for seed in range(draws(4)):
         chain = ChainChoice(tip="end", convention=convention, angle_tolerance=0.0)
         found = import_robot(write(tmp_path, random_mjcf(seed)), chain=chain)
         compared = compare_with_source(found, seed)

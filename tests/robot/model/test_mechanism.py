@@ -144,7 +144,7 @@ def test_a_payload_at_a_tip_loads_its_link(model, spec):
     assert np.abs(loaded - wanted).max() < 1e-12
 
 
-@pytest.mark.parametrize(("name", "real"), [("gcc", "double"), ("clang", "float")])
+@pytest.mark.parametrize(("name", "real"), [("gcc", "double"), pytest.param("clang", "float", marks=pytest.mark.sweep)])
 def test_emitted_c_of_all_tips_compiles_without_warnings_and_passes_its_self_test(spec, name, real, tmp_path):
     files = {path: text for path, text in emit(derive_once(spec), real).items() if path.endswith((".c", ".h"))}
     folder = write({path: text for path, text in files.items() if "/" not in path}, tmp_path)
