@@ -195,7 +195,7 @@ def shared_form(
     ``inputs`` holds one symbol per element of every input, ``angles`` the expression of every node that is the argument
     of a sine or cosine. Sines and cosines stay whole: they are part of the notation.
     """
-    needed = [k for k in reachable(program.nodes, results) if k not in angles]
+    needed = _printed(program, results)
     uses = _uses(program, needed, results)
     taken = {str(symbol) for port in inputs for symbol in port}
     names = (name for k in count(1) if (name := f"{LETTER}{k}") not in taken)
@@ -218,6 +218,19 @@ def shared_form(
                 value = symbol
         values[k] = value
     return SharedForm(tuple(definitions), sp.Matrix(*shape, [values[k] for k in results]))
+
+
+def _printed(program: Program, results: Sequence[int]) -> list[int]:
+    """The nodes that ``results`` are computed from, in order, without those that only stand inside sines and cosines.
+
+    A number may stand in both places: an angle of 0.25 rad beside a length of 0.25 m.
+    """
+    order = reachable(program.nodes, results)
+    printed = set(results)
+    for k in reversed(order):
+        if k in printed and program.nodes[k].op not in (Op.SIN, Op.COS):
+            printed.update(program.nodes[k].args)
+    return [k for k in order if k in printed]
 
 
 def _uses(program: Program, needed: Iterable[int], results: Sequence[int]) -> Counter[int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from functools import cache
 from itertools import cycle
 
@@ -13,7 +14,7 @@ from pipeline.optimized import bundled
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive import prepare
 from rrrgen.derive.closed_forms import CLOSED, SharedForm, closed_form, shared_form
-from rrrgen.program import Builder, Port, evaluate
+from rrrgen.program import Builder, Op, Port, evaluate
 from rrrgen.robot.file import load_spec
 
 DIGITS = 1e-12  # relative to the largest entry; the program computes in double, the closed form with 30 digits
@@ -149,6 +150,19 @@ def test_names_of_intermediate_results_avoid_the_names_of_the_robot():
     symbols = [[sp.Symbol("q1")], [sp.Symbol("t1")]]
     form = shared_form(program, program.results[0], (1, 1), symbols, {})
     assert [str(symbol) for symbol, _ in form.definitions] == ["t2"]
+
+
+def test_a_number_may_be_an_angle_and_a_length():
+    builder, quarter = Builder(), Fraction(1, 4)
+    q = builder.input(Port("q", ()))[0]
+    turned = builder.add(q, quarter)
+    program = builder.program("reach", [(Port("x", (1,)), [builder.mul(quarter, builder.sin(turned)) + quarter])])
+    symbol = sp.Symbol("q1")
+    (angle,) = (node.args[0] for node in program.nodes if node.op is Op.SIN)
+    angles = {k: symbol + sp.Rational(1, 4) for k in (angle, *program.nodes[angle].args)}
+    form = shared_form(program, program.results[0], (1, 1), [[symbol]], angles)
+    expected = (1 + sp.sin(symbol + sp.Rational(1, 4))) / 4
+    assert sp.expand(form.matrix[0].subs(form.definitions[::-1]) - expected) == 0
 
 
 def test_what_has_no_closed_form_and_wrong_entries_are_refused():
