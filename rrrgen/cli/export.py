@@ -35,7 +35,9 @@ class _WithTargets(click.Command):
 
 @click.command(cls=_WithTargets)
 @robot_argument
-@click.option("--to", "target", metavar="TARGET", required=True, help="One of those below.")
+@click.option(
+    "--to", "wanted", metavar="TARGET", required=True, multiple=True, help="One of those below; may be repeated."
+)
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="File or folder; after the robot if not given.")
 @click.option(
     "--beta",
@@ -64,7 +66,7 @@ class _WithTargets(click.Command):
 @click.option("--force", is_flag=True, help="Overwrite a file.")
 def export(
     robot: str,
-    target: str,
+    wanted: tuple[str, ...],
     output: Path | None,
     beta: Path | None,
     real: Real,
@@ -94,22 +96,30 @@ def export(
     spec = read_with_warnings(robot)
     chosen = {name: words for name, words in (("modes", modes), ("parts", parts)) if words is not None}
     options = ExportOptions(real, platforms, further, chosen)
-    with working(f"writing files for {target}"):
-        found = export_robot(spec, target, _read_beta(beta) if beta is not None else None, options)
-    name = _alone(found.files, exporter_of(target), output)
-    if name is not None:
-        contents, path = found.files[name], output or Path(name)
-        if path.exists() and not force:
-            raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
-        write_file(path, contents)
-    else:
-        path = output or Path(f"{spec.name}_{target}")
-        write(found.files, path)
-    for note in found.notes:
-        click.echo(f"{path}: {note}", err=True)
+    targets = tuple(dict.fromkeys(wanted))
+    if output is not None and len(targets) > 1:
+        raise InputError(f"-o names one file or folder, but --to {len(targets)} targets: {', '.join(targets)}")
+    values = _read_beta(beta) if beta is not None else None
+    places = []
+    for target in targets:
+        with working(f"writing files for {target}"):
+            found = export_robot(spec, target, values, options)
+        name = _alone(found.files, exporter_of(target), output)
+        places.append((found, name, output or Path(name or f"{spec.name}_{target}")))
+    there = [path for _, name, path in places if name is not None and path.exists()]
+    if there and not force:
+        hint = "--force overwrites it"
+        raise InputError([Fault(str(path), 0, 0, "the file exists already", hint=hint) for path in there])
+    for found, name, path in places:
+        if name is not None:
+            write_file(path, found.files[name])
+        else:
+            write(found.files, path)
+        for note in found.notes:
+            click.echo(f"{path}: {note}", err=True)
+        say(f"{path} written")
     for fault in unusable().values():
         click.echo(f"warning: {fault}", err=True)
-    say(f"{path} written")
 
 
 def _alone(files: Mapping[str, Contents], exporter: Exporter, output: Path | None) -> str | None:

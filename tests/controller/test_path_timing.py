@@ -368,7 +368,8 @@ def test_the_figure_of_the_page(tmp_path, monkeypatch, capsys):
     script = Path(__file__).resolve().parents[2] / "examples/path-timing/figure.py"
     folder = tmp_path / "figures"
     monkeypatch.setattr(sys, "argv", [str(script), "-o", str(folder)])
-    runpy.run_path(str(script), run_name="__main__")
+    with warnings.catch_warnings(action="error"):  # as one that took friction away where the motion ends
+        runpy.run_path(str(script), run_name="__main__")
     assert {path.name for path in folder.iterdir()} == {"path-timing.png", "path-timing.svg"}
     told = capsys.readouterr().out
     assert 0.99 < float(told.split()[-1]) < 1.02, "the torques touch their limits and keep them"

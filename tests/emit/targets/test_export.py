@@ -115,6 +115,21 @@ def test_friction_and_drive_inertia_come_back_from_par(tmp_path):
     assert [(joint.friction.viscous, joint.friction.coulomb) for joint in again.joints] == [(0.4, 0.6), (0.2, 0.3)]
 
 
+def test_several_targets_are_all_written_or_none(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    both = ["export", "rrr", "--to", "urdf", "--to", "mjcf"]
+    named = CliRunner().invoke(cli, [*both, "-o", "arm.xml"])
+    assert "-o names one file or folder, but --to 2 targets: urdf, mjcf" in str(named.exception)
+    (tmp_path / "rrr.xml").write_text("mine")
+    taken = CliRunner().invoke(cli, both)
+    assert "rrr.xml: error: the file exists already" in str(taken.exception)
+    assert [path.name for path in tmp_path.iterdir()] == ["rrr.xml"]
+    done = CliRunner().invoke(cli, [*both, "--force"])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "rrr.urdf").read_text().startswith("<?xml")
+    assert "<mujoco" in (tmp_path / "rrr.xml").read_text()
+
+
 def test_command(tmp_path):
     run = CliRunner().invoke(cli, ["export", "rrr", "--to", "urdf", "-o", str(tmp_path / "a.urdf")])
     assert run.exit_code == 0, run.output
