@@ -60,7 +60,7 @@ def test_ten_base_parameters_of_the_body_and_seven_of_every_revolute_joint(name,
     assert len(prepare(floating(name)).compiler_basis.names) == count
 
 
-@pytest.fixture(scope="module", params=["quadruped", "hand", "tree"])
+@pytest.fixture(scope="module", params=["quadruped", pytest.param("hand", marks=pytest.mark.sweep), "tree"])
 def model(request):
     return rrrgen.compile(floating(request.param), backend="numpy")
 
