@@ -103,6 +103,27 @@ class ProblemFunctions:
             Y = Y * np.asarray(problem.column_scales)
         return Y.reshape(-1, problem.columns)
 
+    def turns_freely(self) -> list[bool]:
+        """For each joint, whether a whole turn of it leaves everything as it is and no position limit forbids it.
+
+        So it is for a revolute joint without position limits that no limited row of a mechanism follows.
+        """
+        problem, limits = self.problem, self.problem.limits
+        n = problem.joints
+        q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 4, n))
+        bounded = np.isfinite([limits.row("position_lower", n), limits.row("position_upper", n)]).any(axis=0)
+        followed = np.any([each.factors for each in limits.followers] or [[0.0] * n], axis=0)
+        functions = [(each, (q, dq, ddq)[: each.n_in()]) for each in (self.regressor, self.torque, self.tip) if each]
+        return [
+            not bounded[k]
+            and not followed[k]
+            and all(
+                np.allclose(self.over(each, x[0] + 2.0 * np.pi * np.eye(n)[k], *x[1:]), self.over(each, *x), atol=1e-9)
+                for each, x in functions
+            )
+            for k in range(n)
+        ]
+
     def triangular(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
         """Triangular factor R (b, b) of the QR decomposition of the weighted regressor, stacked over m states (m, n).
 

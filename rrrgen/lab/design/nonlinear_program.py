@@ -54,7 +54,9 @@ class Constraints:
 class ExcitationProgram:
     """Nonlinear program of an excitation ``problem``, built with CasADi symbols.
 
-    Its variables are the Fourier coefficients of the trajectory, joint by joint, scaled by the speed limits.
+    Its variables ``x`` are the Fourier coefficients of the trajectory, joint by joint, scaled by the speed limits. They
+    lie between ``lower`` and ``upper``, which are infinite but for the middle of the motion of a joint that neither has
+    two position limits nor turns freely.
     """
 
     def __init__(self, problem: ExcitationProblem) -> None:
@@ -70,6 +72,14 @@ class ExcitationProgram:
         X = casadi.reshape(self.x, self.size, self.n)
         self.factors = np.vstack([np.ones(self.n), np.tile(scale, (2 * self.N, 1))])
         self.X = X * casadi.DM(self.factors)
+        low, high = problem.limits.middles(self.n)
+        free = self.functions.turns_freely()
+        limited = np.isfinite([problem.limits.row(f"position_{side}", self.n) for side in ("lower", "upper")]).all(
+            axis=0
+        )
+        self.lower, self.upper = np.full((2, self.x.numel()), np.inf) * np.array([[-1.0], [1.0]])
+        for k in np.flatnonzero(~(limited | free)):
+            self.lower[k * self.size], self.upper[k * self.size] = low[k], high[k]
         period = 1.0 / problem.base_frequency
         grid = np.arange(problem.design_instants) * (period / problem.design_instants)
         self.information = self._information(grid)

@@ -45,10 +45,26 @@ class ExcitationLimits:
         free = -math.inf if name.endswith("lower") else math.inf
         return tuple(free if v is None else float(v) for v in (values if values is not None else [None] * size))
 
+    def middles(self, size: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Lower and upper bounds of the middle of a motion, ``size`` each: the position limits where a joint has two.
+
+        Else it is a range of 2 pi (rad or m), beside the one limit or about zero: without it a motion could go
+        anywhere.
+        """
+        bounds = zip(self.row("position_lower", size), self.row("position_upper", size), strict=True)
+        low, high = zip(*(_range_of_middle(*each) for each in bounds), strict=True)
+        return low, high
+
     def follower_range(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Lower and upper position limits of the ``followers``, joints that follow others; -inf and inf for none."""
         low = tuple(-math.inf if each.lower is None else each.lower for each in self.followers)
         return low, tuple(math.inf if each.upper is None else each.upper for each in self.followers)
+
+
+def _range_of_middle(low: float, high: float) -> tuple[float, float]:
+    if math.isfinite(low):
+        return low, high if math.isfinite(high) else low + 2.0 * math.pi
+    return (high - 2.0 * math.pi, high) if math.isfinite(high) else (-math.pi, math.pi)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ added to these instants and IPOPT continues (the exchange method of semi-infinit
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -171,7 +171,7 @@ def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
             break
         _exchange(program, trajectory, instants, torques=True)
         trajectory = _solve(program, NEAREST, 0, eigenvalue, trajectory, instants, history)
-    trajectory = _up_to_limits(problem, trajectory)
+    trajectory = _turned_back(program.functions, _up_to_limits(problem, trajectory))
     return StartResult(seed, trajectory, check_trajectory(problem, trajectory), tuple(history), start.condition)
 
 
@@ -261,7 +261,7 @@ def _solve(
     objective = casadi.sumsqr(program.x - start) if stage == NEAREST else program.objective(stage, p, eigenvalue)
     nlp = {"x": program.x, "f": objective, "g": casadi.vertcat(*constraints.values)}
     solver = casadi.nlpsol("excitation", "ipopt", nlp, options)
-    solution = solver(x0=start, lbg=constraints.lower, ubg=constraints.upper)
+    solution = solver(x0=start, lbx=program.lower, ubx=program.upper, lbg=constraints.lower, ubg=constraints.upper)
     statistics = solver.stats()
     if statistics["return_status"] == "User_Requested_Stop":
         raise KeyboardInterrupt  # the result of an interrupted search must not be used
@@ -288,6 +288,14 @@ def _up_to_limits(problem: ExcitationProblem, trajectory: FourierTrajectory) -> 
                 break
             trajectory, check = larger, tried
     return trajectory
+
+
+def _turned_back(functions: ProblemFunctions, trajectory: FourierTrajectory) -> FourierTrajectory:
+    """Turn back by whole turns the joints without position limits whose motion the solver has moved farther than pi."""
+    turns = np.where(functions.turns_freely(), np.round(trajectory.q0 / (2.0 * np.pi)), 0.0)
+    if not turns.any():
+        return trajectory
+    return replace(trajectory, q0=trajectory.q0 - 2.0 * np.pi * turns)
 
 
 def _within_limits(problem: ExcitationProblem, trajectory: FourierTrajectory) -> FourierTrajectory:

@@ -91,3 +91,27 @@ def test_response_experiments_keep_followers_in_their_range(model):
     tilted = TEXT.replace("follows: {arm: 1, crank: -1}", "follows: {arm: 1, crank: -1}, limits: {upper: 10}")
     outside = loads_spec(tilted.replace("{arm: -1, crank: 1}, limits: {lower: -20, upper: 35}", "{arm: -1, crank: 1}"))
     assert [each.name for each in follower_limits(outside)] == ["rod"]
+
+
+WITHOUT_LIMITS = """\
+schema: rrrgen/1
+name: unlimited
+convention: standard
+units: {angle: rad, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: q1, type: revolute, alpha: pi/2, a: 0, d: 0, limits: {velocity: 3}}
+  - {name: q2, type: revolute, alpha: 0, a: 0.4, d: 0, limits: {velocity: 3}}
+  - {name: q3, type: prismatic, alpha: 0, a: 0, theta: 0, limits: {velocity: 1}}
+"""
+
+
+def test_the_motion_of_joints_without_position_limits_stays_within_a_turn():
+    """It moved about 2644 rad, or -1.9e9 m, where the condition number was 3e33."""
+    pytest.importorskip("casadi")
+    model = rrrgen.compile(loads_spec(WITHOUT_LIMITS), backend="numpy")
+    problem = robot_problem(model, harmonics=2, base_frequency=0.2, sample_period=0.01, objective="logdet")
+    found = solve_start(problem, 0)
+    assert np.abs(found.trajectory.q0).max() <= np.pi + 1e-6
+    assert found.check.feasible
+    assert found.check.condition < 200
