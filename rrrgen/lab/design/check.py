@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -111,12 +112,11 @@ class ProblemFunctions:
         problem, limits = self.problem, self.problem.limits
         n = problem.joints
         q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 4, n))
-        bounded = np.isfinite([limits.row("position_lower", n), limits.row("position_upper", n)]).any(axis=0)
-        followed = np.any([each.factors for each in limits.followers] or [[0.0] * n], axis=0)
+        lower, upper = limits.row("position_lower", n), limits.row("position_upper", n)
         functions = [(each, (q, dq, ddq)[: each.n_in()]) for each in (self.regressor, self.torque, self.tip) if each]
         return [
-            not bounded[k]
-            and not followed[k]
+            not (math.isfinite(lower[k]) or math.isfinite(upper[k]))
+            and not any(each.factors[k] for each in limits.followers)
             and all(
                 np.allclose(self.over(each, x[0] + 2.0 * np.pi * np.eye(n)[k], *x[1:]), self.over(each, *x), atol=1e-9)
                 for each, x in functions

@@ -73,13 +73,12 @@ class ExcitationProgram:
         self.factors = np.vstack([np.ones(self.n), np.tile(scale, (2 * self.N, 1))])
         self.X = X * casadi.DM(self.factors)
         low, high = problem.limits.middles(self.n)
-        free = self.functions.turns_freely()
-        limited = np.isfinite([problem.limits.row(f"position_{side}", self.n) for side in ("lower", "upper")]).all(
-            axis=0
-        )
-        self.lower, self.upper = np.full((2, self.x.numel()), np.inf) * np.array([[-1.0], [1.0]])
-        for k in np.flatnonzero(~(limited | free)):
-            self.lower[k * self.size], self.upper[k * self.size] = low[k], high[k]
+        sides = (problem.limits.row(f"position_{side}", self.n) for side in ("lower", "upper"))
+        limited = [np.isfinite(row) for row in sides]
+        self.lower, self.upper = np.full(self.x.numel(), -np.inf), np.full(self.x.numel(), np.inf)
+        for k, free in enumerate(self.functions.turns_freely()):
+            if not free and not (limited[0][k] and limited[1][k]):
+                self.lower[k * self.size], self.upper[k * self.size] = low[k], high[k]
         period = 1.0 / problem.base_frequency
         grid = np.arange(problem.design_instants) * (period / problem.design_instants)
         self.information = self._information(grid)
