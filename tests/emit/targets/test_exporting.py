@@ -50,13 +50,12 @@ def test_a_package_has_the_modes_and_parts_that_were_chosen(tmp_path):
     sample = tmp_path / "b" / "embedded" / "zephyr" / "samples" / "controller" / "src" / "main.c"
     assert "#define PERIOD_US 2000" in sample.read_text(encoding="utf-8")
     for wrong, said in (
-        (["--parts", "none,observer"], "leaves all parts out"),
-        (["--parts", "obsever"], "did you mean"),
-        (["--modes", "gravity", "--to", "urdf"], "belong to --with controller"),
-        (["--with", "controller", "--parts", "estimator"], "accelerations"),
+        (["--to", "embedded", "--parts", "none,observer"], "leaves all parts out"),
+        (["--to", "embedded", "--parts", "obsever"], "did you mean"),
+        (["--to", "urdf", "--modes", "gravity"], "belong to --with controller"),
+        (["--to", "embedded", "--with", "controller", "--parts", "estimator"], "accelerations"),
     ):
-        place = ["-o", str(tmp_path / "c")]
-        refused = CliRunner().invoke(cli, ["export", "pendulum", "--to", "embedded", *wrong, *place])
+        refused = CliRunner().invoke(cli, ["export", "pendulum", *wrong, "-o", str(tmp_path / "c")])
         assert refused.exit_code != 0, wrong
         assert said in refused.output + str(refused.exception), wrong
 
