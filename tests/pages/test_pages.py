@@ -14,6 +14,7 @@ import pytest
 
 from rrrgen.cli.commands import COMMANDS, GROUPS, load_command
 from rrrgen.robot.file import load_spec
+from rrrgen.robot.robots import bundled_names
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("examples/**/*.md"), ROOT / "bench/README.md"])
@@ -130,3 +131,8 @@ def test_every_figure_is_made_by_a_command_on_a_page():
         assert f"python -m {command}" in pages
     assert "make bench" in pages
     assert "benchmark.svg bench/results/benchmark.png docs/" in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def test_the_comparison_counts_the_bundled_robots():
+    page = (ROOT / "docs/comparison.md").read_text(encoding="utf-8")
+    assert f"| ready robots | {len(bundled_names())} bundled |" in page
