@@ -33,7 +33,7 @@ from rrrgen.robot.friction.laws import LAWS
 if TYPE_CHECKING:
     from rrrgen.base.files import Contents
     from rrrgen.base.parallel import Tell
-    from rrrgen.controller.table import Unit
+    from rrrgen.controller.table import ControllerUnit
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
     from rrrgen.emit.c.language import Trig
@@ -260,7 +260,7 @@ def _chosen(options: dict[str, Any], joints: int) -> dict[str, Any]:
     return {"modes": options["modes"], "parts": options["parts"], "period": 1.0 / rate, "given": given}
 
 
-def _unit(model: DerivedModel, any_gravity: DerivedModel | None, chosen: dict[str, Any]) -> Unit:
+def _unit(model: DerivedModel, any_gravity: DerivedModel | None, chosen: dict[str, Any]) -> ControllerUnit:
     """The controller with what is ``chosen``; it calls ``model`` or that with gravity as an input."""
     from rrrgen.controller.table import unit_of
 
@@ -271,7 +271,7 @@ def _unit(model: DerivedModel, any_gravity: DerivedModel | None, chosen: dict[st
     return unit_of(any_gravity, **chosen)
 
 
-def chosen_unit(model: DerivedModel, experiment: dict[str, Any]) -> Unit | None:
+def chosen_unit(model: DerivedModel, experiment: dict[str, Any]) -> ControllerUnit | None:
     """The controller that the options of :func:`controller_options` choose; None if it calls another model, that with
     gravity as an input."""
     chosen = _chosen(experiment, model.spec.n)

@@ -11,10 +11,10 @@ from typing import Any
 
 from rrrgen.base.templates import render
 from rrrgen.base.version import VERSION
-from rrrgen.controller.layout import COUNTERS, HEAD, Place, Struct, Structs, structs
+from rrrgen.controller.layout import COUNTERS, HEAD, FieldOffset, StructLayout, Structs, structs
 from rrrgen.controller.programs import called_programs, own_programs
 from rrrgen.controller.proposals import proposals
-from rrrgen.controller.table import GROUPS, MODES, PARTS, PHASES, STATUS, Field, Unit, mode_number, unit_of
+from rrrgen.controller.table import GROUPS, MODES, PARTS, PHASES, STATUS, ControllerUnit, Field, mode_number, unit_of
 from rrrgen.emit import Real
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.c.language import Dialect, Trig, nonfinite_function, sincos_strategy
@@ -74,7 +74,7 @@ OBSERVER = {
 }  # fmt: skip
 
 
-def unit_files(unit: Unit, real: Real, trig: Trig = "inline") -> dict[str, str]:
+def unit_files(unit: ControllerUnit, real: Real, trig: Trig = "inline") -> dict[str, str]:
     """Print ``<name>_controller.h``, ``.c`` and ``.json``, and with them ``<name>_controller_laws.h`` and ``.c`` if
     the unit calls functions that the model does not have. The functions of the model and the differential inverse
     kinematics are those of the other emitted files."""
@@ -122,7 +122,9 @@ def unit_files(unit: Unit, real: Real, trig: Trig = "inline") -> dict[str, str]:
     return files | {f"{dialect.prefix}.json": json.dumps(description, indent=1, allow_nan=False) + "\n"}
 
 
-def standalone_files(unit: Unit, real: Real, further: Sequence[Program] = (), trig: Trig = "inline") -> dict[str, str]:
+def standalone_files(
+    unit: ControllerUnit, real: Real, further: Sequence[Program] = (), trig: Trig = "inline"
+) -> dict[str, str]:
     """The unit with all that it calls: of the model only these functions, and ``further`` ones of it."""
     name = unit.model.spec.name
     called = {program.name: program for program in (*called_programs(unit), *further)}
@@ -139,7 +141,7 @@ def standalone_files(unit: Unit, real: Real, further: Sequence[Program] = (), tr
     return files | unit_files(unit, real, trig)
 
 
-def derived_unit(spec: RobotSpec, further: Sequence[str] = GROUPS, **chosen: Any) -> Unit:
+def derived_unit(spec: RobotSpec, further: Sequence[str] = GROUPS, **chosen: Any) -> ControllerUnit:
     """The unit of a robot; ``chosen`` are arguments of :func:`rrrgen.controller.table.unit_of`.
 
     ``further`` are words with the groups of functions of the model that it calls. With the part "any_gravity" that is
@@ -158,7 +160,7 @@ def unit_code(
     return UnitCode(unit_files(unit, real), described(unit, real), python)
 
 
-def unit_check(unit: Unit) -> SelfTestCheck:
+def unit_check(unit: ControllerUnit) -> SelfTestCheck:
     """The self-test of the unit: every fault in every mode, with its status, phase and recovery."""
     robot = unit.model.spec.name.removesuffix("_any_gravity")
     followed = {name for mode in MODES if mode.name in unit.modes for name in mode.reference}
@@ -176,7 +178,7 @@ def unit_check(unit: Unit) -> SelfTestCheck:
     return SelfTestCheck("controller", f"{robot}_controller.h", text, digested=True)
 
 
-def described(unit: Unit, real: Real, laid: Structs | None = None) -> dict[str, Any]:
+def described(unit: ControllerUnit, real: Real, laid: Structs | None = None) -> dict[str, Any]:
     """Describe the unit for programs in other languages, as pure data: modes, status, phases, and structs with fields.
 
     An infinite number is the string "inf" or "-inf".
@@ -198,7 +200,7 @@ def described(unit: Unit, real: Real, laid: Structs | None = None) -> dict[str, 
     }
 
 
-def _described_struct(struct: Struct) -> dict[str, Any]:
+def _described_struct(struct: StructLayout) -> dict[str, Any]:
     fields = []
     for place in field_places(struct):
         field = place.field
@@ -224,7 +226,7 @@ def _number(value: float) -> float | str:
 class _Calls:
     """Prints calls of the model functions: the arguments of a function, in its order, as C expressions."""
 
-    def __init__(self, unit: Unit) -> None:
+    def __init__(self, unit: ControllerUnit) -> None:
         self.unit, self.prefix, self.own = unit, unit.model.spec.name, own_programs(unit)
         self.own_prefix = f"{self.prefix.removesuffix('_any_gravity')}_controller_laws"
 
@@ -260,7 +262,7 @@ class _Calls:
         return [known[port.name] for port in (*program.inputs, *program.data_outputs)]
 
 
-def _references(unit: Unit) -> list[tuple[int, list[tuple[str, int]]]]:
+def _references(unit: ControllerUnit) -> list[tuple[int, list[tuple[str, int]]]]:
     """For every generated mode with a reference its number and the fields of the input that must be finite."""
     sizes = {"q_d": unit.n, "dq_d": unit.n, "ddq_d": unit.n, "T_d": 16, "V_d": 6, "A_d": 6}
     return [
@@ -286,7 +288,7 @@ def _literal(value: float, dialect: Dialect) -> str:
     return dialect.literal(Fraction(value))
 
 
-def _default_table(params: Struct, dialect: Dialect) -> dict[str, Any]:
+def _default_table(params: StructLayout, dialect: Dialect) -> dict[str, Any]:
     """The rows of the field table and the array of all defaults; equal defaults of a field are stored once."""
     values: list[float] = []
     rows = []
@@ -310,7 +312,7 @@ def _default_table(params: Struct, dialect: Dialect) -> dict[str, Any]:
     return {"rows": rows, "numbers": [_literal(value, dialect) for value in values]}
 
 
-def _opening(unit: Unit, dialect: Dialect, laid: Structs) -> list[str]:
+def _opening(unit: ControllerUnit, dialect: Dialect, laid: Structs) -> list[str]:
     parts = ", ".join(unit.parts) or "none"
     return [
         f"{dialect.prefix}.h: the controller of {unit.model.spec.name} as one unit",
@@ -332,6 +334,6 @@ def _opening(unit: Unit, dialect: Dialect, laid: Structs) -> list[str]:
     ]
 
 
-def field_places(struct: Struct) -> list[Place]:
+def field_places(struct: StructLayout) -> list[FieldOffset]:
     """The places of the fields of a struct that a caller uses."""
     return [place for place in struct.places if place.field.name != "reserved"]

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rrrgen.controller.table import Field, Unit, inputs, memory, outputs, parameters
+from rrrgen.controller.table import ControllerUnit, Field, inputs, memory, outputs, parameters
 from rrrgen.emit import Real
 
 REAL_BYTES = {"double": 8, "float": 4}
@@ -34,7 +34,7 @@ COUNTERS = (
 
 
 @dataclass(frozen=True)
-class Place:
+class FieldOffset:
     """A field with its offset in the struct, in bytes."""
 
     field: Field
@@ -42,11 +42,11 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Struct:
+class StructLayout:
     """A struct of C: ``places`` of its fields and its ``size`` in bytes."""
 
     name: str
-    places: tuple[Place, ...]
+    places: tuple[FieldOffset, ...]
     size: int
 
 
@@ -54,16 +54,16 @@ class Struct:
 class Structs:
     """All structs of a unit. ``memory`` is part of the state, ``derived`` are the reals that follow from parameters."""
 
-    parameters: Struct
-    input: Struct
-    output: Struct
-    memory: Struct
-    derived: Struct
+    parameters: StructLayout
+    input: StructLayout
+    output: StructLayout
+    memory: StructLayout
+    derived: StructLayout
     state_size: int
     abi: int
 
 
-def structs(unit: Unit, real: Real, proposed: dict[str, tuple[float, ...]]) -> Structs:
+def structs(unit: ControllerUnit, real: Real, proposed: dict[str, tuple[float, ...]]) -> Structs:
     """Lay out the structs of ``unit`` with numbers of the type ``real``."""
     width = REAL_BYTES[real]
     p = _struct("params", parameters(unit, proposed), width, 16)
@@ -75,7 +75,7 @@ def structs(unit: Unit, real: Real, proposed: dict[str, tuple[float, ...]]) -> S
     return Structs(p, i, o, m, d, state, abi)
 
 
-def derived(unit: Unit) -> list[Field]:
+def derived(unit: ControllerUnit) -> list[Field]:
     """The reals of the state that are computed from parameters when these are set."""
     found = [
         Field("blend_left", 1, "", "share of the bump that a period leaves", array=False),
@@ -88,19 +88,19 @@ def derived(unit: Unit) -> list[Field]:
     return [*found, Field("beta_loaded", unit.model.beta_size, "SI", "base parameters with the payload")]
 
 
-def _struct(name: str, fields: Sequence[Field], width: int, start: int = 0) -> Struct:
+def _struct(name: str, fields: Sequence[Field], width: int, start: int = 0) -> StructLayout:
     """Place ``fields`` from ``start``; the struct is padded by a field ``reserved`` where its size needs it."""
     places, offset = [], start
     ordered = [field for field in fields if not field.integer] + [field for field in fields if field.integer]
     for field in ordered:
-        places.append(Place(field, offset))
+        places.append(FieldOffset(field, offset))
         offset += field.count * (4 if field.integer else width)
     multiple = 8 if start or width == 8 else 4
     if offset % multiple:  # only after integers, or after numbers of single precision before a 64-bit one
         missing = (multiple - offset % multiple) // 4
-        places.append(Place(Field("reserved", missing, "", "not used", integer=True, array=missing > 1), offset))
+        places.append(FieldOffset(Field("reserved", missing, "", "not used", integer=True, array=missing > 1), offset))
         offset += 4 * missing
-    return Struct(name, tuple(places), offset)
+    return StructLayout(name, tuple(places), offset)
 
 
 def _up(value: int, multiple: int) -> int:

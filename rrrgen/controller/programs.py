@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rrrgen.controller.table import Unit
+from rrrgen.controller.table import ControllerUnit
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.derive.recursions.link_frames import rational
 from rrrgen.emit.controller.online_estimators import safe_step
@@ -24,7 +24,7 @@ DECAY = "decay"
 """The function of parameters, called when they are set, whose result the observer and contact detection share."""
 
 
-def own_programs(unit: Unit) -> dict[str, Program]:
+def own_programs(unit: ControllerUnit) -> dict[str, Program]:
     """The functions that are printed beside the unit, by name; those of them that the model has too replace it."""
     found = {}
     if not unit.has("friction"):
@@ -41,7 +41,7 @@ def own_programs(unit: Unit) -> dict[str, Program]:
     return found
 
 
-def called_programs(unit: Unit) -> list[Program]:
+def called_programs(unit: ControllerUnit) -> list[Program]:
     """The functions of the model that the unit calls."""
     names = [unit.law(mode) for mode in unit.modes]
     names += ["momentum_observer", "momentum_observer_start", "contact"] if unit.has("observer") else []
@@ -67,7 +67,7 @@ def without_friction(program: Program) -> Program:
     )
 
 
-def estimator_program(unit: Unit) -> Program:
+def estimator_program(unit: ControllerUnit) -> Program:
     """One step of the gradient estimator (14.23) of the base parameters, with a gain for each of them.
 
     With ``e = Y beta + f(dq) - tau`` at the joints that move, ``beta_next = beta - mu G Y' e`` with G = diag(gain) and

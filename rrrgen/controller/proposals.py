@@ -8,7 +8,7 @@ from typing import Any
 
 from mpmath import diag, eigsy, matrix
 
-from rrrgen.controller.table import Unit
+from rrrgen.controller.table import ControllerUnit
 from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.program.evaluation import evaluate_floats
@@ -36,7 +36,7 @@ JUMP = 4.0
 """Steps of the position above this many times the largest speed times the period are no motion."""
 
 
-def proposals(unit: Unit) -> dict[str, tuple[float, ...]]:
+def proposals(unit: ControllerUnit) -> dict[str, tuple[float, ...]]:
     """Defaults of gains and parameters by the name of the field; zero is left out. Those that are given stay.
 
     With the diagonal of the mass matrix at the middle of the joint limits, ``kd = 2 w M_ii`` and ``kp = w^2 M_ii``; for

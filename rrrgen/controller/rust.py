@@ -7,11 +7,11 @@ from rrrgen.base.version import VERSION
 from rrrgen.controller.files import unit_files
 from rrrgen.controller.layout import structs
 from rrrgen.controller.proposals import proposals
-from rrrgen.controller.table import MODES, STATUS, Unit, mode_number
+from rrrgen.controller.table import MODES, STATUS, ControllerUnit, mode_number
 from rrrgen.emit import Real
 
 
-def rust_files(unit: Unit, real: Real) -> dict[str, str]:
+def rust_files(unit: ControllerUnit, real: Real) -> dict[str, str]:
     """Print the crate in the folder ``rust_controller``, whose build script compiles the C in the folder above it."""
     robot = unit.model.spec.name.removesuffix("_any_gravity")
     laid = structs(unit, real, proposals(unit))

@@ -135,7 +135,7 @@ PHASES = {
 
 
 @dataclass(frozen=True)
-class Unit:
+class ControllerUnit:
     """The unit of one robot: its model, and the modes and parts that were chosen, in the order of the tables.
 
     ``period`` (s) is the default of ``Ts``, for which gains of filters are proposed; ``given`` are defaults of other
@@ -190,7 +190,7 @@ def unit_of(
     parts: Sequence[str] | None = None,
     period: float = PERIOD,
     given: Mapping[str, tuple[float, ...]] | None = None,
-) -> Unit:
+) -> ControllerUnit:
     """The unit for a robot with its control laws.
 
     Args:
@@ -223,7 +223,7 @@ def unit_of(
                 f"{model.spec.name} cannot have the part '{name}'; parts are {', '.join(available_parts(model))}"
             )
     every = tuple(mode.name for mode in MODES if mode.name in (*ALWAYS, *chosen))
-    return Unit(model, every, tuple(part for part in PARTS if part in taken), period, dict(given or {}))
+    return ControllerUnit(model, every, tuple(part for part in PARTS if part in taken), period, dict(given or {}))
 
 
 def available_modes(model: DerivedModel) -> list[str]:
@@ -260,7 +260,7 @@ def mode_number(name: str) -> int:
 POSITION, SPEED, TORQUE = "rad | m", "rad/s | m/s", "N m | N"
 
 
-def parameters(unit: Unit, proposed: dict[str, tuple[float, ...]]) -> list[Field]:
+def parameters(unit: ControllerUnit, proposed: dict[str, tuple[float, ...]]) -> list[Field]:
     """The fields of the parameters, reals before integers.
 
     ``proposed`` are default gains by name, from :func:`rrrgen.controller.proposals.proposals`.
@@ -269,7 +269,7 @@ def parameters(unit: Unit, proposed: dict[str, tuple[float, ...]]) -> list[Field
     return [field for field in found if not field.integer] + [field for field in found if field.integer]
 
 
-def _parameters(unit: Unit, proposed: dict[str, tuple[float, ...]]) -> Iterator[Field]:
+def _parameters(unit: ControllerUnit, proposed: dict[str, tuple[float, ...]]) -> Iterator[Field]:
     n, limits = unit.n, [joint.limits for joint in unit.model.spec.joints]
 
     def limit(key: str, missing: float = math.inf) -> tuple[float, ...]:
@@ -476,7 +476,7 @@ def _parameters(unit: Unit, proposed: dict[str, tuple[float, ...]]) -> Iterator[
     )
 
 
-def inputs(unit: Unit) -> list[Field]:
+def inputs(unit: ControllerUnit) -> list[Field]:
     """The fields of the input."""
     n = unit.n
     wanted = {name for mode in MODES if mode.name in unit.modes for name in mode.reference}
@@ -499,7 +499,7 @@ def inputs(unit: Unit) -> list[Field]:
     return found
 
 
-def outputs(unit: Unit) -> list[Field]:
+def outputs(unit: ControllerUnit) -> list[Field]:
     """The fields of the output."""
     n = unit.n
     found = [Field("tau", n, TORQUE, "torques to apply"), Field("dq", n, SPEED, "joint speeds that the law used")]
@@ -522,7 +522,7 @@ def outputs(unit: Unit) -> list[Field]:
     return found
 
 
-def memory(unit: Unit) -> list[Field]:
+def memory(unit: ControllerUnit) -> list[Field]:
     """The reals that the controller keeps from tick to tick; none of them is ever other than finite."""
     n = unit.n
     found = [

@@ -40,8 +40,8 @@ from rrrgen.program import Builder, Port
 
 if TYPE_CHECKING:
     from rrrgen.base.parallel import Tell
-    from rrrgen.controller.layout import Struct
-    from rrrgen.controller.table import Field, Unit
+    from rrrgen.controller.layout import StructLayout
+    from rrrgen.controller.table import ControllerUnit, Field
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit.c.language import SinCos
     from rrrgen.ik.plan import SolverPlan
@@ -224,7 +224,7 @@ APART = (400, 5000)
 settles is settled."""
 
 
-def controller_alarms(unit: Unit, directory: Path, entry: str) -> list[Alarm]:
+def controller_alarms(unit: ControllerUnit, directory: Path, entry: str) -> list[Alarm]:
     """What stays open about one of :data:`ENTRIES` of the controller, in double."""
     files = {name: text for name, text in standalone_files(unit, "double").items() if not name.endswith(".json")}
     prefix = f"{unit.model.spec.name.removesuffix('_any_gravity')}_controller"
@@ -250,7 +250,7 @@ _BOUND = re.compile(r"!\((\w+) && \(fabs\(x\) <= (\(\w+\)[0-9.e+]+)\)\)")
 """The condition for angles outside the range of the emitted sines; fabs hides from EVA that x is a number inside it."""
 
 
-def _called(unit: Unit) -> dict[str, list[Program]]:
+def _called(unit: ControllerUnit) -> dict[str, list[Program]]:
     """The model functions that the controller calls, by the name of the file that has them."""
     own = own_programs(unit)
     of_model = [program for program in called_programs(unit) if program.name not in own]
@@ -270,7 +270,7 @@ def _stand_ins(name: str, programs: Sequence[Program]) -> str:
     return f'#include "{name}.h"\n#include "__fc_builtin.h"\n\n' + "\n".join(functions)
 
 
-def _calls(unit: Unit) -> str:
+def _calls(unit: ControllerUnit) -> str:
     """A driver that calls the model functions of the controller with any bits."""
     called = _called(unit)
     lines = [f'#include "{name}.h"' for name in called]
@@ -304,7 +304,7 @@ def _readable(text: str, prefix: str) -> str:
     return f"{text[:start]}{finite}{text[end:law]}/*@ split mode; */\n    {text[law:]}"
 
 
-def _driver(unit: Unit, prefix: str, entry: str) -> str:
+def _driver(unit: ControllerUnit, prefix: str, entry: str) -> str:
     laid = structs(unit, "double", proposals(unit))
     parameters = [_parameter(place.field) for place in laid.parameters.places if place.field.name != "reserved"]
     memory = [_set(f"state.memory.{place.field.name}", place.field, _any_number()) for place in laid.memory.places]
@@ -407,7 +407,7 @@ def _parameter(field: Field) -> str:
     return _set(f"given.{field.name}", field, _interval(low, high))
 
 
-def _finite(owner: str, struct: Struct) -> list[str]:
+def _finite(owner: str, struct: StructLayout) -> list[str]:
     """Assertions that all numbers of a struct are finite."""
     return [
         f"for (k = 0; k < {field.count}; ++k) {{ /*@ assert \\is_finite({owner}.{field.name}[k]); */ }}"
@@ -424,7 +424,11 @@ def _finite(owner: str, struct: Struct) -> list[str]:
 
 
 def analysed_with_eva(
-    model: DerivedModel, unit: Unit | None, ranges: Ranges, tell: Tell | None = None, differential: bool = False
+    model: DerivedModel,
+    unit: ControllerUnit | None,
+    ranges: Ranges,
+    tell: Tell | None = None,
+    differential: bool = False,
 ) -> tuple[dict[str, Any], list[tuple[str, str]]]:
     """The certificate's entry about run-time errors of model functions, inverse kinematics and the controller.
 

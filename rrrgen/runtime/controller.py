@@ -7,7 +7,7 @@ from typing import Any
 
 from rrrgen.controller.files import derived_unit, described, standalone_files
 from rrrgen.controller.python_class import Controller
-from rrrgen.controller.table import PERIOD, Unit
+from rrrgen.controller.table import PERIOD, ControllerUnit
 from rrrgen.emit import Real
 from rrrgen.robot.spec import RobotSpec
 
@@ -30,7 +30,7 @@ def compiled_controller(
     return Controller(call, name_of, described(unit, real), mode, **parameters)
 
 
-def _compiled(unit: Unit, real: Real) -> tuple[Any, Any]:
+def _compiled(unit: ControllerUnit, real: Real) -> tuple[Any, Any]:
     """The functions of the compiled unit: one that calls by name with addresses, and that of the field names."""
     from rrrgen.runtime.build import build_extension
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rrrgen.lab.response.response_file import ResponseRecording
-from rrrgen.lab.response.response_model import Controller
+from rrrgen.lab.response.response_model import ControllerTransferFunction
 
 PERIOD = 1e-3
 MODES = ((28.0, 0.02, 0.3), (96.0, 0.02, 0.5))  # Hz, damping, residue
@@ -50,7 +50,7 @@ def multisine(rng, samples, rms=7.0, step=0.5, band=(0.5, 200.0), odd=False):
 
 
 KP, KD = (2 * np.pi) ** 2, 4 * np.pi  # 1 Hz
-CONTROLLER = Controller((KP + KD / PERIOD, -KD / PERIOD))
+CONTROLLER = ControllerTransferFunction((KP + KD / PERIOD, -KD / PERIOD))
 
 
 def record(

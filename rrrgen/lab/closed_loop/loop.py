@@ -213,7 +213,7 @@ DECLARED = (
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class SimulatedLoop:
     """Result of one closed-loop simulation over N samples of n joints; arrays are (N, n), in SI units.
 
     ``q`` and ``dq`` are the simulated motion; during the warm-up, before the simulation starts, they are the measured
@@ -277,18 +277,18 @@ class CompiledLoop:
         self._ffi, self._lib = build_extension(files, DECLARED, "loop", NATIVE)
         self._tables: Tables = controller.tables()
 
-    def replay(self, recording: LoopRecording) -> Run:
+    def replay(self, recording: LoopRecording) -> SimulatedLoop:
         """Run the controller on the *measured* motion, without simulating the robot; the result holds its torques."""
         return self._run(np.zeros(self.equations.size), recording, len(recording))
 
-    def run(self, theta: Array, recording: LoopRecording) -> Run:
+    def run(self, theta: Array, recording: LoopRecording) -> SimulatedLoop:
         """Simulate the closed loop with robot parameters ``theta`` along the reference of ``recording``.
 
         ``theta`` (p,) is in the order of the equations: linear parameters, then shape parameters of friction laws.
         """
         return self._run(np.ascontiguousarray(theta, float), recording, recording.warm)
 
-    def _run(self, theta: Array, recording: LoopRecording, warm: int) -> Run:
+    def _run(self, theta: Array, recording: LoopRecording, warm: int) -> SimulatedLoop:
         samples, n, tables = len(recording), self.equations.n, self._tables
         whole = int(np.floor(recording.delay + 1e-9))
         part = max(0.0, recording.delay - whole)
@@ -311,7 +311,7 @@ class CompiledLoop:
             *doubles,
         )
         diverged = None if ends == samples else int(ends)
-        return Run(q, dq, recording.as_recorded(command), recording.held(acting), diverged)
+        return SimulatedLoop(q, dq, recording.as_recorded(command), recording.held(acting), diverged)
 
 
 def _literals(values: Array) -> str:

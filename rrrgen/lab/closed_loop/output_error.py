@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
-from rrrgen.lab.closed_loop.loop import CompiledLoop, Run
+from rrrgen.lab.closed_loop.loop import CompiledLoop, SimulatedLoop
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording
 
 ITERATIONS = 25
@@ -94,7 +94,7 @@ class LoopFit:
     """
 
     z: Array
-    runs: tuple[Run, ...]
+    runs: tuple[SimulatedLoop, ...]
     sensitivities: tuple[Array, ...]
     weights: Array
     iterations: int
@@ -121,7 +121,7 @@ class OutputErrorProblem:
         self.counts = np.maximum(1, sum(np.sum(u, axis=0) for u in use))
         self.weights: Array = 1.0 / np.maximum(np.sqrt(squares / self.counts), 1e-12)
 
-    def runs(self, z: Array) -> tuple[Run, ...] | None:
+    def runs(self, z: Array) -> tuple[SimulatedLoop, ...] | None:
         """Simulate all recordings with the unknowns ``z`` (k,); None if any simulation diverges."""
         theta = self.parameters.theta(z)
         found = []
@@ -132,14 +132,14 @@ class OutputErrorProblem:
             found.append(run)
         return tuple(found)
 
-    def residual(self, runs: Sequence[Run]) -> Array:
+    def residual(self, runs: Sequence[SimulatedLoop]) -> Array:
         """Weighted torque residuals ``w_j (tau_j - tau_j(z))`` of all samples to fit, as one vector."""
         parts = []
         for recording, run, use in zip(self.recordings, runs, self.use, strict=True):
             parts.append(((recording.tau - run.tau) * self.weights)[use])
         return np.concatenate(parts)
 
-    def renew(self, runs: Sequence[Run]) -> None:
+    def renew(self, runs: Sequence[SimulatedLoop]) -> None:
         """Reset the weight of each joint to the inverse of its RMS torque error in ``runs``."""
         squares = sum(
             np.sum(np.where(u, r.tau - run.tau, 0.0) ** 2, axis=0)
@@ -148,7 +148,7 @@ class OutputErrorProblem:
         sigma = np.sqrt(squares / self.counts)
         self.weights = 1.0 / np.maximum(sigma, 1e-9 * max(float(np.max(sigma)), 1e-12))
 
-    def sensitivities(self, z: Array, runs: Sequence[Run]) -> tuple[Array, ...]:
+    def sensitivities(self, z: Array, runs: Sequence[SimulatedLoop]) -> tuple[Array, ...]:
         """Derivatives (N, n, k) of the simulated torques by z, for each recording, by finite differences."""
         steps = self.parameters.steps(z)
 
@@ -260,7 +260,7 @@ def _sandwich(H: Array, G: Array) -> Array:
     return np.asarray(inverse @ G @ inverse)
 
 
-def divergence(run: Run, recording: LoopRecording) -> str:
+def divergence(run: SimulatedLoop, recording: LoopRecording) -> str:
     """Error message for a simulated loop ``run`` that diverged: when, and the possible causes."""
     assert run.diverged is not None
     instant = recording.t[run.diverged] - recording.t[0]

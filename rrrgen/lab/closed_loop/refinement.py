@@ -11,7 +11,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.lab.closed_loop.controller import LoopController
-from rrrgen.lab.closed_loop.loop import CompiledLoop, LoopEquations, Run
+from rrrgen.lab.closed_loop.loop import CompiledLoop, LoopEquations, SimulatedLoop
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, assumptions, loop_recordings
 from rrrgen.lab.closed_loop.output_error import LoopFit, OutputErrorProblem, Parameters
 from rrrgen.lab.closed_loop.validation import LoopScore, Replay, as_json, loop_score, replayed
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 def simulated_bias_check(
     found: Identification,
     recordings: Sequence[LoopRecording],
-    runs: Sequence[Run],
+    runs: Sequence[SimulatedLoop],
     joints: Sequence[str],
     options: Options,
 ) -> BiasCheck | None:
@@ -112,7 +112,7 @@ class ClosedLoopEstimate:
     held_out: LoopScore | None
     test: LoopScore | None
     recordings: tuple[LoopRecording, ...]
-    runs: tuple[Run, ...]
+    runs: tuple[SimulatedLoop, ...]
     iterations: int
     bias: BiasCheck | None
     notes: tuple[str, ...] = ()

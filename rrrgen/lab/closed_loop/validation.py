@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.closed_loop.controller import LoopController
-from rrrgen.lab.closed_loop.loop import CompiledLoop, LoopEquations, Run
+from rrrgen.lab.closed_loop.loop import CompiledLoop, LoopEquations, SimulatedLoop
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, assumptions, loop_recordings
 from rrrgen.lab.closed_loop.output_error import divergence
 from rrrgen.lab.data.preprocessing import Processing
@@ -169,7 +169,7 @@ def loop_score(
     theta: Array,
     recordings: Sequence[LoopRecording],
     chosen: Callable[[LoopRecording], NDArray[np.bool_]],
-) -> tuple[LoopScore | None, list[Run]]:
+) -> tuple[LoopScore | None, list[SimulatedLoop]]:
     """Simulate ``recordings`` with the parameters ``theta`` and score them; returns the score and all simulated runs.
 
     ``chosen`` gives the mask (N,) of the samples to score in a recording, ``data`` the name of this selection in

@@ -23,8 +23,8 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault
 from rrrgen.lab.data.kalman import kalman_matrices, quantisation_variance
-from rrrgen.lab.plant.controllers import PD, BackwardDifference, ComputedTorque, Controller, DeviationFilter, Observer
-from rrrgen.lab.plant.experiment import Recording
+from rrrgen.lab.plant.controllers import PD, BackwardDifference, ComputedTorque, ControlLaw, DeviationFilter, Observer
+from rrrgen.lab.plant.experiment import SimulatedRecording
 from rrrgen.lab.plant.loop_margin import LoopMargin, SampledArm, torque_noise
 from rrrgen.lab.plant.tracking import Tracking, check_tracking
 
@@ -134,7 +134,7 @@ class LoopDesign:
     settings.
     """
 
-    controller: Controller
+    controller: ControlLaw
     observer: Observer
     margin: LoopMargin
     instant: float
@@ -201,7 +201,7 @@ def design_loop(arm: ControlledArm, control: ControlSection) -> LoopDesign:
     return replace(found, warnings=_warnings(found, stated, _LoopSearch(arm, free).best()))
 
 
-def checked(recording: Recording, arm: ControlledArm, loop: LoopDesign) -> Tracking:
+def checked(recording: SimulatedRecording, arm: ControlledArm, loop: LoopDesign) -> Tracking:
     """Check how ``arm`` followed its motion in the ``recording`` under ``loop``."""
     resolution = np.array(arm.resolution) if arm.stepped else np.zeros(len(arm.load))
     bandwidth = float(np.sqrt(loop.stiffness / arm.inertia).max()) / (2.0 * math.pi)
@@ -340,7 +340,7 @@ class _LoopSearch:
         """Whether these gains and the observer ``tried`` have the margin ``aim`` in the extreme postures."""
         return self.sampled(octaves, True).meets(aim, tried.feedback(kp, kd))
 
-    def gains(self, bandwidth: Array | None) -> tuple[Controller, Array, Array]:
+    def gains(self, bandwidth: Array | None) -> tuple[ControlLaw, Array, Array]:
         """The controller of these bandwidths (n,), Hz, or of the stated gains, with its gains kp and kd (n,)."""
         control = self.control
         computed = control.kind == "computed_torque"

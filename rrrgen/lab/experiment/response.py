@@ -20,10 +20,10 @@ from rrrgen.lab.experiment.experiment_file import Experiment
 from rrrgen.lab.experiment.setup import arm_of, friction_of, instruments_of, plant_of, resolutions_of, rigid_body_of
 from rrrgen.lab.plant.controllers import BackwardDifference, ComputedTorque, DeviationFilter, Observer, RecordedInput
 from rrrgen.lab.plant.elastic_modes import ElasticMode, elastic_modes
-from rrrgen.lab.plant.experiment import Recording, VirtualRobot
+from rrrgen.lab.plant.experiment import SimulatedRecording, VirtualRobot
 from rrrgen.lab.plant.loop_margin import LoopMargin, SampledArm
 from rrrgen.lab.plant.recording_files import LoopSignals
-from rrrgen.lab.response.response_model import Controller, ResponseModel
+from rrrgen.lab.response.response_model import ControllerTransferFunction, ResponseModel
 
 POSTURES = 8
 """Number of postures of a run in which the margin of its loop is computed: the other joints hardly move."""
@@ -48,7 +48,7 @@ def response_design(experiment: Experiment, model: Any, plan: ResponsePlan) -> R
 
 def simulate_response(
     experiment: Experiment, model: Any, design: ResponseDesign, progress: Progress | None = None
-) -> tuple[list[LoopSignals], Controller]:
+) -> tuple[list[LoopSignals], ControllerTransferFunction]:
     """Run every run of ``design`` on the virtual robot; returns its signals, and the sampled controller of the joint.
 
     The model torques are computed along the reference, with the friction of the virtual robot. Velocities are backward
@@ -102,7 +102,7 @@ def recorded_run(
     number: int,
     filters: list[KalmanMatrices] | None = None,
     progress: Progress | None = None,
-) -> tuple[LoopSignals, Recording]:
+) -> tuple[LoopSignals, SimulatedRecording]:
     """Simulate run number ``number`` of ``design``: (signals of the excited joint, recording of all joints)."""
     run = design.runs[number]
     robot = VirtualRobot(plant_of(experiment, model), instruments_of(experiment, model), experiment.period)
@@ -152,20 +152,22 @@ def _filters(experiment: Experiment, model: Any) -> list[KalmanMatrices] | None:
     ]
 
 
-def sampled_controller(kp: float, kd: float, period: float, matrices: KalmanMatrices | None = None) -> Controller:
+def sampled_controller(
+    kp: float, kd: float, period: float, matrices: KalmanMatrices | None = None
+) -> ControllerTransferFunction:
     """The controller C(z) of ``u = n - C (q - q_r)`` as implemented: PD with backward difference or Kalman filter.
 
     The filter ``matrices``, with transition matrix E and gain k, estimate ``x = (I - k c) E x z^-1 + k e`` from the
     deviation e, c = [1, 0, 0]; x holds the deviation and its derivatives, and ``u = n - [kp, kd, 0] x``.
     """
     if matrices is None:
-        return Controller((kp + kd / period, -kd / period))
+        return ControllerTransferFunction((kp + kd / period, -kd / period))
     from scipy.signal import ss2tf
 
     A = (np.eye(3) - np.outer(matrices.k, [1.0, 0.0, 0.0])) @ matrices.E
     h: Array = np.array([[kp, kd, 0.0]])
     numerator, denominator = ss2tf(A, matrices.k[:, None], h @ A, h @ matrices.k[:, None])
-    return Controller(tuple(numerator[0].tolist()), tuple(denominator.tolist()))
+    return ControllerTransferFunction(tuple(numerator[0].tolist()), tuple(denominator.tolist()))
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -104,7 +104,7 @@ class DeviationFilter:
         return systems
 
 
-class Controller(Protocol):
+class ControlLaw(Protocol):
     """Interface of a controller: computes torque commands from the observed motion and the reference."""
 
     def torque(self, q: Array, dq: Array, reference: ReferenceMotion, disturbance: Array) -> Array:

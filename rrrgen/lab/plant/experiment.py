@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.base.errors import InputError, UnstableLoopError
 from rrrgen.lab.plant.compiled import WORTH_BUILDING, compiled_integrator, compiled_rigid_integrator
-from rrrgen.lab.plant.controllers import Controller, Observer, ReferenceMotion
+from rrrgen.lab.plant.controllers import ControlLaw, Observer, ReferenceMotion
 from rrrgen.lab.plant.integration import Integrator, make_integrator
 from rrrgen.lab.plant.plant import Plant
 
@@ -95,7 +95,7 @@ def _rounded(values: Array, resolution: tuple[float, ...] | None) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class SimulatedRecording:
     """Recording of a simulated experiment with m samples of n joints, together with the true signals.
 
     ``t`` (m,) s; ``q`` (m, n) encoder readings, ``tau`` (m, n) recorded torques; ``reference``, ``reference_dq`` (m, n)
@@ -117,7 +117,7 @@ class Recording:
     true_tau: Array
     held: Array
     saturated: NDArray[np.bool_]
-    loop: tuple[Controller, Observer] | None = None
+    loop: tuple[ControlLaw, Observer] | None = None
     feedforward: Array | None = None
 
 
@@ -139,7 +139,7 @@ class VirtualRobot:
         self,
         reference: Callable[[Array], tuple[Array, Array, Array]],
         duration: float,
-        controller: Controller,
+        controller: ControlLaw,
         observer: Observer,
         *,
         seed: int = 0,
@@ -147,7 +147,7 @@ class VirtualRobot:
         feedforward: Array | None = None,
         start: tuple[ArrayLike, ArrayLike] | None = None,
         progress: Progress | None = None,
-    ) -> Recording:
+    ) -> SimulatedRecording:
         """Run the experiment: follow ``reference(t) -> (q, dq, ddq)``, each (m, n), for ``duration`` seconds.
 
         ``controller`` computes the torques from the estimates of ``observer``. The robot starts on the reference, or at
@@ -193,7 +193,7 @@ class _Loop:
     def __init__(
         self,
         robot: VirtualRobot,
-        controller: Controller,
+        controller: ControlLaw,
         observer: Observer,
         rng: np.random.Generator,
         count: int,
@@ -222,14 +222,14 @@ class _Loop:
         self.saturated[k] = instruments.saturates(command)
         return np.asarray(self.held[k] + self.disturbance[k])
 
-    def recording(self, t: Array, reference: Array, reference_dq: Array) -> Recording:
+    def recording(self, t: Array, reference: Array, reference_dq: Array) -> SimulatedRecording:
         """Assemble the recording from the stored signals, with noise added to the torques."""
         instruments = self.robot.instruments
         torque = self.held
         if instruments.torque_record == "centred":
             torque = 0.5 * (self.held + np.vstack([self.held[:1], self.held[:-1]]))
         noise = self.rng.normal(size=torque.shape) * _row(instruments.torque_noise, torque.shape[1])
-        return Recording(
+        return SimulatedRecording(
             period=self.robot.period,
             t=t,
             q=self.reading,

@@ -17,8 +17,8 @@ from rrrgen.base.errors import InputError
 from rrrgen.lab.data.run_folder import write_atomically
 from rrrgen.lab.design.plan import ResponseDesign, ResponseRun
 from rrrgen.lab.plant.controllers import PD, DeviationFilter
-from rrrgen.lab.plant.experiment import Instruments, Recording
-from rrrgen.lab.response.response_model import Controller
+from rrrgen.lab.plant.experiment import Instruments, SimulatedRecording
+from rrrgen.lab.response.response_model import ControllerTransferFunction
 
 # ------------------------------------------------------------------------------------------------------------------
 # Writer of the controller of a simulated experiment, as a file that ``rrrgen identify --controller`` reads.
@@ -28,7 +28,7 @@ RECORDS = {"centred": "centred", "command": "applied"}
 """The word of the controller file for the torque that a recording holds, by ``Instruments.torque_record``."""
 
 
-def controller_text(recording: Recording, joints: Sequence[str], instruments: Instruments) -> str | None:
+def controller_text(recording: SimulatedRecording, joints: Sequence[str], instruments: Instruments) -> str | None:
     """Write the controller of ``recording`` as the text of a controller file; None where the format cannot express it.
 
     It can express PD control with a Kalman observer, with drives whose torques are neither rounded nor limited at
@@ -83,7 +83,7 @@ def _filters(E: Array, k: Array) -> tuple[list[float], list[float], list[float]]
 def write_recording(
     folder: Path,
     stem: str,
-    recording: Recording,
+    recording: SimulatedRecording,
     *,
     joints: Sequence[str],
     prismatic: Sequence[bool] | None = None,
@@ -121,7 +121,7 @@ def write_recording(
     return log, mapping
 
 
-def torque_delay(recording: Recording, instruments: Instruments) -> float:
+def torque_delay(recording: SimulatedRecording, instruments: Instruments) -> float:
     """How much later (s) than its row a recorded torque acts, in the mean: a command is held until the next one."""
     return 0.5 * recording.period if instruments.torque_record == "command" else 0.0
 
@@ -191,7 +191,7 @@ def write_responses(
     folder: Path,
     design: ResponseDesign,
     signals: Sequence[LoopSignals],
-    controller: Controller | None,
+    controller: ControllerTransferFunction | None,
     prismatic: bool = False,
 ) -> list[Path]:
     """Write one CSV file per run and the response files; returns the paths of the latter.
@@ -224,7 +224,7 @@ def _write_response(
     path: Path,
     design: ResponseDesign,
     names: Sequence[str],
-    controller: Controller | None,
+    controller: ControllerTransferFunction | None,
     prismatic: bool,
     several: str,
 ) -> Path:

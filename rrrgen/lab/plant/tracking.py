@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.lab.plant.experiment import Recording
+from rrrgen.lab.plant.experiment import SimulatedRecording
 
 SHARE = 0.2
 """Largest deviation of a joint that follows, over the range of its motion."""
@@ -81,7 +81,7 @@ class Tracking:
 
 
 def check_tracking(
-    recording: Recording,
+    recording: SimulatedRecording,
     torques: Array,
     load: Array,
     stiffness: Array,

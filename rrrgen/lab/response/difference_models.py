@@ -18,7 +18,7 @@ from rrrgen.lab.estimate.linear import scaled, solve
 from rrrgen.lab.estimate.search import search
 from rrrgen.lab.response.resonances import check_resonances
 from rrrgen.lab.response.response_file import ResponseRecording
-from rrrgen.lab.response.response_model import Controller, ResponseModel
+from rrrgen.lab.response.response_model import ControllerTransferFunction, ResponseModel
 
 # ------------------------------------------------------------------------------------------------------------------
 # The difference equation of a linear model, and its least-squares fit (14.41).
@@ -219,7 +219,7 @@ def fit_difference_model(
     record: ResponseRecording,
     rows: tuple[int, int] | None = None,
     method: str = "auto",
-    controller: Controller | None = None,
+    controller: ControllerTransferFunction | None = None,
 ) -> ResponseModel:
     """Fit a model to the ``rows`` (first, last, counted from 1; all but the last third by default) of a recording.
 
@@ -446,7 +446,7 @@ def continued_run(equation: Equation, u: Array, y: Array, start: int, begin: int
         return _run(theta, len(equation.a), equation.delay, len(equation.b), u[start:end])[begin - start :]
 
 
-def plant_of_loop(a: Array, b: Array, delay: int, controller: Controller) -> tuple[Array, Array]:
+def plant_of_loop(a: Array, b: Array, delay: int, controller: ControllerTransferFunction) -> tuple[Array, Array]:
     """The plant P of a loop whose response T from n to q is ``T = B/A = P/(1 + C P)``, with the controller C = N/D.
 
     ``a``, ``b`` and ``delay`` are the coefficients of T. Returns those of ``P = T/(1 - C T) = B D/(A D - N B)``, which

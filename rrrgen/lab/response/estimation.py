@@ -24,7 +24,7 @@ from rrrgen.lab.response.nonlinear_distortion import (
     times,
 )
 from rrrgen.lab.response.response_file import ResponseFile, ResponseRecording, read_recordings
-from rrrgen.lab.response.response_model import Complex, Controller
+from rrrgen.lab.response.response_model import Complex, ControllerTransferFunction
 
 # ------------------------------------------------------------------------------------------------------------------
 # Detection of the period of an excitation: whether it repeats, and after how many samples.
@@ -121,7 +121,7 @@ def estimate_responses(response: ResponseFile, method: str = "local_polynomial")
 def estimate_one(
     record: ResponseRecording,
     period: float | None = None,
-    controller: Controller | None = None,
+    controller: ControllerTransferFunction | None = None,
     method: str = "local_polynomial",
 ) -> FrequencyResponse:
     """Estimate the response of one recording; ``period`` (s) is that of the excitation, None to find it.
@@ -216,7 +216,9 @@ def instrumental_response(lines: LineEstimates) -> tuple[Complex, Array]:
     return P, np.where(rest > LEAST_REST, np.maximum(variance, 0.0), np.abs(P) ** 2) / np.maximum(rest, LEAST_REST)
 
 
-def indirect_response(lines: LineEstimates, controller: Controller, period: float) -> tuple[Complex, Array]:
+def indirect_response(
+    lines: LineEstimates, controller: ControllerTransferFunction, period: float
+) -> tuple[Complex, Array]:
     """The response ``P = (1/S - 1)/C`` (14.38) of the plant, and its variance.
 
     S is the response from the excitation n to the input u, C the sampled ``controller``, ``period`` the sampling period
@@ -229,7 +231,7 @@ def indirect_response(lines: LineEstimates, controller: Controller, period: floa
     return (1.0 / S - 1.0) / C, lines.covariance[:, 0, 0].real / np.abs(S) ** 4 / np.abs(C) ** 2
 
 
-def _check_controller(lines: LineEstimates, controller: Controller, period: float) -> list[Caution]:
+def _check_controller(lines: LineEstimates, controller: ControllerTransferFunction, period: float) -> list[Caution]:
     """Check whether the recorded input is ``n - C (q - q_r)`` with the stated controller C.
 
     In the responses to n that is ``G_u = 1 - C G_q``, which the half of the lines decides that tells C best.

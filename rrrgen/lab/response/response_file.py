@@ -21,7 +21,7 @@ from rrrgen.base.yamltext.fields import Entry, words
 from rrrgen.lab.data.mapping import TIME_KEYS, FileSource, SourceReader, TimeSource
 from rrrgen.lab.data.tables.formats import open_table
 from rrrgen.lab.data.tables.interface import table_fault
-from rrrgen.lab.response.response_model import Controller
+from rrrgen.lab.response.response_model import ControllerTransferFunction
 
 SCHEMA = "rrrgen-response/1"
 UNITS = (
@@ -83,7 +83,7 @@ class ResponseFile:
     output: SignalColumn
     excitation: SignalColumn | None = None
     period: float | None = None
-    controller: Controller | None = None
+    controller: ControllerTransferFunction | None = None
     several: Several = "realisations"
     name: str = ""
     source: str = ""
@@ -202,7 +202,7 @@ class _ResponseReader(SourceReader):
             factor=UNITS[unit or "one"] * (sign or 1.0),
         )
 
-    def control(self, node: Node | None) -> Controller | None:
+    def control(self, node: Node | None) -> ControllerTransferFunction | None:
         """Read the controller as it is implemented: the coefficients of its transfer function in powers of z^-1."""
         if node is None:
             return None
@@ -211,7 +211,7 @@ class _ResponseReader(SourceReader):
         denominator = powers.get("denominator", [1.0])
         if denominator and denominator[0] == 0.0:
             self.faults.error(part["denominator"], "controller.denominator starts with 0", "e.g. [1, -0.9]")
-        return Controller(tuple(powers.get("numerator", ())), tuple(denominator))
+        return ControllerTransferFunction(tuple(powers.get("numerator", ())), tuple(denominator))
 
     def coefficients(self, node: Node, what: str) -> list[float]:
         if isinstance(node, SequenceNode) and node.items:

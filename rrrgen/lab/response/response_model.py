@@ -24,7 +24,7 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 
 
 @dataclass(frozen=True)
-class Controller:
+class ControllerTransferFunction:
     """The controller ``C(z) = (c_0 + c_1 z^-1 + ..)/(d_0 + d_1 z^-1 + ..)`` of the loop ``u = n - C(z) (q - q_r)``.
 
     ``numerator`` holds the c_i, ``denominator`` the d_i. A PD controller with the gains kp and kd, the sampling period

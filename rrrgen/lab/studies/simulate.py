@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.design.fourier_series import FourierTrajectory
     from rrrgen.lab.experiment.experiment_file import Experiment
     from rrrgen.lab.experiment.loop_design import LoopDesign
-    from rrrgen.lab.plant.experiment import Instruments, Recording
+    from rrrgen.lab.plant.experiment import Instruments, SimulatedRecording
     from rrrgen.lab.plant.tracking import Tracking
     from rrrgen.lab.studies.excite import ExcitationResult
     from rrrgen.lab.studies.sources import FindingsCallback, ProgressCallback, RecordingSource, RobotInput, RobotSource
@@ -81,7 +81,7 @@ class SimulationResult(StudyResult):
     """
 
     robot: RobotSpec
-    recording: Recording
+    recording: SimulatedRecording
     instruments: Instruments
     loop: LoopDesign
     tracking: Tracking

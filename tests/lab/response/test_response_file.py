@@ -8,7 +8,7 @@ import pytest
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.response.estimation import estimate_one
 from rrrgen.lab.response.response_file import ResponseRecording, loads_response, read_recordings
-from rrrgen.lab.response.response_model import Controller
+from rrrgen.lab.response.response_model import ControllerTransferFunction
 from samples.flexible_joint import CONTROLLER, KD, KP, PERIOD, flexible_joint, multisine, record
 
 SAMPLES = 10000
@@ -52,10 +52,10 @@ def test_a_controller_that_is_not_the_recorded_one_is_refused(good, kind):
     rng = np.random.default_rng(22)
     recorded = good if kind == "noise" else record(rng, multisine(rng, SAMPLES))
     assert estimate_one(recorded, controller=CONTROLLER, method="indirect").findings == ()
-    half = Controller(tuple(0.5 * c for c in CONTROLLER.numerator))
-    opposite = Controller(tuple(-c for c in CONTROLLER.numerator))
-    continuous = Controller((KP + KD, -KD))  # without the sampling period
-    nearly = Controller(tuple(1.03 * c for c in CONTROLLER.numerator))
+    half = ControllerTransferFunction(tuple(0.5 * c for c in CONTROLLER.numerator))
+    opposite = ControllerTransferFunction(tuple(-c for c in CONTROLLER.numerator))
+    continuous = ControllerTransferFunction((KP + KD, -KD))  # without the sampling period
+    nearly = ControllerTransferFunction(tuple(1.03 * c for c in CONTROLLER.numerator))
     for wrong in (half, opposite, continuous, nearly):
         found = estimate_one(recorded, controller=wrong, method="indirect")
         assert [finding.kind for finding in found.findings] == ["controller"]

@@ -12,7 +12,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording, merged
 from rrrgen.lab.identify.diagnosis.hypotheses import Comparison, Finding
 from rrrgen.lab.identify.diagnosis.rules import (
-    Motion,
+    RecordedMotion,
     clock,
     clock_factor,
     dissipation,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 EXPLAINED_BY_UNITS = 0.1
 """Relative torque error that may remain where a unit is called wrong: wrong gear sides look like degrees and kN m."""
 
-BEFORE: tuple[Callable[[Motion], Any], ...] = (clock, recorded_speed, limits)
+BEFORE: tuple[Callable[[RecordedMotion], Any], ...] = (clock, recorded_speed, limits)
 
 
 def wording(spec: Any, recording: Recording) -> Wording:
@@ -48,7 +48,7 @@ def diagnose_recordings(spec: Any, recordings: Sequence[Recording]) -> tuple[Cau
     """Diagnose recordings without a fit: clock, recorded speeds, limits of the robot file ``spec``."""
     found = []
     for recording in recordings:
-        motion = Motion.of(spec, wording(spec, recording), recording)
+        motion = RecordedMotion.of(spec, wording(spec, recording), recording)
         for rule in BEFORE:
             found += list(rule(motion))
     return merged(found)
@@ -69,7 +69,7 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
         if sample is not None and int(np.sum(sample.use)) > len(regressor.names):
             words = wording(model.spec, recording)
             # a clock that is already known to be wrong is corrected, so that it does not hide other faults
-            sample = sample.slowed(clock_factor(Motion.of(model.spec, words, recording)))
+            sample = sample.slowed(clock_factor(RecordedMotion.of(model.spec, words, recording)))
             causes += _of_sample(regressor, sample, words, found)
     return merged(causes)
 
