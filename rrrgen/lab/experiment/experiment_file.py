@@ -106,7 +106,10 @@ KEYS: dict[str, Entries] = {
         "damping_ratio": Entry("of the base alone"),
     },
     "control": {
-        "kind": Entry(f"{words(CONTROL_LAWS)}; `{CONTROL_LAWS[0]}` if missing"),
+        "kind": Entry(
+            f"{words(CONTROL_LAWS)}; if missing, `{CONTROL_LAWS[0]}`, or `{CONTROL_LAWS[1]}` where a robust "
+            "PD loop would be too slow to follow a motion"
+        ),
         "bandwidth": Entry(
             "of the position loop, per joint, in place of gains; if missing, 4 Hz, or more if the load needs it, as "
             "far as the loop is robust",
@@ -150,14 +153,14 @@ EFFORT = units.TORQUE | units.FORCE
 class ControlSection:
     """Control of the virtual robot: law, gains or bandwidth, and observer.
 
-    ``kind`` is "pd" or "computed_torque"; its gains ``kp``, ``kd`` (n,) follow from ``bandwidth`` (n,) in Hz and
-    ``damping`` if they are None. ``observer`` is "kalman" or "difference"; ``jerk`` (n,), rad/s^3 (m/s^3), tunes the
+    ``kind`` is "pd" or "computed_torque", None where the design chooses; its gains ``kp``, ``kd`` (n,) follow from
+    ``bandwidth`` (n,) in Hz and ``damping`` if they are None. ``observer`` is "kalman" or "difference"; ``jerk`` (n,), rad/s^3 (m/s^3), tunes the
     Kalman observer. ``feedforward`` says whether the torques of the model along the motion are added to PD control.
     ``bandwidth``, ``jerk`` and ``feedforward`` are designed from the arm if they are None. ``places`` are the places of
     the keys that are stated, as faults without a message.
     """
 
-    kind: str = "pd"
+    kind: str | None = None
     bandwidth: tuple[float, ...] | None = None
     damping: float = 1.0
     kp: tuple[float, ...] | None = None

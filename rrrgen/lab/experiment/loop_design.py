@@ -6,7 +6,8 @@ several times higher frequency. There the observer must still be fast, and the d
 observer keeps the modulus margin :data:`MARGIN` in all postures along the motion, all joints are slowed alike, and then
 raised one by one as far as the margin lasts. The slowest observer that keeps it is taken, and where the steps of the
 encoders would shake the drives, lower bandwidths. Where PD control with the margin is too soft for the load, the
-torques of the model are fed forward. What the experiment file states is kept, and warned of if its margin is smaller.
+torques of the model are fed forward. Where it is too slow to follow a motion at all, as for joints whose inertia
+changes many times along it, the law is computed torque. What the experiment file states is kept, and warned of if its margin is smaller.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ MARGIN = 0.5
 
 BANDWIDTH = 4.0
 """Least bandwidth that a design aims at, Hz: arms follow exciting motions of up to 1 Hz."""
+
+SLOWEST = 1.0
+"""Least bandwidth of a joint, Hz, with which PD control is taken where the law is free: that of exciting motions."""
 
 BEND = 0.01
 """Share of its motion that the largest load may bend a joint by at rest: what the bandwidth aimed at is chosen for."""
@@ -130,8 +134,9 @@ class LoopDesign:
     where the gains are stated, ``asked`` (n,), Hz, what was aimed at. ``poles`` (rad/s) is the pole frequency of a
     designed Kalman observer, None for another. ``noise`` (n,) is the torque that the encoder steps cause, standard
     deviation in N m (N). ``stiffness`` (n,) is the torque per deviation, N m/rad (N/m). ``feedforward`` (N, n) are
-    torques of the model along the motion, added to those of PD control, or None. ``warnings`` are about stated
-    settings.
+    torques of the model along the motion, added to those of PD control, or None. ``instead`` (n,), Hz, are the
+    bandwidths of the PD control that was too slow, None where the law is not chosen for that. ``warnings`` are about
+    stated settings.
     """
 
     controller: ControlLaw
@@ -144,6 +149,7 @@ class LoopDesign:
     noise: Array
     stiffness: Array
     feedforward: Array | None = None
+    instead: tuple[float, ...] | None = None
     warnings: tuple[Fault, ...] = field(default=())
 
     @property
@@ -161,6 +167,11 @@ class LoopDesign:
         if self.poles is not None:
             watch += f" with its poles at {self.poles / (2.0 * math.pi):.3g} Hz"
         found = [f"{law} {gains}, {watch}: {self.margin_text()}"]
+        if self.instead is not None:
+            found.append(
+                f"not PD control: with this margin it would have {_listed(self.instead)} Hz, too slow for the motion "
+                "(`--control pd` takes it anyway)"
+            )
         if self.bandwidth is not None and self.asked is not None and self.bandwidth != self.asked:
             found.append(
                 f"not {_listed(self.asked)} Hz: it would not be robust, or the encoder steps would shake the drives; "
@@ -192,6 +203,12 @@ def design_loop(arm: ControlledArm, control: ControlSection) -> LoopDesign:
     """Design the loop of ``arm``: what ``control`` states is kept, everything else is chosen for the margin."""
     search = _LoopSearch(arm, control)
     found = search.best()
+    left_open = (control.kind, control.bandwidth, control.kp, control.jerk, control.feedforward)
+    if left_open == (None,) * 5 and found.bandwidth is not None and min(found.bandwidth) < SLOWEST:
+        model_based = _LoopSearch(arm, replace(control, kind="computed_torque"))
+        cancelled = model_based.best()
+        if model_based.good(cancelled) and cancelled.bandwidth is not None and min(cancelled.bandwidth) >= SLOWEST:
+            return replace(cancelled, instead=found.bandwidth)
     if found.robust or not control.places:
         return found
     stated = {key: place for key, place in control.places.items() if key in DECISIVE}
@@ -238,7 +255,7 @@ class _LoopSearch:
 
     def best(self) -> LoopDesign:
         """The loop with the stated settings, or the fastest; with feedforward where the load would bend it too far."""
-        control, pd = self.control, self.control.kind == "pd"
+        control, pd = self.control, self.control.kind != "computed_torque"
         fed = self.arm.torques + self.arm.rubbing if pd and control.feedforward is not False else None
         stated = control.kp is not None and control.kd is not None
         if stated or control.bandwidth is not None:

@@ -42,7 +42,9 @@ class SimulateOptions(ExperimentOptions):
         above=0,
     )
     control: Literal["pd", "computed-torque"] | None = option(
-        None, "Control law: PD (the default), or computed torque with the exact model of the robot file."
+        None,
+        "Control law; default: pd, or computed torque with the exact model of the robot file where a robust PD loop is "
+        "too slow for the motion.",
     )
     torque_noise: float | None = option(
         None, "Standard deviation of the torque noise, N m; default: no noise.", metavar="NM"

@@ -14,9 +14,9 @@ from rrrgen.cli.main import cli
 from rrrgen.lab.data.recordings import read_log
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.lab.experiment.experiment_file import Experiment, loads_experiment
-from rrrgen.lab.experiment.loop_design import BANDWIDTH, MARGIN, NOISE, checked, design_loop
+from rrrgen.lab.experiment.loop_design import BANDWIDTH, MARGIN, NOISE, SLOWEST, checked, design_loop
 from rrrgen.lab.experiment.setup import arm_of, simulate_motion
-from rrrgen.robot.file import bundled_path
+from rrrgen.robot.file import bundled_path, loads_spec
 
 
 def run(*arguments):
@@ -278,3 +278,42 @@ def test_a_recording_of_commands_tells_every_parameter(tmp_path) -> None:
     assert set(found.names) == set(truth)
     for name, value, std in zip(found.names, found.values, found.std, strict=True):
         assert abs(value - truth[name]) < 3.0 * std, name
+
+
+MAST = """
+schema: rrrgen/1
+name: mast
+convention: standard
+units: {angle: rad, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: turn, type: revolute, alpha: pi/2, a: 0, d: 0, theta: 0, drive: {encoder_resolution: 1e-5}}
+  - {name: swing, type: revolute, alpha: 0, a: 1, d: 0, theta: pi/2, drive: {encoder_resolution: 1e-5}}
+links:
+  - {mass: 1, com: [0, 0, 0], inertia: {about: com, products: positive, xx: 1e-4, yy: 1e-4, zz: 1e-4}}
+  - {mass: 2, com: [-0.5, 0, 0], inertia: {about: com, products: positive, xx: 1e-4, yy: 0.17, zz: 0.17}}
+"""
+
+
+def test_joints_whose_inertia_changes_too_much_for_pd_control_get_computed_torque():
+    """The pole of a mast: three thousand times heavier to turn when it lies than when it stands.
+
+    Gains for the mean are unstable where it stands, and those that are not are too soft to follow. What a file states
+    is kept.
+    """
+    model = rrrgen.compile(loads_spec(MAST))
+    motion = FourierTrajectory.from_coefficients(np.array([[0.0, 0.0], [0.5, 1.2], [0.3, 0.4]]), 0.2)
+    experiment = Experiment(period=0.004)
+    arm = arm_of(experiment, model, motion.evaluate, 5.0)
+    loop = design_loop(arm, experiment.control)
+    assert loop.robust
+    assert loop.instead is not None
+    assert min(loop.instead) < SLOWEST <= min(loop.bandwidth)
+    assert loop.lines()[0].startswith("computed torque of 4 Hz")
+    assert loop.lines()[1].startswith("not PD control: with this margin it would have ")
+    recording, _ = simulate_motion(experiment, model, motion.evaluate, 5.0, loop=loop)
+    assert checked(recording, arm, loop).ok
+    pd = loads_experiment("schema: rrrgen-experiment/1\ncontrol: {kind: pd}\n", 2, "pd.yaml")
+    stated = design_loop(arm, pd.control)
+    assert stated.instead is None
+    assert stated.bandwidth == loop.instead
