@@ -154,10 +154,10 @@ class ControlSection:
     """Control of the virtual robot: law, gains or bandwidth, and observer.
 
     ``kind`` is "pd" or "computed_torque", None where the design chooses; its gains ``kp``, ``kd`` (n,) follow from
-    ``bandwidth`` (n,) in Hz and ``damping`` if they are None. ``observer`` is "kalman" or "difference"; ``jerk`` (n,), rad/s^3 (m/s^3), tunes the
-    Kalman observer. ``feedforward`` says whether the torques of the model along the motion are added to PD control.
-    ``bandwidth``, ``jerk`` and ``feedforward`` are designed from the arm if they are None. ``places`` are the places of
-    the keys that are stated, as faults without a message.
+    ``bandwidth`` (n,) in Hz and ``damping`` if they are None. ``observer`` is "kalman" or "difference"; ``jerk``
+    (n,), rad/s^3 (m/s^3), tunes the Kalman observer. ``feedforward`` says whether the torques of the model along
+    the motion are added to PD control. ``bandwidth``, ``jerk`` and ``feedforward`` are designed from the arm if
+    they are None. ``places`` are the places of the keys that are stated, as faults without a message.
     """
 
     kind: str | None = None

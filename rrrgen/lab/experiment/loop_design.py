@@ -1,13 +1,14 @@
 """Designs the control loop of the virtual robot from the arm: gains, observer, and their stability margin.
 
-PD gains place the poles of every joint, with the others at rest, at its bandwidth: as fast as its load needs to bend it
-little. In its lightest direction the arm is several times lighter than ``M_ii``, so the same gains cross over at a
+PD gains place the poles of every joint, with the others at rest, at its bandwidth: as fast as its load needs to bend
+it little. In its lightest direction the arm is several times lighter than ``M_ii``, so the same gains cross over at a
 several times higher frequency. There the observer must still be fast, and the delay of the hold small. Where no
-observer keeps the modulus margin :data:`MARGIN` in all postures along the motion, all joints are slowed alike, and then
-raised one by one as far as the margin lasts. The slowest observer that keeps it is taken, and where the steps of the
-encoders would shake the drives, lower bandwidths. Where PD control with the margin is too soft for the load, the
+observer keeps the modulus margin :data:`MARGIN` in all postures along the motion, all joints are slowed alike, and
+then raised one by one as far as the margin lasts. The slowest observer that keeps it is taken, and where the steps of
+the encoders would shake the drives, lower bandwidths. Where PD control with the margin is too soft for the load, the
 torques of the model are fed forward. Where it is too slow to follow a motion at all, as for joints whose inertia
-changes many times along it, the law is computed torque. What the experiment file states is kept, and warned of if its margin is smaller.
+changes many times along it, the law is computed torque. What the experiment file states is kept, and warned of if its
+margin is smaller.
 """
 
 from __future__ import annotations
