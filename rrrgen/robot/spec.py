@@ -51,7 +51,7 @@ log1p log2 logb lrint lround modf nan nearbyint nextafter pow remainder remquo r
 sinh sqrt tan tanh tgamma trunc NAN INFINITY M_PI NULL errno malloc free calloc realloc memcpy memset memmove printf
 puts rand srand real_t double_t float_t casadi_real casadi_int casadi_sq casadi_fmin casadi_fmax""")
 
-_TIP_WORDS = _words("forward inverse point position tool")
+_TIP_WORDS = _words("floating forward inverse point position tool")
 """Words that make the name of another function of a function of the tip, as forward makes forward_kinematics."""
 
 _STATE = _words("q dq ddq tau beta phi pi E I")

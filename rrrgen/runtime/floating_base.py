@@ -1,4 +1,4 @@
-"""States of a floating base in the conventions of other programs.
+"""States of a floating base: steps and differences of its pose, and the conventions of other programs.
 
 The functions of rrrgen take the orientation (x, y, z, w), the twist [v; omega] of the base origin in base axes, and
 the rates of its components. With the position p of the origin in the world:
@@ -34,6 +34,80 @@ class FloatingState(NamedTuple):
     q: Array
     dq: Array
     ddq: Array
+
+
+class BasePose(NamedTuple):
+    """A pose of the base in the world: ``position`` (..., 3), m, unit quaternion ``orientation`` (..., 4), x y z w."""
+
+    position: Array
+    orientation: Array
+
+
+def integrate(position: ArrayLike, orientation: ArrayLike, displacement: ArrayLike) -> BasePose:
+    """The pose of the base after a motion with constant twist, which is the exponential of SE(3).
+
+    Pinocchio's ``integrate`` of a free flyer does the same. MuJoCo's ``mj_integratePos`` moves the origin along a
+    straight line instead, by the linear velocity in world axes.
+
+    Args:
+        position: of the base origin in the world, (..., 3), m.
+        orientation: of the base, (..., 4): the unit quaternion x, y, z, w.
+        displacement: twist times duration, (..., 6): linear part, m, then rotation, rad, in base axes.
+
+    Returns:
+        The pose after the motion.
+    """
+    start, quaternion = np.asarray(position, dtype=float), np.asarray(orientation, dtype=float)
+    step = np.asarray(displacement, dtype=float)
+    v, angle, axis = step[..., :3], *_angle_and_axis(step[..., 3:])
+    across = np.cross(axis, v)
+    half = np.sin(angle / 2)
+    moved = v + half * np.sinc(angle / (2 * np.pi)) * across + (1 - np.sinc(angle / np.pi)) * np.cross(axis, across)
+    turned = _product(quaternion, _joined(axis * half, np.cos(angle / 2)))
+    return BasePose(
+        start + _turned(rotation(quaternion), moved), turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+    )
+
+
+def difference(position: ArrayLike, orientation: ArrayLike, position_1: ArrayLike, orientation_1: ArrayLike) -> Array:
+    """The displacement that :func:`integrate` takes from one pose of the base to another, by at most half a turn.
+
+    Args:
+        position: of the base origin in the world at the start, (..., 3), m.
+        orientation: of the base at the start, (..., 4): the unit quaternion x, y, z, w.
+        position_1: of the base origin at the end, (..., 3), m.
+        orientation_1: of the base at the end, (..., 4). The quaternions p and -p are the same orientation.
+
+    Returns:
+        The displacement, (..., 6): linear part, m, then rotation, rad, in base axes.
+    """
+    start, end = (np.asarray(part, dtype=float) for part in (orientation, orientation_1))
+    turn = _product(start * [-1.0, -1.0, -1.0, 1.0], end)
+    turn = np.where(turn[..., 3:] < 0, -turn, turn)
+    sine, axis = _angle_and_axis(turn[..., :3])
+    half = np.arctan2(sine, turn[..., 3:])
+    back = np.swapaxes(rotation(start), -1, -2)
+    moved = _turned(back, np.asarray(position_1, dtype=float) - np.asarray(position, dtype=float))
+    across = np.cross(axis, moved)
+    bend = 1 - np.divide(half, np.tan(half), out=np.ones_like(half), where=half > 0)
+    return _joined(moved - half * across + bend * np.cross(axis, across), 2 * half * axis)
+
+
+def _angle_and_axis(vector: Array) -> tuple[Array, Array]:
+    """The length (..., 1) of vectors (..., 3) and their directions; zero for a vector of length zero."""
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    return length, _over(vector, length)
+
+
+def _over(vector: Array, length: Array) -> Array:
+    """``vector / length``, zero where the length is."""
+    return np.divide(vector, length, out=np.zeros_like(vector), where=length > 0)
+
+
+def _product(one: Array, other: Array) -> Array:
+    """The product (..., 4) of two quaternions x, y, z, w: the rotation ``other`` first."""
+    u, a, v, b = one[..., :3], one[..., 3:], other[..., :3], other[..., 3:]
+    return _joined(a * v + b * u + np.cross(u, v), a * b - np.sum(u * v, axis=-1, keepdims=True))
 
 
 def rotation(orientation: ArrayLike) -> Array:

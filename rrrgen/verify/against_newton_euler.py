@@ -15,7 +15,7 @@ from rrrgen.verify.identities import check_refusal, is_definite
 from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, BaseState, NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, motor_loads, motor_speeds
-from rrrgen.verify.report import Collector, Tolerances, rate, size
+from rrrgen.verify.report import Check, Collector, Tolerances, rate, size
 from rrrgen.verify.subject import SPEED, InertialParameters, States, draw_states
 
 if TYPE_CHECKING:
@@ -39,6 +39,8 @@ def check_kinematics(model: Model, ne: NewtonEuler, s: States, tolerances: Toler
     check("kinematics: J", lambda: model.kinematics(s.q)[1], J)
     scale = max(size(acceleration), size(J) * size(s.dq) ** 2)
     check("jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq), acceleration, scale=scale)
+    if model.spec.floating_base:
+        _check_floating_tip(model, ne, "", s, check)
 
 
 def check_tip(
@@ -62,9 +64,22 @@ def check_tip(
     check(f"{tip}_kinematics: J", lambda: model.kinematics(s.q, tip=tip)[1], J)
     scale = max(size(acceleration), size(J) * size(s.dq) ** 2)
     check(f"{tip}_jacobian_dot_dq", lambda: model.jacobian_dot_dq(s.q, s.dq, tip=tip), acceleration, scale=scale)
+    if model.spec.floating_base:
+        _check_floating_tip(model, ne, tip, s, check)
     if carrier is not None:
         seen = np.asarray(np.linalg.inv(ne.link_frames(s.q)[:, carrier]) @ T)
         check(f"{tip}_tip_target", lambda: model.tip_target(T, s.q, tip=tip), seen)
+
+
+def _check_floating_tip(model: Model, ne: NewtonEuler, tip: str, s: States, check: Check) -> None:
+    """Compare the Jacobian of a named ``tip``, or of the unnamed one, on a floating base with that of ``ne``."""
+    twist = draw_base(s.count, np.random.default_rng(0)).twist
+    J, acceleration = ne.floating_jacobian(s.q), ne.floating_jacobian_dot_dq(s.q, s.dq, twist)
+    prefix, named = (f"{tip}_", {"tip": tip}) if tip else ("", {})
+    scale = max(size(acceleration), size(J) * max(size(s.dq), size(twist)) ** 2)
+    check(f"{prefix}floating_jacobian", lambda: model.floating_jacobian(s.q, **named), J)
+    found = partial(model.floating_jacobian_dot_dq, s.q, s.dq, twist, **named)
+    check(f"{prefix}floating_jacobian_dot_dq", found, acceleration, scale=scale)
 
 
 def _at(model: Model, name: str, q: Array) -> Array:
@@ -136,6 +151,11 @@ def check_floating_base(
 
     check("floating_inverse_dynamics", forces, both)
     check("floating_mass_matrix", lambda: model.floating_mass_matrix(s.q, beta=beta), ne.floating_mass_matrix(s.q))
+    momentum, A = ne.floating_momentum(s.q, s.dq, twist), ne.floating_mass_matrix(s.q)[:, :6]
+    of_terms = size(A) * max(size(s.dq), size(twist))
+    found = partial(model.floating_momentum, s.q, s.dq, twist, beta=beta)
+    check("floating_momentum", found, momentum, scale=of_terms)
+    check("floating_momentum_matrix", lambda: model.floating_momentum_matrix(s.q, beta=beta), A)
     check("floating_bias", lambda: model.floating_bias(s.q, s.dq, pose, twist, beta=beta), h, scale=size(both))
     if parameters.physical:
         check("floating_forward_dynamics (as forces)", regenerated, both)

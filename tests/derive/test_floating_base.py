@@ -15,7 +15,16 @@ from rrrgen.derive import prepare
 from rrrgen.derive.functions.table import functions_for
 from rrrgen.exporting import export_robot
 from rrrgen.robot.file import dumps, load_spec, loads_spec
-from rrrgen.runtime.floating_base import FloatingState, from_mujoco, from_pinocchio, rotation, to_mujoco, to_pinocchio
+from rrrgen.runtime.floating_base import (
+    FloatingState,
+    from_mujoco,
+    from_pinocchio,
+    integrate,
+    rotation,
+    to_mujoco,
+    to_pinocchio,
+)
+from rrrgen.runtime.floating_base import difference as displacement
 from rrrgen.verify import verify
 from rrrgen.verify.references.libraries import MujocoReference
 from rrrgen.verify.references.numeric_robot import centre_and_tensor, chain_of, nominal_parameters
@@ -68,7 +77,8 @@ def model(request):
 def test_every_function_agrees_with_newton_euler_from_a_moving_base(model):
     report = verify(model, samples=3, libraries=False)
     assert [row for row in report.rows if not row.ok] == []
-    assert sum("floating" in row.function for row in report.rows) == 10
+    tips = 1 + len(model.spec.tips)
+    assert sum("floating" in row.function for row in report.rows) == 14 + 2 * tips
 
 
 def joined(forces) -> np.ndarray:
@@ -83,38 +93,135 @@ def difference(found, expected) -> float:
     return float(np.max(np.abs(found - expected)) / np.max(np.abs(expected)))
 
 
-def test_torques_and_mass_matrix_of_pinocchio_with_a_free_flyer(model):
-    pin = pytest.importorskip("pinocchio")
-    chain, phi = chain_of(model.spec), nominal_parameters(model.spec)
-    around, free = chain.around_joints(), pin.Model()
-    free.gravity.linear = chain.gravity
-    behind, joints = (
-        [after for _, after in around],
-        {0: free.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")},
-    )
-    for i in chain.depth_first():
-        before, after = around[i]
-        if i:
-            kind = pin.JointModelRZ() if chain.revolute[i] else pin.JointModelPZ()
-            place = pin.SE3(chain.behind(behind, i) @ before)
-            joints[i] = free.addJoint(joints[chain.parents[i]], kind, place, f"joint{i}")
-        centre, tensor = centre_and_tensor(phi[i])
-        free.appendBodyToJoint(joints[i], pin.Inertia(float(phi[i, 0]), centre, tensor), pin.SE3(after))
-    data = free.createData()
-    # velocities of all rows from those of the model: y = S q behind the twist
-    S = np.zeros((free.nv, 6 + chain.n))
-    S[:6, :6] = np.eye(6)
-    for i in range(1, chain.links):
-        S[free.joints[joints[i]].idx_v, 6:] = chain.coupling[i]
+class FreePinocchio:
+    """The robot on a free flyer, with a joint for every row; ``S`` takes [twist; dq] to the velocities of all rows."""
+
+    def __init__(self, spec) -> None:
+        self.pin = pin = pytest.importorskip("pinocchio")
+        self.chain, phi = chain_of(spec), nominal_parameters(spec)
+        chain, around = self.chain, self.chain.around_joints()
+        self.model = free = pin.Model()
+        free.gravity.linear = chain.gravity
+        behind, joints = (
+            [after for _, after in around],
+            {0: free.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")},
+        )
+        for i in chain.depth_first():
+            before, after = around[i]
+            if i:
+                kind = pin.JointModelRZ() if chain.revolute[i] else pin.JointModelPZ()
+                place = pin.SE3(chain.behind(behind, i) @ before)
+                joints[i] = free.addJoint(joints[chain.parents[i]], kind, place, f"joint{i}")
+            centre, tensor = centre_and_tensor(phi[i])
+            free.appendBodyToJoint(joints[i], pin.Inertia(float(phi[i, 0]), centre, tensor), pin.SE3(after))
+        self.tips = {}
+        for name in ("", *spec.tips):
+            one = chain_of(spec.at_tip(name)) if name else chain
+            place = pin.SE3(around[one.tip][1] @ one.tool)
+            self.tips[name] = free.addFrame(pin.Frame(f"tip {name}", joints[one.tip], place, pin.FrameType.OP_FRAME))
+        self.data = free.createData()
+        self.S = np.zeros((free.nv, 6 + chain.n))
+        self.S[:6, :6] = np.eye(6)
+        for i in range(1, chain.links):
+            self.S[free.joints[joints[i]].idx_v, 6:] = chain.coupling[i]
+
+    def rows(self, q) -> np.ndarray:
+        """The positions of all rows for those of Pinocchio's convention (7 + n)."""
+        return np.concatenate([q[:7], self.S[6:, 6:] @ q[7:]])
+
+
+@pytest.fixture(scope="module")
+def free(model):
+    return FreePinocchio(model.spec)
+
+
+def test_torques_and_mass_matrix_of_pinocchio_with_a_free_flyer(model, free):
+    pin, S = free.pin, free.S
     for seed in range(3):
-        s = draw(chain.n, seed)
+        s = draw(model.n, seed)
         q, v, a = to_pinocchio(s)
-        rows = np.concatenate([q[:7], S[6:, 6:] @ q[7:]])
-        assert difference(ask(model, s), S.T @ pin.rnea(free, data, rows, S @ v, S @ a)) < 1e-13
-        upper = np.triu(pin.crba(free, data, rows))
+        rows = free.rows(q)
+        assert difference(ask(model, s), S.T @ pin.rnea(free.model, free.data, rows, S @ v, S @ a)) < 1e-13
+        upper = np.triu(pin.crba(free.model, free.data, rows))
         assert difference(model.floating_mass_matrix(s.q), S.T @ (upper + np.triu(upper, 1).T) @ S) < 1e-13
         for one, other in zip(from_pinocchio(q, v, a), s, strict=True):
             np.testing.assert_array_equal(one, other)
+
+
+def test_momentum_and_centre_of_mass_of_pinocchio(model, free):
+    """Its momentum is about the centre of mass, in world axes."""
+    pin = free.pin
+    for seed in range(3):
+        s = draw(model.n, seed)
+        q, v, _ = to_pinocchio(s)
+        rows, R = free.rows(q), rotation(s.orientation)
+        pin.computeCentroidalMomentum(free.model, free.data, rows, free.S @ v)
+        c = R.T @ (pin.centerOfMass(free.model, free.data, rows) - s.position)
+        linear, angular = R.T @ free.data.hg.linear, R.T @ free.data.hg.angular
+        expected = np.concatenate([linear, angular + np.cross(c, linear)])
+        assert difference(model.floating_momentum(s.q, s.dq, s.twist), expected) < 1e-13
+        A = model.floating_momentum_matrix(s.q)
+        assert difference(A @ v, expected) < 1e-13
+        assert difference(np.array([A[1, 5], A[2, 3], A[0, 4]]) / A[0, 0], c) < 1e-13
+
+
+def test_jacobians_and_accelerations_of_all_tips_of_pinocchio(model, free):
+    pin = free.pin
+    for seed in range(3):
+        s = draw(model.n, seed)
+        q, v, a = to_pinocchio(s)
+        rows, R = free.rows(q), rotation(s.orientation)
+        for name, frame in free.tips.items():
+            tip = {"tip": name} if name else {}
+            J = model.floating_jacobian(s.q, **tip)
+            pin.forwardKinematics(free.model, free.data, rows, free.S @ v, free.S @ a)
+            aligned = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            seen = pin.computeFrameJacobian(free.model, free.data, rows, frame, aligned) @ free.S
+            assert difference(J, np.concatenate([R.T @ seen[:3], R.T @ seen[3:]])) < 1e-13
+            moved = pin.getFrameClassicalAcceleration(free.model, free.data, frame, aligned)
+            found = J @ a + model.floating_jacobian_dot_dq(s.q, s.dq, s.twist, **tip)
+            assert difference(found, np.concatenate([R.T @ moved.linear, R.T @ moved.angular])) < 1e-13
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-9, 1e-4, 0.1, 1.0, np.pi - 1e-7, np.pi])
+def test_the_pose_of_the_base_is_integrated_as_by_pinocchio(angle):
+    pin = pytest.importorskip("pinocchio")
+    group, rng = pin.liegroups.SE3(), np.random.default_rng(3)
+    for _ in range(5):
+        s = draw(0, int(rng.integers(1000)))
+        axis = rng.normal(size=3)
+        step = np.concatenate([rng.normal(size=3), angle * axis / np.linalg.norm(axis)])
+        pose = integrate(s.position, s.orientation, step)
+        start = np.concatenate([s.position, s.orientation])
+        expected = group.integrate(start, step)
+        assert difference(pose.position, expected[:3]) < 1e-14
+        assert min(np.abs(pose.orientation - sign * expected[3:]).max() for sign in (1, -1)) < 1e-15
+        back = displacement(s.position, s.orientation, *pose)
+        again = integrate(s.position, s.orientation, back)  # half a turn has two displacements
+        assert difference(again.position, pose.position) < 1e-14
+        assert np.abs(rotation(again.orientation) - rotation(pose.orientation)).max() < 1e-14
+        if angle < 3:
+            assert difference(back, step) < 1e-14
+            assert difference(displacement(s.position, s.orientation, pose.position, -pose.orientation), step) < 1e-14
+
+
+def test_poses_are_integrated_in_batches():
+    rng = np.random.default_rng(4)
+    p, orientation, steps = rng.normal(size=3), np.array([0.0, 0, 0, 1]), rng.normal(size=(2, 5, 6))
+    poses = integrate(p, orientation, steps)
+    assert (poses.position.shape, poses.orientation.shape) == ((2, 5, 3), (2, 5, 4))
+    one = integrate(p, orientation, steps[1, 2])
+    np.testing.assert_array_equal(poses.position[1, 2], one.position)
+    assert displacement(p, orientation, *poses).shape == (2, 5, 6)
+
+
+def test_the_rates_of_an_integrated_pose_are_its_twist():
+    """Central differences, of the position and of the orientation."""
+    s, h = draw(0, 6), 1e-5
+    ahead, behind = (integrate(s.position, s.orientation, sign * h * s.twist) for sign in (1, -1))
+    v = rotation(s.orientation).T @ (ahead.position - behind.position) / (2 * h)
+    assert difference(v, s.twist[:3]) < 1e-9
+    assert difference(displacement(*behind, *ahead) / (2 * h), s.twist) < 1e-9
 
 
 def test_functions_take_a_moving_base_by_keyword(model):

@@ -135,7 +135,7 @@ def test_functions_that_differ_between_tips_are_those_that_every_named_tip_has()
 def test_no_allowed_name_of_a_tip_makes_the_name_of_another_function():
     others = [*FUNCTIONS, "inverse_kinematics", "inverse_kinematics_batch", "closest"]
     words = {name.removesuffix(f"_{f.name}") for f in OF_TIP for name in others if name.endswith(f"_{f.name}")}
-    assert words == {"forward", "inverse", "point", "position", "tool"}
+    assert words == {"floating", "forward", "inverse", "point", "position", "tool"}
     for word in words:
         assert name_fault(word, "tip")
         assert name_fault(f"left_{word}", "tip")

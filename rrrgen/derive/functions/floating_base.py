@@ -21,8 +21,9 @@ from typing import Any
 from rrrgen.derive.functions.dynamics import Frames, block_frames_first, link_frames_only, torque_port
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.functions.regressors import regressor_rows
+from rrrgen.derive.recursions import energy_and_momentum as momentum
+from rrrgen.derive.recursions import kinematics, newton_euler
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
-from rrrgen.derive.recursions import newton_euler
 from rrrgen.derive.recursions.drive_inertia import inertia_columns
 from rrrgen.derive.recursions.linear_algebra import (
     Vector,
@@ -165,6 +166,70 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
     return record
 
 
+MOMENTUM_IS = "[p; L] = A(q) [twist; dq], A = M(q)[0:6]"
+"""The momentum of the whole robot about the base origin, in base axes; the matrix A has the first six rows of M."""
+
+
+def momentum_matrix(r: Recording) -> Program:
+    """Record A (6, 6 + n), the first six rows of M, which give the momentum about the base origin in base axes."""
+    A = composite.floating_mass_matrix(r.chain(), r.inertias())[:6]
+    meaning = "rows 1-3 linear, rows 4-6 angular momentum, over [twist; dq]"
+    port = Port("A", (6, 6 + r.n), "SI", "base", meaning)
+    return r.builder.program(
+        "floating_momentum_matrix",
+        [(port, flat(A))],
+        "Momentum matrix of a floating base.",
+        MOMENTUM_IS,
+        ["The momentum is that of the whole robot about the base origin, in base axes."],
+    )
+
+
+def _momentum_program(r: Recording, values: list[Any]) -> Program:
+    meaning = "linear, then angular momentum about the base origin, in base axes"
+    port = Port("momentum", (6,), "N s, N m s", "base", meaning)
+    return r.builder.program("floating_momentum", [(port, values)], "Momentum on a floating base.", MOMENTUM_IS)
+
+
+def momentum_by_links(r: Recording) -> Program:
+    """Record the momentum (6,) of the whole robot about the base origin as the sum of that of its links."""
+    chain, dq, twist = r.chain(), r.joints("dq"), r.on_base("twist")
+    return _momentum_program(r, momentum.floating_momentum(chain, dq, (twist[:3], twist[3:]), r.inertias()))
+
+
+def momentum_by_matrix(r: Recording) -> Program:
+    """Record the momentum (6,) of the whole robot about the base origin by the first six rows of M."""
+    chain, dq, twist = r.chain(), r.joints("dq"), r.on_base("twist")
+    A = composite.floating_mass_matrix(chain, r.inertias())[:6]
+    return _momentum_program(r, [dot(row, [*twist, *dq]) for row in A])
+
+
+def jacobian(r: Recording) -> Program:
+    """Record J (6, 6 + n) of the tip over the twist of the base and dq, in base axes."""
+    J = kinematics.floating_jacobian(r.chain())
+    meaning = "of the tip, rows 1-3 linear, rows 4-6 angular velocity; columns of the twist, then of dq"
+    port = Port("J", (6, 6 + r.n), "m, 1", "base", meaning)
+    return r.builder.program(
+        "floating_jacobian",
+        [(port, flat(J))],
+        "Geometric Jacobian of the tip on a floating base.",
+        "[v_tip; omega_tip] = J(q) [twist; dq],  [wrench; tau] = J' F of a wrench F at the tip",
+    )
+
+
+def jacobian_dot_dq(r: Recording) -> Program:
+    """Record the acceleration (6,) of the tip where neither the twist nor dq changes, in base axes."""
+    chain, dq, twist = r.chain(), r.joints("dq"), r.on_base("twist")
+    a = kinematics.floating_jacobian_dot_dq(chain, dq, twist[:3], twist[3:])
+    meaning = "linear, then angular acceleration of the tip for twist_rate = 0 and ddq = 0"
+    port = Port("a", (6,), "m/s^2, rad/s^2", "base", meaning)
+    return r.builder.program(
+        "floating_jacobian_dot_dq",
+        [(port, a)],
+        "Acceleration of the tip on a floating base where neither twist nor dq changes.",
+        "d[v_tip; omega_tip]/dt = J(q) [twist_rate; ddq] + a, the time derivative in world axes, written in base axes",
+    )
+
+
 def forward_dynamics(r: Recording, mass: Program, forces: Program) -> Program:
     """Record twist_rate (6,) and ddq (n,) by M = L D L', from the programs of the mass matrix and of h.
 
@@ -202,6 +267,7 @@ def forward_dynamics(r: Recording, mass: Program, forces: Program) -> Program:
 
 INVERSE_DYNAMICS = (inverse_dynamics(block_frames_first), inverse_dynamics(link_frames_only))
 BIAS = (bias(block_frames_first), bias(link_frames_only))
+MOMENTUM = (momentum_by_links, momentum_by_matrix)
 REGRESSOR = tuple(
     regressor(columns, frames)
     for columns in (columns_by_axes, columns_passed_down)

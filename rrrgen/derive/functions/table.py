@@ -46,6 +46,8 @@ NO_FLOATING_BASE = (
     "1e-6, status 2) and ``with_status`` is False."
 )
 
+STATE_FLOATING_BASE = "the robot has no floating base: state it under floating_base in the robot file"
+
 TABLE = (
     ModelFunction(
         "forward_kinematics",
@@ -1019,7 +1021,7 @@ TABLE = (
         status=True,
         result="FloatingForces",
         needs=Needs.FLOATING_BASE,
-        absent="the robot has no floating base: state it under floating_base in the robot file",
+        absent=STATE_FLOATING_BASE,
     ),
     ModelFunction(
         "floating_mass_matrix",
@@ -1031,7 +1033,7 @@ TABLE = (
         record=f"{FLOATING}:mass_matrix",
         raises=(("ValueError", "the robot file states no floating base."),),
         needs=Needs.FLOATING_BASE,
-        absent="the robot has no floating base: state it under floating_base in the robot file",
+        absent=STATE_FLOATING_BASE,
     ),
     ModelFunction(
         "floating_bias",
@@ -1043,7 +1045,7 @@ TABLE = (
         raises=(("ValueError", NO_FLOATING_BASE),),
         status=True,
         needs=Needs.FLOATING_BASE,
-        absent="the robot has no floating base: state it under floating_base in the robot file",
+        absent=STATE_FLOATING_BASE,
     ),
     ModelFunction(
         "floating_regressor",
@@ -1056,7 +1058,7 @@ TABLE = (
         raises=(("ValueError", NO_FLOATING_BASE),),
         status=True,
         needs=Needs.FLOATING_BASE,
-        absent="the robot has no floating base: state it under floating_base in the robot file",
+        absent=STATE_FLOATING_BASE,
     ),
     ModelFunction(
         "floating_forward_dynamics",
@@ -1075,7 +1077,61 @@ TABLE = (
         result="FloatingAccelerations",
         status=True,
         needs=Needs.FLOATING_BASE,
-        absent="the robot has no floating base: state it under floating_base in the robot file",
+        absent=STATE_FLOATING_BASE,
+    ),
+    ModelFunction(
+        "floating_momentum",
+        "floating",
+        "Linear and angular momentum of the whole robot about the origin of its floating base, in base axes.",
+        takes="q dq twist beta",
+        returns="The momentum, (..., 6): linear, N s, then angular, N m s.",
+        record=f"{FLOATING}:MOMENTUM",
+        details="With the position c of the centre of mass (:meth:`floating_momentum_matrix`), ``L - c x p`` is the "
+        "angular momentum about it. In world axes ``dp/dt`` is the sum of weight and outer forces.",
+        raises=(("ValueError", "the robot file states no floating base."),),
+        needs=Needs.FLOATING_BASE,
+        absent=STATE_FLOATING_BASE,
+    ),
+    ModelFunction(
+        "floating_momentum_matrix",
+        "floating",
+        "Momentum matrix A about the origin of the floating base, ``[p; L] = A(q) [twist; dq]``, in base axes.",
+        takes="q beta",
+        returns="A, (..., 6, 6 + n), in SI units: rows of the linear, then of the angular momentum.",
+        record=f"{FLOATING}:momentum_matrix",
+        details="These are the first six rows of :meth:`floating_mass_matrix`. ``A[..., 0, 0]`` is the mass m of the "
+        "robot, and ``m c = (A[..., 1, 5], A[..., 2, 3], A[..., 0, 4])`` with the position c of its centre of mass.",
+        raises=(("ValueError", "the robot file states no floating base."),),
+        needs=Needs.FLOATING_BASE,
+        absent=STATE_FLOATING_BASE,
+    ),
+    ModelFunction(
+        "floating_jacobian",
+        "floating",
+        "Geometric Jacobian of the tip over the twist of the floating base and dq, in base axes.",
+        takes="q",
+        returns="J, (..., 6, 6 + n), ``[v; w] = J(q) [twist; dq]``: linear velocity v of the tip (m/s) first, then "
+        "angular velocity w (rad/s), both seen from the world and written in base axes.",
+        record=f"{FLOATING}:jacobian",
+        details="A wrench F at the tip, force first, in base axes, acts as ``[wrench; tau] = J' F``.",
+        raises=(("ValueError", "the robot file states no floating base, or the robot has no tip of this name."),),
+        needs=Needs.FLOATING_BASE,
+        absent=STATE_FLOATING_BASE,
+        of_tip=True,
+    ),
+    ModelFunction(
+        "floating_jacobian_dot_dq",
+        "floating",
+        "Acceleration a of the tip on a floating base where neither twist nor dq changes, in base axes.",
+        takes="q dq twist",
+        returns="a, (..., 6): linear part (m/s^2) first, then angular (rad/s^2).",
+        record=f"{FLOATING}:jacobian_dot_dq",
+        details="The tip is accelerated by ``J(q) [twist_rate; ddq] + a``, with J of :meth:`floating_jacobian`: the "
+        "rate of its velocity in world axes, written in base axes.",
+        raises=(("ValueError", "the robot file states no floating base, or the robot has no tip of this name."),),
+        needs=Needs.FLOATING_BASE,
+        absent=STATE_FLOATING_BASE,
+        of_tip=True,
     ),
     ModelFunction(
         "friction",

@@ -65,6 +65,26 @@ def momentum_and_coriolis_transpose(
     return chain.forces(momentum), chain.forces(result)
 
 
+def floating_momentum(
+    chain: Chain, dq: Sequence[Any], twist: tuple[Vector, Vector], inertias: Sequence[PseudoInertia]
+) -> list[Any]:
+    """Linear and angular momentum (6,) of the whole robot about the origin of its floating base, in base axes.
+
+    ``twist`` holds the linear and the angular velocity (3,) of the base, whose body is the first link.
+    """
+    beyond: list[tuple[Vector, Vector]] = [([0, 0, 0], [0, 0, 0])] * chain.n
+    motion = velocities(chain, dq, twist)
+    for i in reversed(range(chain.n)):
+        joint = chain.joints[i]
+        link = link_momentum(inertias[i].rotated_z(joint.c, joint.s), motion[i])
+        P, L = beyond[i] = add(beyond[i][0], link[0]), add(beyond[i][1], link[1])
+        if joint.parent >= 0:
+            P, L = step_down(chain, i, P, L)
+            before = beyond[joint.parent]
+            beyond[joint.parent] = add(before[0], P), add(before[1], L)
+    return [*beyond[0][0], *beyond[0][1]]
+
+
 def kinetic_energy(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia]) -> Any:
     """The kinetic energy T = sum over links of (v . P + omega . L)/2 in J, without drive inertia."""
     total: Any = 0

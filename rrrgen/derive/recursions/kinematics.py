@@ -17,7 +17,7 @@ from rrrgen.derive.recursions.linear_algebra import (
     subtract,
     times,
 )
-from rrrgen.derive.recursions.link_frames import Chain, ChainJoint, Placement
+from rrrgen.derive.recursions.link_frames import BaseMotion, Chain, ChainJoint, Placement
 from rrrgen.derive.recursions.velocities_and_accelerations import forward
 
 IDENTITY: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -141,10 +141,34 @@ def point_jacobian(chain: Chain, frames: Sequence[Placement], link: int, point: 
 
 def jacobian_dot_dq(chain: Chain, dq: Sequence[Any]) -> Vector:
     """(dJ/dt) dq, shape (6,): the acceleration of the tip for ddq = 0, linear part first, in base axes."""
-    at_rest = replace(chain, gravity=[0, 0, 0])
-    last = forward(at_rest, dq, [0] * len(dq), [True] * chain.n)[chain.tip_link]
+    return _drift(replace(chain, gravity=[0, 0, 0]), dq)
+
+
+def _drift(chain: Chain, dq: Sequence[Any]) -> Vector:
+    """The acceleration (6,) of the tip for ddq = 0 and the motion of the base of ``chain``, in base axes."""
+    last = forward(chain, dq, [0] * len(dq), [True] * chain.n)[chain.tip_link]
     linear = add(last.a, times(last.U, chain.tip.p))
     return carry_to_base(chain, linear) + carry_to_base(chain, last.alpha)
+
+
+def floating_jacobian(chain: Chain) -> Matrix:
+    """The Jacobian (6, 6 + n) of the tip over the twist of a floating base and dq, linear rows first, in base axes."""
+    frames = joint_frames(chain)
+    x, y, z = add(frames[chain.tip_link].p, times(frames[chain.tip_link].R, chain.tip.p))
+    arm = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    on_base = [[*one, *across] for one, across in zip(IDENTITY, arm, strict=True)] + [
+        [0, 0, 0, *one] for one in IDENTITY
+    ]
+    return [base + joints for base, joints in zip(on_base, jacobian(chain), strict=True)]
+
+
+def floating_jacobian_dot_dq(chain: Chain, dq: Sequence[Any], v: Vector, omega: Vector) -> Vector:
+    """The acceleration (6,) of the tip, linear part first, in base axes, where neither dq nor the twist changes.
+
+    ``v`` and ``omega`` (3,) are the twist of the floating base: that its components are constant accelerates its origin
+    by ``omega x v``.
+    """
+    return _drift(replace(chain, base=BaseMotion(omega, [0, 0, 0], cross(omega, v))), dq)
 
 
 def to_link_frame(joint: ChainJoint, vector: Vector) -> Vector:

@@ -2683,6 +2683,91 @@ class TableFunctions(Calls):
         gravity: ArrayLike | None = None,
         with_status: bool,
     ) -> FloatingAccelerations | tuple[FloatingAccelerations, Array]: ...
+    def floating_momentum(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        twist: ArrayLike,
+        beta: ArrayLike | None = None,
+    ) -> Array:
+        """Linear and angular momentum of the whole robot about the origin of its floating base, in base axes.
+
+        With the position c of the centre of mass (:meth:`floating_momentum_matrix`), ``L - c x p`` is the angular
+        momentum about it. In world axes ``dp/dt`` is the sum of weight and outer forces.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+
+        Returns:
+            The momentum, (..., 6): linear, N s, then angular, N m s.
+
+        Raises:
+            ValueError: the robot file states no floating base.
+        """
+
+    def floating_momentum_matrix(self, q: ArrayLike, beta: ArrayLike | None = None) -> Array:
+        """Momentum matrix A about the origin of the floating base, ``[p; L] = A(q) [twist; dq]``, in base axes.
+
+        These are the first six rows of :meth:`floating_mass_matrix`. ``A[..., 0, 0]`` is the mass m of the robot, and
+        ``m c = (A[..., 1, 5], A[..., 2, 3], A[..., 0, 4])`` with the position c of its centre of mass.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+
+        Returns:
+            A, (..., 6, 6 + n), in SI units: rows of the linear, then of the angular momentum.
+
+        Raises:
+            ValueError: the robot file states no floating base.
+        """
+
+    def floating_jacobian(self, q: ArrayLike, *, tip: str | None = None) -> Array:
+        """Geometric Jacobian of the tip over the twist of the floating base and dq, in base axes.
+
+        A wrench F at the tip, force first, in base axes, acts as ``[wrench; tau] = J' F``.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            tip: a named tip of the robot file in place of the unnamed one.
+
+        Returns:
+            J, (..., 6, 6 + n), ``[v; w] = J(q) [twist; dq]``: linear velocity v of the tip (m/s) first, then angular
+            velocity w (rad/s), both seen from the world and written in base axes.
+
+        Raises:
+            ValueError: the robot file states no floating base, or the robot has no tip of this name.
+        """
+
+    def floating_jacobian_dot_dq(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        twist: ArrayLike,
+        *,
+        tip: str | None = None,
+    ) -> Array:
+        """Acceleration a of the tip on a floating base where neither twist nor dq changes, in base axes.
+
+        The tip is accelerated by ``J(q) [twist_rate; ddq] + a``, with J of :meth:`floating_jacobian`: the rate of its
+        velocity in world axes, written in base axes.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
+            tip: a named tip of the robot file in place of the unnamed one.
+
+        Returns:
+            a, (..., 6): linear part (m/s^2) first, then angular (rad/s^2).
+
+        Raises:
+            ValueError: the robot file states no floating base, or the robot has no tip of this name.
+        """
+
     @overload
     def friction_step(
         self,

@@ -79,6 +79,12 @@ class BaseState:
     twist_rate: Array
 
 
+def still_base(count: int, twist: Array | None = None) -> BaseState:
+    """``count`` states of an upright base whose ``twist`` (6,) is constant; at rest by default."""
+    moving = np.zeros((count, 6)) if twist is None else np.tile(twist, (count, 1))
+    return BaseState(np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)), moving, np.zeros((count, 6)))
+
+
 class NewtonEuler:
     """Kinematics and dynamics of a chain with standard parameters ``phi`` (links, 10); states are batches (N, n).
 
@@ -152,13 +158,47 @@ class NewtonEuler:
 
     def jacobian_dot_dq(self, q: Array, dq: Array) -> Array:
         """The vector dJ/dt dq (N, 6): the acceleration of the tip in the base frame for ddq = 0, linear rows first."""
-        out = self._outward(q, dq, np.zeros_like(dq), np.zeros(3))
+        return self._tip_acceleration(q, self._outward(q, dq, np.zeros_like(dq), np.zeros(3)))
+
+    def _tip_acceleration(self, q: Array, out: _Outward) -> Array:
+        """The acceleration (N, 6) of the tip in the base frame, linear rows first."""
         tip = self.chain.tip
         w, wd = out.w[tip], out.wd[tip]
         r = np.broadcast_to(self.chain.tool[:3, 3], w.shape)
         linear = out.vd[tip] + _cross(w, out.v[tip]) + _cross(wd, r) + _cross(w, _cross(w, r))
         R = self.link_frames(q)[:, tip, :3, :3]
         return np.concatenate([np.einsum("nij,nj->ni", R, linear), np.einsum("nij,nj->ni", R, wd)], axis=1)
+
+    def floating_jacobian(self, q: Array) -> Array:
+        """The Jacobian J (N, 6, 6 + n) of the tip over the twist of a floating base and dq, linear rows first.
+
+        Column k is the velocity of the tip, in base axes, for the unit velocity k.
+        """
+        R, columns = self.link_frames(q)[:, self.chain.tip, :3, :3], []
+        for unit in np.eye(6 + q.shape[1]):
+            base = still_base(len(q), unit[:6])
+            out = self._outward(q, np.tile(unit[6:], (len(q), 1)), np.zeros_like(q), np.zeros(3), base)
+            w, v = out.w[self.chain.tip], out.v[self.chain.tip]
+            both = v + _cross(w, np.broadcast_to(self.chain.tool[:3, 3], w.shape)), w
+            columns.append(np.concatenate([np.einsum("nij,nj->ni", R, part) for part in both], axis=1))
+        return np.stack(columns, axis=2)
+
+    def floating_jacobian_dot_dq(self, q: Array, dq: Array, twist: Array) -> Array:
+        """The acceleration (N, 6) of the tip, in base axes, where neither dq nor the ``twist`` (N, 6) changes."""
+        base = replace(still_base(len(q)), twist=twist)
+        return self._tip_acceleration(q, self._outward(q, dq, np.zeros_like(q), np.zeros(3), base))
+
+    def floating_momentum(self, q: Array, dq: Array, twist: Array) -> Array:
+        """The momentum (N, 6) of all links about the base origin, linear part first, in base axes."""
+        base = replace(still_base(len(q)), twist=twist)
+        out, frames = self._outward(q, dq, np.zeros_like(q), np.zeros(3), base), self.link_frames(q)
+        total = np.zeros((len(q), 6))
+        for i, (phi, inertia) in enumerate(zip(self.phi, self._tensors, strict=True)):
+            w, v, R = out.w[i], out.v[i], frames[:, i, :3, :3]
+            P = np.einsum("nij,nj->ni", R, phi[0] * v + _cross(w, np.broadcast_to(phi[1:4], w.shape)))
+            L = np.einsum("nij,nj->ni", R, w @ inertia + _cross(np.broadcast_to(phi[1:4], v.shape), v))
+            total += np.concatenate([P, L + _cross(frames[:, i, :3, 3], P)], axis=1)
+        return total
 
     def _outward(self, q: Array, dq: Array, ddq: Array, gravity: Array, floating: BaseState | None = None) -> _Outward:
         """Velocities and accelerations of all links, base to tip; gravity enters as an acceleration of the base.
@@ -232,9 +272,8 @@ class NewtonEuler:
 
         Column k is what a unit acceleration changes of wrench and torques.
         """
-        (count, n), upright = q.shape, [0.0, 0.0, 0.0, 1.0]
-        still = BaseState(np.tile(upright, (count, 1)), np.zeros((count, 6)), np.zeros((count, 6)))
-        rest = np.zeros_like(q)
+        count, n = q.shape
+        still, rest = still_base(count), np.zeros_like(q)
         at_rest = np.concatenate(self.floating_inverse_dynamics(q, rest, rest, still), axis=1)
         columns = []
         for k in range(6 + n):

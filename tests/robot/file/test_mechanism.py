@@ -164,6 +164,8 @@ def test_named_tips_take_the_place_of_the_tip():
         ("bare: {row: rod}", "bare: {}", "tip bare"),
         ("jaw: {", "int: {", "tip name 'int' is a keyword"),
         ("jaw: {", "forward: {", "tip name 'forward' makes names of functions that exist already"),
+        ("jaw: {", "floating: {", "tip name 'floating' makes names of functions that exist already"),
+        ("jaw: {", "left_floating: {", "tip name 'left_floating' makes names of functions that exist already"),
         ("jaw: {", f"{'j' * 35}: {{", r"the robot name 'linkage_j+\.\.\.' is too long"),
     ],
 )
