@@ -45,6 +45,20 @@ class FloatingAccelerations(NamedTuple):
     ddq: NDArray[Any]
 
 
+class FloatingDerivatives(NamedTuple):
+    """Wrench (..., 6) and torques ``tau`` (..., n), and derivatives of both together, (..., 6 + n, 6 + n), SI units.
+
+    ``d [wrench; tau] = df_dq [d x; d xi; d q] + df_dv d [twist; dq] + M d [twist_rate; ddq]`` for a translation x and a
+    rotation xi of the base along and about its own axes.
+    """
+
+    wrench: NDArray[Any]
+    tau: NDArray[Any]
+    df_dq: NDArray[Any]
+    df_dv: NDArray[Any]
+    M: NDArray[Any]
+
+
 class DynamicsTerms(NamedTuple):
     """The terms of ``tau = M ddq + c + g``: mass matrix (..., n, n), Coriolis and gravity torques (..., n); SI."""
 

@@ -14,6 +14,7 @@ from rrrgen.base.errors import InputError
 from rrrgen.derive import prepare
 from rrrgen.derive.functions.table import functions_for
 from rrrgen.exporting import export_robot
+from rrrgen.program import count_operations
 from rrrgen.robot.file import dumps, load_spec, loads_spec
 from rrrgen.runtime.floating_base import (
     FloatingState,
@@ -27,7 +28,9 @@ from rrrgen.runtime.floating_base import (
 from rrrgen.runtime.floating_base import difference as displacement
 from rrrgen.verify import verify
 from rrrgen.verify.references.libraries import MujocoReference
+from rrrgen.verify.references.newton_euler import BaseState, NewtonEuler
 from rrrgen.verify.references.numeric_robot import centre_and_tensor, chain_of, nominal_parameters
+from rrrgen.verify.report import STENCIL
 
 TREES = Path(__file__).resolve().parents[2] / "examples" / "trees"
 
@@ -62,6 +65,22 @@ def draw(n: int, seed: int) -> FloatingState:
         *rng.normal(size=(2, 6)),
         *rng.normal(size=(3, n)),
     )
+
+
+@pytest.mark.parametrize(
+    ("function", "most"),
+    [
+        ("floating_inverse_dynamics", 1331),
+        ("floating_mass_matrix", 637),
+        ("floating_regressor", 1796),
+        ("floating_inverse_dynamics_from_imu", 1291),
+        ("floating_regressor_from_imu", 1758),
+        ("floating_inverse_dynamics_derivatives", 4843),
+    ],
+)
+def test_operations_of_the_quadruped(function, most):
+    programs = rrrgen.compile(floating("quadruped"), backend="numpy").derived.programs
+    assert count_operations(programs[function]).total <= most
 
 
 @pytest.mark.parametrize(("name", "count"), [("quadruped", 94), ("hand", 66), ("torso", 101)])
@@ -183,6 +202,69 @@ def test_jacobians_and_accelerations_of_all_tips_of_pinocchio(model, free):
             assert difference(found, np.concatenate([R.T @ moved.linear, R.T @ moved.angular])) < 1e-13
 
 
+def test_derivatives_of_pinocchio(model, free):
+    pin, S = free.pin, free.S
+    for seed in range(3):
+        s = draw(model.n, seed)
+        q, v, a = to_pinocchio(s)
+        found = model.inverse_dynamics_derivatives(
+            s.q, s.dq, s.ddq, orientation=s.orientation, twist=s.twist, twist_rate=s.twist_rate
+        )
+        assert difference(joined(found), ask(model, s)) < 1e-13
+        by_q, by_v, M = pin.computeRNEADerivatives(free.model, free.data, free.rows(q), S @ v, S @ a)
+        upper = np.triu(M)
+        for one, other in (
+            (found.df_dq, S.T @ by_q @ S),
+            (found.df_dv, S.T @ by_v @ S),
+            (found.M, S.T @ (upper + np.triu(upper, 1).T) @ S),
+        ):
+            assert difference(one, other) < 1e-12
+        assert not found.df_dq[:, :3].any()
+
+
+def test_derivatives_are_the_limits_of_differences(model):
+    """Of the wrench and torques of an own Newton-Euler, with poses that are integrated."""
+    ne, n = NewtonEuler(chain_of(model.spec), nominal_parameters(model.spec)), model.n
+    s = draw(n, 8)
+
+    def forces(x, u, w):
+        """At a displacement of the base and of q, and at other velocities and accelerations."""
+        pose = integrate(s.position, s.orientation, x[:6])
+        base = BaseState(pose.orientation[None], (s.twist + u[:6])[None], (s.twist_rate + w[:6])[None])
+        joints = ((value + change[6:])[None] for value, change in ((s.q, x), (s.dq, u), (s.ddq, w)))
+        return np.concatenate(ne.floating_inverse_dynamics(*joints, base), axis=1)[0]
+
+    found = model.floating_inverse_dynamics_derivatives(s.q, s.dq, s.ddq, s.orientation, s.twist, s.twist_rate)
+    h, rest = 1e-3, np.zeros(6 + n)
+    for place, one in enumerate((found.df_dq, found.df_dv, found.M)):
+
+        def along(unit, place=place):
+            def at(k):
+                return forces(*(k * h * unit if place == other else rest for other in range(3)))
+
+            return sum(weight * (at(k) - at(-k)) for k, weight in STENCIL) / h
+
+        columns = np.stack([along(unit) for unit in np.eye(6 + n)], axis=1)
+        assert difference(one, columns) < 1e-9
+
+
+def test_the_sensors_of_the_base_take_the_place_of_orientation_and_gravity(model):
+    s = draw(model.n, 9)
+    v, omega = s.twist[:3], s.twist[3:]
+    weight = rotation(s.orientation).T @ chain_of(model.spec).gravity
+    sensors = (omega, s.twist_rate[3:], s.twist_rate[:3] + np.cross(omega, v) - weight)
+    found = model.floating_inverse_dynamics_from_imu(s.q, s.dq, s.ddq, *sensors)
+    assert difference(joined(found), ask(model, s)) < 1e-13
+    Y = model.floating_regressor(s.q, s.dq, s.ddq, s.orientation, s.twist, s.twist_rate)
+    assert difference(model.floating_regressor_from_imu(s.q, s.dq, s.ddq, *sensors), Y) < 1e-13
+    upright = np.array([0.0, 0, 0, 1])  # sensors of a base that rests and stands upright
+    at_rest = model.floating_inverse_dynamics(s.q, s.dq, s.ddq, upright, np.zeros(6), np.zeros(6))
+    still = model.floating_inverse_dynamics_from_imu(
+        s.q, s.dq, s.ddq, np.zeros(3), np.zeros(3), -np.array(chain_of(model.spec).gravity)
+    )
+    assert difference(joined(still), joined(at_rest)) < 1e-13
+
+
 @pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-9, 1e-4, 0.1, 1.0, np.pi - 1e-7, np.pi])
 def test_the_pose_of_the_base_is_integrated_as_by_pinocchio(angle):
     pin = pytest.importorskip("pinocchio")
@@ -249,6 +331,7 @@ def test_an_orientation_that_is_no_unit_quaternion_is_refused(model, off, expect
         "floating_bias": (s.q, s.dq, orientation, s.twist),
         "floating_regressor": (s.q, s.dq, s.ddq, orientation, s.twist, s.twist_rate),
         "floating_forward_dynamics": (s.q, s.dq, s.ddq, orientation, s.twist, s.twist_rate),
+        "floating_inverse_dynamics_derivatives": (s.q, s.dq, s.ddq, orientation, s.twist, s.twist_rate),
     }
     for name, values in calls.items():
         _, status = getattr(model, name)(*values, with_status=True)

@@ -25,12 +25,13 @@ The Coriolis torques are ``c_i = sum of Gamma_ijk dq_j dq_k`` with Christoffel s
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
-from rrrgen.derive.recursions.coriolis import CompositeBody, Composition, compose, generalized_forces, joint_force
+from rrrgen.derive.recursions.coriolis import CompositeBody, Composition, compose, joint_force, passed_down, turning
 from rrrgen.derive.recursions.linear_algebra import (
     Matrix,
     Vector,
@@ -176,18 +177,48 @@ def torques_and_derivatives(
 
     ``composition`` must have been composed with the velocities doubled (factor 2).
     """
+    chain = composition.chain
+    found = over_all_joints(composition, dq, ddq, inertias)
+    torques = [joint_force(chain, i, *wrench) for i, wrench in enumerate(found.wrenches)]
+    return chain.forces(torques), chain.form(found.dtau_dq)
+
+
+@dataclass(frozen=True)
+class JointDerivatives:
+    """The inertial wrench beyond every joint, and the derivatives with respect to the positions of all joints.
+
+    ``wrenches`` are those of the composite bodies, each about the origin of its joint, in the frame in which its link
+    is expressed. ``dtau_dq`` (n, n) has a row and a column for every joint; column j of the derivative of the wrench at
+    the first joint of the branch, force first, is ``on_base[j]`` (6,), in the frame of the block of that joint.
+    """
+
+    wrenches: list[Wrench]
+    dtau_dq: Matrix
+    on_base: list[Vector]
+
+
+def over_all_joints(
+    composition: Composition, dq: Sequence[Any], ddq: Sequence[Any], inertias: Sequence[PseudoInertia]
+) -> JointDerivatives:
+    """Wrenches and derivatives over all joints of a chain whose base rests or moves as the chain says.
+
+    ``composition`` must have been composed with the velocities doubled (factor 2).
+    """
     chain, n = composition.chain, composition.chain.n
     in_link_frame = choose_frames(chain, range(n))
     motions = forward(chain, dq, ddq, in_link_frame)
     wrenches = composite_wrenches(chain, in_link_frame, link_wrenches(chain, motions, inertias))
-    axes = [velocity.block_omega for velocity in composite.velocities(chain, dq)]
+    axes = [velocity.block_omega for velocity in composite.velocities(chain, dq, turning(chain))]
     rates = [[y, -x, 0] for x, y, _ in axes]
     lifts = [[-motion.a_block[1], motion.a_block[0], 0] for motion in motions]
     dtau_dq: Matrix = [[0] * n for _ in range(n)]
+    on_base = []
     for j, (joint, body) in enumerate(zip(chain.joints, composition.bodies, strict=True)):
         total = _in_block(joint, motions[j], wrenches[j])
         wrench = _derivative_wrench(joint.revolute, body, rates[j], motions[j].axis, lifts[j], total)
-        for i, value in generalized_forces(chain, j, *wrench).items():
+        forces, at_base = passed_down(chain, j, *wrench)
+        on_base.append(at_base)
+        for i, value in forces.items():
             dtau_dq[i][j] = value
         for i, shifted in composition.shifted_wrenches[j].items():
             if i == j:
@@ -197,7 +228,7 @@ def torques_and_derivatives(
                 dtau_dq[j][i] = (dot(axis, shifted.N) + dot(rates[i], shifted.W)) - dot(lifts[i], shifted.F)
             else:
                 dtau_dq[j][i] = dot(axis, shifted.F)
-    return chain.forces([joint_force(chain, i, *wrench) for i, wrench in enumerate(wrenches)]), chain.form(dtau_dq)
+    return JointDerivatives(wrenches, dtau_dq, on_base)
 
 
 def _in_block(joint: ChainJoint, motion: LinkMotion, wrench: Wrench) -> Wrench:

@@ -44,6 +44,9 @@ from rrrgen.program.builder import replay
 
 EQUATION = "[wrench; tau] = M(q) [twist_rate; ddq] + h(q, dq, orientation, twist)"
 
+OF_SENSORS = "accelerometer = dv/dt + omega x v - R' g,  gyro = omega,  gyro_rate = d(omega)/dt"
+Y_BETA = "[wrench; tau] = Y beta"
+
 
 def in_base_axes(orientation: Sequence[Any], vector: Vector) -> Vector:
     """``R' vector``: a vector (3,) in world axes, expressed in those of the base.
@@ -64,7 +67,7 @@ NO_UNIT = Failure(
 """The failure of an orientation that is no rotation; the results are then those of the formulas for it."""
 
 
-def _status_of(r: Recording) -> Value:
+def status_of(r: Recording) -> Value:
     """The status of the input ``orientation``: 0, or 2 if it is no unit quaternion or not a number."""
     b, orientation = r.builder, r.on_base("orientation")
     excess = b.sub(dot(orientation, orientation), 1)
@@ -74,7 +77,7 @@ def _status_of(r: Recording) -> Value:
 STATUS = Port("status", (), "1")
 
 
-def _moving_chain(r: Recording, *rates: str, accelerated: bool) -> Chain:
+def moving_chain(r: Recording, *rates: str, accelerated: bool) -> Chain:
     """The chain at q on the moving base; the twist rates are zero unless the base is ``accelerated``."""
     chain = r.chain_in_gravity(*rates)
     orientation, twist = r.on_base("orientation"), r.on_base("twist")
@@ -85,9 +88,30 @@ def _moving_chain(r: Recording, *rates: str, accelerated: bool) -> Chain:
     return replace(chain, base=base)
 
 
-def _wrench_port() -> Port:
+def wrench_port() -> Port:
+    """The output port wrench (6,) on the base."""
     meaning = "force and moment on the base about its origin, in base axes"
     return Port("wrench", (6,), "N, N m", "base", meaning, Role.WRENCH)
+
+
+def _chain_of_sensors(r: Recording) -> Chain:
+    """The chain at q on a base whose motion an inertial measurement unit measures."""
+    chain = r.chain()
+    r.joints("dq")
+    r.joints("ddq")
+    gyro, gyro_rate, accelerometer = (r.take(name) for name in ("gyro", "gyro_rate", "accelerometer"))
+    return replace(chain, base=BaseMotion(gyro, gyro_rate, accelerometer))
+
+
+def _forces(r: Recording, chain: Chain, frames: Frames) -> list[tuple[Port, list[Any]]]:
+    """The outputs wrench (6,) and tau (n,) of inverse dynamics, without friction."""
+    dq, ddq = r.joints("dq"), r.joints("ddq")
+    forces = newton_euler.inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
+    tau = r.drive_inertia().added_to_torques(forces[6:], ddq)
+    return [
+        (wrench_port(), forces[:6]),
+        (torque_port(r, "tau", "joint torques, friction not included"), tau),
+    ]
 
 
 def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
@@ -97,18 +121,28 @@ def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
     """
 
     def record(r: Recording) -> Program:
-        chain = _moving_chain(r, "dq", "ddq", accelerated=True)
-        dq, ddq = r.joints("dq"), r.joints("ddq")
-        forces = newton_euler.inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
-        tau = r.drive_inertia().added_to_torques(forces[6:], ddq)
-        ports = [
-            (_wrench_port(), forces[:6]),
-            (torque_port(r, "tau", "joint torques, friction not included"), tau),
-            (STATUS, [_status_of(r)]),
-        ]
+        chain = moving_chain(r, "dq", "ddq", accelerated=True)
+        ports = [*_forces(r, chain, frames), (STATUS, [status_of(r)])]
         summary = "Wrench on the floating base and joint torques."
         return r.builder.program(
             "floating_inverse_dynamics", ports, summary, EQUATION, status=Status(len(ports) - 1, (NO_UNIT,))
+        )
+
+    return record
+
+
+def inverse_dynamics_from_imu(frames: Frames) -> Callable[[Recording], Program]:
+    """Make a recorder of the wrench (6,) and tau (n,), without friction, from the sensors of the base.
+
+    ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
+    """
+
+    def record(r: Recording) -> Program:
+        return r.builder.program(
+            "floating_inverse_dynamics_from_imu",
+            _forces(r, _chain_of_sensors(r), frames),
+            "Wrench on the floating base and joint torques, from gyroscope and accelerometer of the base.",
+            OF_SENSORS,
         )
 
     return record
@@ -121,11 +155,11 @@ def bias(frames: Frames) -> Callable[[Recording], Program]:
     """
 
     def record(r: Recording) -> Program:
-        chain = _moving_chain(r, "dq", accelerated=False)
+        chain = moving_chain(r, "dq", accelerated=False)
         h = newton_euler.inverse_dynamics(chain, r.joints("dq"), [0] * r.n, r.inertias(), frames(chain))
         meaning = "force and moment on the base, then joint torques, for twist_rate = 0 and ddq = 0"
         port = Port("h", (6 + r.n,), "SI", "", meaning)
-        ports = [(port, h), (STATUS, [_status_of(r)])]
+        ports = [(port, h), (STATUS, [status_of(r)])]
         summary = "Wrench and torques of velocities and gravity on a floating base."
         return r.builder.program("floating_bias", ports, summary, EQUATION, status=Status(1, (NO_UNIT,)))
 
@@ -150,20 +184,40 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
     """
 
     def record(r: Recording) -> Program:
-        chain = _moving_chain(r, "dq", "ddq", accelerated=True)
-        dq, ddq = r.joints("dq"), r.joints("ddq")
-        canonical = columns(chain, dq, ddq, frames(chain), r.parametrization.basis.parameters)
-        drives = [[0] * 6 + list(column) for column in inertia_columns(r.model.spec, ddq)]
-        Y = regressor_rows(r, canonical, drives)
-        then = ", then of the drive inertias" if r.drives else ""
-        port = Port("Y", (6 + r.n, len(Y[0])), "SI", "", f"columns in the order of the base parameters{then}")
-        ports = [(port, flat(Y)), (STATUS, [_status_of(r)])]
-        formula = "[wrench; tau] = Y beta"
+        chain = moving_chain(r, "dq", "ddq", accelerated=True)
+        ports = [_regressor(r, chain, columns, frames), (STATUS, [status_of(r)])]
         return r.builder.program(
-            "floating_regressor", ports, "Regressor on a floating base.", formula, status=Status(1, (NO_UNIT,))
+            "floating_regressor", ports, "Regressor on a floating base.", Y_BETA, status=Status(1, (NO_UNIT,))
         )
 
     return record
+
+
+def regressor_from_imu(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
+    """Make a recorder of Y (6 + n, b + drives), rows of the wrench first, from the sensors of the base.
+
+    ``columns`` and ``frames`` are those of :func:`regressor`.
+    """
+
+    def record(r: Recording) -> Program:
+        ports = [_regressor(r, _chain_of_sensors(r), columns, frames)]
+        summary = "Regressor on a floating base, from gyroscope and accelerometer of the base."
+        return r.builder.program("floating_regressor_from_imu", ports, summary, f"{Y_BETA},  {OF_SENSORS}")
+
+    return record
+
+
+def _regressor(
+    r: Recording, chain: Chain, columns: Callable[..., list[list[Any]]], frames: Frames
+) -> tuple[Port, list[Any]]:
+    """The output Y (6 + n, b + drives) of the regressor."""
+    dq, ddq = r.joints("dq"), r.joints("ddq")
+    canonical = columns(chain, dq, ddq, frames(chain), r.parametrization.basis.parameters)
+    drives = [[0] * 6 + list(column) for column in inertia_columns(r.model.spec, ddq)]
+    Y = regressor_rows(r, canonical, drives)
+    then = ", then of the drive inertias" if r.drives else ""
+    port = Port("Y", (6 + r.n, len(Y[0])), "SI", "", f"columns in the order of the base parameters{then}")
+    return port, flat(Y)
 
 
 MOMENTUM_IS = "[p; L] = A(q) [twist; dq], A = M(q)[0:6]"
@@ -268,8 +322,11 @@ def forward_dynamics(r: Recording, mass: Program, forces: Program) -> Program:
 INVERSE_DYNAMICS = (inverse_dynamics(block_frames_first), inverse_dynamics(link_frames_only))
 BIAS = (bias(block_frames_first), bias(link_frames_only))
 MOMENTUM = (momentum_by_links, momentum_by_matrix)
-REGRESSOR = tuple(
-    regressor(columns, frames)
+INVERSE_DYNAMICS_FROM_IMU = (inverse_dynamics_from_imu(block_frames_first), inverse_dynamics_from_imu(link_frames_only))
+_WAYS = tuple(
+    (columns, frames)
     for columns in (columns_by_axes, columns_passed_down)
     for frames in (link_frames_only, block_frames_first)
 )
+REGRESSOR = tuple(regressor(*way) for way in _WAYS)
+REGRESSOR_FROM_IMU = tuple(regressor_from_imu(*way) for way in _WAYS)

@@ -48,6 +48,15 @@ class ArgumentKind:
 
 
 _SHARED = (
+    ArgumentKind(
+        "accelerometer",
+        "3",
+        "m/s^2",
+        "acceleration of the base origin minus gravity, in base axes",
+        note=": what an accelerometer at the base origin measures",
+    ),
+    ArgumentKind("gyro", "3", "rad/s", "angular velocity of the base, in base axes"),
+    ArgumentKind("gyro_rate", "3", "rad/s^2", "time derivatives of the components of ``gyro``"),
     ArgumentKind("q", "n", "rad | m", "joint positions"),
     ArgumentKind("dq", "n", "rad/s | m/s", "joint velocities"),
     ArgumentKind("ddq", "n", "rad/s^2 | m/s^2", "joint accelerations"),

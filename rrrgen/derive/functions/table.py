@@ -39,6 +39,7 @@ SECOND = "rrrgen.derive.functions.second_derivatives"
 PATHS = "rrrgen.derive.functions.motions"
 MOTIONS = "rrrgen.derive.functions.motions"
 FLOATING = "rrrgen.derive.functions.floating_base"
+FLOATING_DERIVATIVES = "rrrgen.derive.functions.floating_derivatives"
 FRICTION = "rrrgen.derive.functions.friction"
 
 NO_FLOATING_BASE = (
@@ -1132,6 +1133,52 @@ TABLE = (
         needs=Needs.FLOATING_BASE,
         absent=STATE_FLOATING_BASE,
         of_tip=True,
+    ),
+    ModelFunction(
+        "floating_inverse_dynamics_from_imu",
+        "floating",
+        "Wrench on the floating base and joint torques, without friction, from the gyroscope and accelerometer on it.",
+        takes="q dq ddq gyro gyro_rate accelerometer beta * Ia",
+        returns="The named tuple (wrench, tau): force (N) and moment (N m) on the base about its origin, in base axes, "
+        "(..., 6), and the joint torques, (..., n), N m or N.",
+        record=f"{FLOATING}:INVERSE_DYNAMICS_FROM_IMU",
+        details="As :meth:`floating_inverse_dynamics`, with ``accelerometer = dv/dt + omega x v - R' g``: neither "
+        "orientation, velocity nor gravity enter otherwise.",
+        raises=(("ValueError", "the robot file states no floating base."),),
+        result="FloatingForces",
+        needs=Needs.FLOATING_BASE,
+        absent=STATE_FLOATING_BASE,
+    ),
+    ModelFunction(
+        "floating_regressor_from_imu",
+        "floating",
+        "Regressor of the floating base from its gyroscope and accelerometer, ``[wrench; tau] = Y beta``.",
+        takes="q dq ddq gyro gyro_rate accelerometer",
+        returns="Y, (..., 6 + n, b), in SI units: rows of force and moment on the base, then of the joints.",
+        record=f"{FLOATING}:REGRESSOR_FROM_IMU",
+        links_only="Y",
+        raises=(("ValueError", "the robot file states no floating base."),),
+        needs=Needs.FLOATING_BASE,
+        absent=STATE_FLOATING_BASE,
+    ),
+    ModelFunction(
+        "floating_inverse_dynamics_derivatives",
+        "floating",
+        "Wrench on the floating base and joint torques, f = [wrench; tau], and their derivatives; friction is not part "
+        "of it.",
+        takes="q dq ddq orientation twist twist_rate beta * Ia gravity",
+        returns="The named tuple (wrench, tau, df_dq, df_dv, M): (..., 6), (..., n), and (..., 6 + n, 6 + n) each, in "
+        "SI units. The columns of df_dq belong to translation and rotation of the base, then to q, those of df_dv to "
+        "[twist; dq], those of the mass matrix M to [twist_rate; ddq].",
+        record=f"{FLOATING_DERIVATIVES}:inverse_dynamics_derivatives",
+        details="The base is moved and turned along and about its own axes, by the displacement that "
+        ":func:`rrrgen.runtime.floating_base.integrate` takes, while the components of twist and twist_rate stay. The "
+        "columns of the translation are zero. Pinocchio's ``computeRNEADerivatives`` has the same columns.",
+        raises=(("ValueError", NO_FLOATING_BASE),),
+        result="FloatingDerivatives",
+        status=True,
+        needs=Needs.FLOATING_BASE,
+        absent=STATE_FLOATING_BASE,
     ),
     ModelFunction(
         "friction",

@@ -163,10 +163,20 @@ class Composition:
         It satisfies c = C dq for the Coriolis and centrifugal torques c, and dM/dt - 2 C is skew-symmetric. C is linear
         in the velocities: a chain that was composed with a ``factor`` gives ``factor`` times C.
         """
+        return self.chain.form(self.forces_of_rates()[0])
+
+    def forces_of_rates(self) -> tuple[Matrix, list[Vector]]:
+        """C over all joints (n, n), and the wrench (6,) of the field dJ_j/dt of each joint j on the base.
+
+        The wrench, force first, is about the origin of the first joint of the branch, in the frame of its block.
+        """
         chain, n = self.chain, self.chain.n
         C: Matrix = [[0] * n for _ in range(n)]
+        on_base = []
         for j, body in enumerate(self.bodies):
-            for i, value in generalized_forces(chain, j, *_rate_wrench(chain.joints[j].revolute, body)).items():
+            forces, at_base = passed_down(chain, j, *_rate_wrench(chain.joints[j].revolute, body))
+            on_base.append(at_base)
+            for i, value in forces.items():
                 C[i][j] = value
             for i, shifted in self.shifted_wrenches[j].items():
                 if i == j:
@@ -176,16 +186,17 @@ class Composition:
                     C[j][i] = (x * shifted.N[0] + y * shifted.N[1]) + shifted.W[2]
                 else:
                     C[j][i] = x * shifted.F[0] + y * shifted.F[1]
-        return chain.form(C)
+        return C, on_base
 
 
 def compose(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia], factor: int = 1) -> Composition:
     """The composite bodies of ``chain`` at joint velocities ``dq`` (n,), rad/s (m/s), scaled by ``factor``.
 
     ``inertias`` are the pseudo-inertias of the links in their canonical frames. Every velocity in the result is
-    multiplied by ``factor``; the derivatives of the torques need 2.
+    multiplied by ``factor``; the derivatives of the torques need 2. A floating base turns as the chain says; its linear
+    velocity has no effect, since all velocities in the result are relative.
     """
-    motion = velocities(chain, dq)
+    motion = velocities(chain, dq, turning(chain))
     rates = chain.joint_rates(dq)
     joint_offsets = [
         _joint_offset(chain, rates, motion, i, factor) if joint.parent >= 0 else JointOffset(ZERO3, ZERO3, ZERO3, ZERO3)
@@ -206,14 +217,22 @@ def joint_force(chain: Chain, i: int, F: Vector, N: Vector) -> Any:
     return N[2] if chain.joints[i].revolute else F[2]
 
 
-def generalized_forces(chain: Chain, j: int, F: Vector, N: Vector) -> dict[int, Any]:
-    """The generalized forces, by joint index from j to the base, of the wrench ``F, N`` at the origin of joint j."""
+def turning(chain: Chain) -> tuple[Vector, Vector]:
+    """Linear and angular velocity (3,) of a base that turns as ``chain`` says, about its origin at rest."""
+    return ZERO3, ZERO3 if chain.base is None else chain.base.omega
+
+
+def passed_down(chain: Chain, j: int, F: Vector, N: Vector) -> tuple[dict[int, Any], Vector]:
+    """The generalized forces, by joint index from j to the base, of the wrench ``F, N`` at the origin of joint j.
+
+    The second result is this wrench (6,), force first, at the first joint of the branch, in the frame of its block.
+    """
     values: dict[int, Any] = {}
     for i in reversed(chain.paths[j]):
         values[i] = joint_force(chain, i, F, N)
         if chain.joints[i].parent >= 0:
             F, N = step_down(chain, i, F, N)
-    return values
+    return values, [*F, *N]
 
 
 def _joint_offset(

@@ -14,6 +14,7 @@ from rrrgen.runtime.results import (
     Energy,
     ExternalLoad,
     FloatingAccelerations,
+    FloatingDerivatives,
     FloatingForces,
     ForwardDynamicsDerivatives,
     FrictionStep,
@@ -383,6 +384,7 @@ class TableFunctions(Calls):
         wrench: ArrayLike,
         with_status: bool = False,
     ) -> Any: ...
+    @overload
     def inverse_dynamics_derivatives(
         self,
         q: ArrayLike,
@@ -392,6 +394,9 @@ class TableFunctions(Calls):
         *,
         Ia: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
+        orientation: None = None,
+        twist: None = None,
+        twist_rate: None = None,
     ) -> InverseDynamicsDerivatives:
         """Joint torques and their analytical derivatives, ``d tau = dtau_dq d(q) + dtau_dv d(dq) + M d(ddq)``.
 
@@ -402,11 +407,31 @@ class TableFunctions(Calls):
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            orientation: of a floating base that moves: orientation of the base in the world, (..., 4): the unit
+                quaternion x, y, z, w.
+            twist: of a floating base that moves: velocity of the base origin, then angular velocity of the base, (...,
+                6), m/s and rad/s, base axes.
+            twist_rate: of a floating base that moves: time derivatives of the components of the twist, (..., 6), m/s^2
+                and rad/s^2; the base origin is accelerated by ``dv/dt + omega x v``.
 
         Returns:
-            The named tuple (tau, dtau_dq, dtau_dv, M): (..., n), then three times (..., n, n), in SI units.
+            The named tuple (tau, dtau_dq, dtau_dv, M): (..., n), then three times (..., n, n), in SI units. Of a
+            floating base that moves, what :meth:`floating_inverse_dynamics_derivatives` returns.
         """
-
+    @overload
+    def inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+    ) -> FloatingDerivatives: ...
     @overload
     def forward_dynamics_derivatives(
         self,
@@ -2768,6 +2793,144 @@ class TableFunctions(Calls):
             ValueError: the robot file states no floating base, or the robot has no tip of this name.
         """
 
+    def floating_inverse_dynamics_from_imu(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        gyro: ArrayLike,
+        gyro_rate: ArrayLike,
+        accelerometer: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+    ) -> FloatingForces:
+        """Wrench on the floating base and joint torques, without friction, from gyroscope and accelerometer of the
+        base.
+
+        As :meth:`floating_inverse_dynamics`, with ``accelerometer = dv/dt + omega x v - R' g``: neither orientation,
+        velocity nor gravity enter otherwise.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            gyro: angular velocity of the base, in base axes, (..., 3), rad/s.
+            gyro_rate: time derivatives of the components of ``gyro``, (..., 3), rad/s^2.
+            accelerometer: acceleration of the base origin minus gravity, in base axes, (..., 3), m/s^2: what an
+                accelerometer at the base origin measures.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+
+        Returns:
+            The named tuple (wrench, tau): force (N) and moment (N m) on the base about its origin, in base axes, (...,
+            6), and the joint torques, (..., n), N m or N.
+
+        Raises:
+            ValueError: the robot file states no floating base.
+        """
+
+    def floating_regressor_from_imu(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        gyro: ArrayLike,
+        gyro_rate: ArrayLike,
+        accelerometer: ArrayLike,
+    ) -> Array:
+        """Regressor of the floating base from its gyroscope and accelerometer, ``[wrench; tau] = Y beta``.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            gyro: angular velocity of the base, in base axes, (..., 3), rad/s.
+            gyro_rate: time derivatives of the components of ``gyro``, (..., 3), rad/s^2.
+            accelerometer: acceleration of the base origin minus gravity, in base axes, (..., 3), m/s^2: what an
+                accelerometer at the base origin measures.
+
+        Returns:
+            Y, (..., 6 + n, b), in SI units: rows of force and moment on the base, then of the joints.
+
+        Raises:
+            ValueError: the robot file states no floating base.
+        """
+
+    @overload
+    def floating_inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[False] = ...,
+    ) -> FloatingDerivatives:
+        """Wrench on the floating base and joint torques, f = [wrench; tau], and their derivatives; friction is not part
+        of it.
+
+        The base is moved and turned along and about its own axes, by the displacement that
+        :func:`rrrgen.runtime.floating_base.integrate` takes, while the components of twist and twist_rate stay. The
+        columns of the translation are zero. Pinocchio's ``computeRNEADerivatives`` has the same columns.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            orientation: orientation of the base in the world, (..., 4): the unit quaternion x, y, z, w.
+            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
+            twist_rate: time derivatives of the components of the twist, (..., 6), m/s^2 and rad/s^2; the base origin is
+                accelerated by ``dv/dt + omega x v``.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            with_status: return ``(result, status)`` instead of raising ValueError.
+
+        Returns:
+            The named tuple (wrench, tau, df_dq, df_dv, M): (..., 6), (..., n), and (..., 6 + n, 6 + n) each, in SI
+            units. The columns of df_dq belong to translation and rotation of the base, then to q, those of df_dv to
+            [twist; dq], those of the mass matrix M to [twist_rate; ddq].
+
+        Raises:
+            ValueError: the robot file states no floating base, or the orientation is no unit quaternion (its norm is
+                off by more than 1e-6, status 2) and ``with_status`` is False.
+        """
+    @overload
+    def floating_inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[True],
+    ) -> tuple[FloatingDerivatives, Array]: ...
+    @overload
+    def floating_inverse_dynamics_derivatives(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: bool,
+    ) -> FloatingDerivatives | tuple[FloatingDerivatives, Array]: ...
     @overload
     def friction_step(
         self,
