@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING
+from functools import cache, partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
 
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
+from rrrgen.runtime.floating_base import integrate
 from rrrgen.verify.identities import check_refusal, is_definite
 from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, BaseState, NewtonEuler
@@ -161,12 +162,63 @@ def check_floating_base(
         check("floating_forward_dynamics (as forces)", regenerated, both)
     Y, K = ne.floating_regressor(s.q, s.dq, s.ddq, base), np.asarray(model.base_projection)
     check("floating_regressor K", lambda: model.floating_regressor(s.q, s.dq, s.ddq, pose, twist, twist_rate) @ K, Y)
+    sensors = base.sensors(ne.chain.gravity)
+
+    def from_imu() -> Array:
+        found = model.floating_inverse_dynamics_from_imu(s.q, s.dq, s.ddq, *sensors, beta=beta)
+        return np.concatenate([found.wrench, found.tau], axis=1)
+
+    check("floating_inverse_dynamics_from_imu", from_imu, both)
+    found_Y = partial(model.floating_regressor_from_imu, s.q, s.dq, s.ddq, *sensors)
+    check("floating_regressor_from_imu K", lambda: found_Y() @ K, Y)
+    _check_floating_derivatives(model, ne, parameters, s, base, tolerances, rows)
     s, base = (
         draw_states(ne.chain, RANK_STATES, np.random.default_rng(0)),
         draw_base(RANK_STATES, np.random.default_rng(1)),
     )
     rank = scaled_rank(ne.floating_regressor(s.q, s.dq, s.ddq, base))
     check("number of base parameters (rank)", lambda: np.array([float(len(K))]), np.array([float(rank)]), scale=1.0)
+
+
+def _check_floating_derivatives(
+    model: Model,
+    ne: NewtonEuler,
+    parameters: InertialParameters,
+    s: States,
+    base: BaseState,
+    tolerances: Tolerances,
+    rows: Collector,
+) -> None:
+    """Compare the derivatives of wrench and torques on a floating base with differences of those of ``ne``."""
+    exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
+    close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
+    size_of_state, step = 6 + s.q.shape[1], tolerances.step
+
+    @cache
+    def answer() -> Any:
+        of_base = base.orientation, base.twist, base.twist_rate
+        return model.floating_inverse_dynamics_derivatives(s.q, s.dq, s.ddq, *of_base, beta=parameters.beta)
+
+    def forces(moved: Array, faster: Array) -> Array:
+        """Wrench and torques (m, N, 6 + n) after changes (m, 6 + n) of pose and q, and of twist and dq."""
+        x, u = moved[:, None], faster[:, None]
+        orientation = integrate(np.zeros(3), base.orientation, x[..., :6]).orientation
+        parts = np.broadcast_arrays(s.q + x[..., 6:], s.dq + u[..., 6:], s.ddq)
+        of_base = np.broadcast_arrays(base.twist + u[..., :6], base.twist_rate)
+        q, dq, ddq, *moving = (part.reshape(-1, part.shape[-1]) for part in (*parts, orientation, *of_base))
+        found = np.concatenate(ne.floating_inverse_dynamics(q, dq, ddq, BaseState(*moving)), axis=1)
+        return np.asarray(found.reshape(len(moved), s.count, size_of_state))
+
+    rest, units = np.zeros((size_of_state, size_of_state)), np.eye(size_of_state)
+    by_q = np.moveaxis(rate(lambda t: forces(t * units, rest), step), 0, 2)
+    by_v = np.moveaxis(rate(lambda t: forces(rest, t * units), step), 0, 2)
+    tau = forces(rest[:1], rest[:1])[0]
+    scale = max(size(by_q), size(by_v), size(tau))
+    name = "floating_inverse_dynamics_derivatives"
+    exact(f"{name}: f", lambda: np.concatenate([answer()[0], answer()[1]], axis=1), tau)
+    close(f"{name}: df_dq", lambda: answer()[2], by_q, scale=scale)
+    close(f"{name}: df_dv", lambda: answer()[3], by_v, scale=scale)
+    exact(f"{name}: M", lambda: answer()[4], ne.floating_mass_matrix(s.q))
 
 
 def is_nearly_special(spec: RobotSpec) -> bool:

@@ -78,6 +78,15 @@ class BaseState:
     twist: Array
     twist_rate: Array
 
+    def sensors(self, gravity: Array) -> tuple[Array, Array, Array]:
+        """What sensors on the base measure in this ``gravity`` (3,): angular velocity, its rate, and acceleration.
+
+        (N, 3) each; the acceleration is that of the base origin minus gravity, in base axes.
+        """
+        v, w = self.twist[:, :3], self.twist[:, 3:]
+        weight = np.einsum("nji,j->ni", rotations(self.orientation), gravity)
+        return w, self.twist_rate[:, 3:], self.twist_rate[:, :3] + _cross(w, v) - weight
+
 
 def still_base(count: int, twist: Array | None = None) -> BaseState:
     """``count`` states of an upright base whose ``twist`` (6,) is constant; at rest by default."""
