@@ -13,8 +13,10 @@ from rrrgen.cli.generate import chosen_unit, code_options, emitted, serialized_c
 from rrrgen.cli.terminal import progress_bar, say, verdict
 
 if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
     from rrrgen.emit.c.language import Trig
+    from rrrgen.emit.interface import Rounding
 
 
 @click.command()
@@ -94,17 +96,24 @@ def certify(
         raise click.UsageError("give ROBOT and -o DIR, or --check DIR")
     from rrrgen.base.files import write
     from rrrgen.evidence.boxes import Ranges
-    from rrrgen.evidence.certificate import CERTIFICATE, PAGE, certificate_files
+    from rrrgen.evidence.certificate import CERTIFICATE, PAGE, SAMPLED, certificate_files, rounding_entries
     from rrrgen.evidence.coding_rules import checked_with_cppcheck
     from rrrgen.evidence.counts import counts_entry
+    from rrrgen.evidence.statements import statements
     from rrrgen.evidence.value_analysis import analysed_with_eva
     from rrrgen.runtime import load
     from rrrgen.verify import verify
 
     casadi = serialized_casadi(casadi_files)
     spec = with_solver(read_with_warnings(robot), method)
+    ranges, proven = Ranges(speed, acceleration), dict[str, dict[str, Any]]()
+
+    def bounds(model: DerivedModel) -> Rounding:
+        proven.update(rounding_entries(model, trig, ranges, SAMPLED, seed, tell))
+        return statements(model.programs, proven, real)
+
     with progress_bar() as tell:
-        model, files = emitted(spec, real, trig, further, casadi, jobs, experiment, tell)
+        model, files = emitted(spec, real, trig, further, casadi, jobs, experiment, tell, bounds)
     with progress_bar() as tell:
         report = verify(load.compile(spec, "c", real), samples, seed, tell=tell)
         options = {
@@ -121,7 +130,7 @@ def certify(
             words = {*spec.emit, *further}
             unit = chosen_unit(model, experiment) if "controller" in words else None
             differential = bool({"control", "controller"} & words)
-            found, unanalysed = analysed_with_eva(model, unit, Ranges(speed, acceleration), tell, differential)
+            found, unanalysed = analysed_with_eva(model, unit, ranges, tell, differential)
             tools, unchecked = tools | found, [*unchecked, *unanalysed]
         else:
             unchecked = [*unchecked, ("run-time errors", "--value-analysis was not asked for")]
@@ -131,7 +140,7 @@ def certify(
             real,
             trig,
             options,
-            Ranges(speed, acceleration),
+            proven,
             report,
             seed=seed,
             further=tools,
@@ -150,8 +159,8 @@ def certify(
     if as_json:
         print_json({"directory": str(output), "ok": ok, "digest": content["digest"], "skipped": content["skipped"]})
         return 0 if ok else 1
-    proven = sum("none" not in entry["rounding"] for entry in content["functions"].values())
-    say(f"{spec.name}: rounding bounds of {proven} of {len(content['functions'])} functions")
+    bounded = sum("none" not in entry for entry in proven.values())
+    say(f"{spec.name}: rounding bounds of {bounded} of {len(content['functions'])} functions")
     if not sampled_within:
         say("a sampled error exceeds its bound: please report this fault of rrrgen")
     last = report.to_text().splitlines()[-1]

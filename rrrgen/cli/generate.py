@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from rrrgen.emit import Real
     from rrrgen.emit.c.language import Trig
     from rrrgen.emit.controller.online_estimators import Regression
+    from rrrgen.emit.interface import Rounding
     from rrrgen.lab.data.kalman import KalmanMatrices
     from rrrgen.program import Program
     from rrrgen.robot.spec import RobotSpec
@@ -404,6 +405,9 @@ USUAL = ("output", "real", "further", "only_check", "as_json")
 @click.option(
     "--check", "only_check", is_flag=True, help="Write nothing; print a diff and exit with 1 if DIR would change."
 )
+@click.option(
+    "--bounds", is_flag=True, help="Prove bounds of the rounding errors, and state them in the header and the manifest."
+)
 @work_options
 @json_option
 @click.option("-v", "--verbose", is_flag=True, help="Report what each step did, on stderr.")
@@ -415,6 +419,7 @@ def generate(
     trig: Trig,
     further: tuple[str, ...],
     only_check: bool,
+    bounds: bool,
     casadi_files: bool | None,
     jobs: int,
     method: str | None,
@@ -438,8 +443,18 @@ def generate(
     start = time.perf_counter()
     with_casadi = serialized_casadi(casadi_files)
     spec = with_solver(read_with_warnings(robot), method)
+
+    def proven(model: DerivedModel) -> Rounding:
+        from rrrgen.evidence.boxes import Ranges
+        from rrrgen.evidence.certificate import rounding_entries
+        from rrrgen.evidence.statements import statements
+
+        return statements(model.programs, rounding_entries(model, trig, Ranges(), tell=tell), real) if bounds else {}
+
     with progress_bar() as tell:
-        model, files = emitted(spec, real, trig, further, with_casadi and not only_check, jobs, experiment, tell)
+        model, files = emitted(
+            spec, real, trig, further, with_casadi and not only_check, jobs, experiment, tell, proven
+        )
     if verbose:
         _report_passes(model)
     if only_check:
@@ -473,11 +488,13 @@ def emitted(
     jobs: int,
     experiment: dict[str, Any],
     tell: Tell,
+    proven: Callable[[DerivedModel], Rounding],
 ) -> tuple[DerivedModel, dict[str, Contents]]:
     """Derive a robot and print all files that the options of ``rrrgen generate`` ask for: relative path -> contents.
 
     ``casadi`` adds serialized CasADi functions; ``experiment`` holds the options of :func:`controller_options`;
-    ``tell(done, total, message)`` is called as the work proceeds.
+    ``tell(done, total, message)`` is called as the work proceeds. ``proven`` returns what header and manifest
+    state about the rounding errors of a model.
     """
     from rrrgen.controller.files import unit_check, unit_files
     from rrrgen.emit.controller.template_files import checks_beside, files_beside
@@ -504,7 +521,7 @@ def emitted(
         unit = _unit(model, any_gravity, chosen)
         code |= unit_files(unit, real, trig)
         checks = (*checks, unit_check(unit))
-    files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks)
+    files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks, proven(model))
     if {"controller", "rust"} <= wanted:
         from rrrgen.controller.rust import rust_files
 

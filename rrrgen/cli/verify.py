@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     "--libraries/--no-libraries", default=True, help="Also compare with Pinocchio, MuJoCo and Robotics Toolbox."
 )
 @click.option("--hessians", is_flag=True, help="Also derive and compare the second derivatives.")
+@click.option(
+    "--bounds", is_flag=True, help="Also prove bounds of the rounding errors, and sample and search for larger errors."
+)
 @html_option
 @json_option
 def verify(
@@ -48,6 +52,7 @@ def verify(
     real: Real,
     libraries: bool,
     hessians: bool,
+    bounds: bool,
     html: Path | None,
     as_json: bool,
 ) -> int:
@@ -72,6 +77,12 @@ def verify(
     with progress_bar() as tell:
         model = load.compile(spec, backend, real)
         report = compare(model, samples, seed, libraries=libraries, hessians=hessians, tell=tell)
+        if bounds:
+            from rrrgen.evidence.boxes import Ranges
+            from rrrgen.evidence.statements import rounding_rows
+
+            rows, skipped = rounding_rows(model, Ranges(), samples, seed, tell)
+            report = replace(report, rows=(*report.rows, *rows), skipped=(*report.skipped, *skipped))
     if html is not None:
         write_html(html, derive_once(spec), report)
     click.echo(report.to_json() if as_json else _coloured(report), nl=False)

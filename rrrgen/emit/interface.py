@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -45,6 +45,21 @@ class SelfTestCheck:
     header: str
     text: str
     digested: bool = False
+
+
+@dataclass(frozen=True)
+class RoundingStatement:
+    """What is proven about the rounding error of a function.
+
+    ``sentence`` is for the comment in front of its prototype, ``data`` the entry ``rounding`` of the manifest.
+    """
+
+    sentence: str
+    data: Mapping[str, Any]
+
+
+Rounding = Mapping[str, RoundingStatement]
+"""The statements about the functions of a model, by the names of the functions."""
 
 
 class Target(Protocol):

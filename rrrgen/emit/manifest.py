@@ -19,6 +19,7 @@ from rrrgen.robot.spec import JointSpec, joint_units
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.emit.interface import Rounding
 
 
 def manifest(
@@ -28,11 +29,13 @@ def manifest(
     files: Mapping[str, Contents],
     inverse_kinematics: Mapping[str, Any],
     any_gravity: DerivedModel | None = None,
+    rounding: Rounding | None = None,
 ) -> str:
     """The text of the manifest: identity, conventions, functions, base parameters, hashes of the files.
 
     ``inverse_kinematics`` is the entry of that name, from :func:`rrrgen.emit.c.ik.files.manifest`;
-    ``any_gravity`` is the model written beside this one, which takes gravity as an input.
+    ``any_gravity`` is the model written beside this one, which takes gravity as an input; ``rounding`` are the
+    bounds of rounding errors, if they were proven.
     """
     spec = model.spec
     content = {
@@ -50,7 +53,7 @@ def manifest(
         **({} if spec.mechanism is None else {"mechanism": mechanism_data(spec)}),
         **({} if spec.drives is None else {"drives": drives_data(spec)}),
         "link_parameters": listing(model).statement,
-        **_parameters_and_functions(model, real),
+        **_parameters_and_functions(model, real, rounding or {}),
         **({} if any_gravity is None else {"any_gravity": _beside(any_gravity, real)}),
         "inverse_kinematics": dict(inverse_kinematics),
         "passes": [
@@ -70,10 +73,10 @@ def _joint(joint: JointSpec) -> dict[str, Any]:
 def _beside(model: DerivedModel, real: Real) -> dict[str, Any]:
     """The manifest's entry of the second model of the robot, in which gravity is an input."""
     named = {"prefix": model.name, "model_hash": identify(model.spec).model_hash, "b": len(model.base_parameters)}
-    return named | _parameters_and_functions(model, real)
+    return named | _parameters_and_functions(model, real, {})
 
 
-def _parameters_and_functions(model: DerivedModel, real: Real) -> dict[str, Any]:
+def _parameters_and_functions(model: DerivedModel, real: Real, rounding: Rounding) -> dict[str, Any]:
     parameters = listing(model)
     inertias = [{"name": p.name, "unit": p.unit, "nominal": p.nominal} for p in parameters.drives]
     return {
@@ -83,7 +86,10 @@ def _parameters_and_functions(model: DerivedModel, real: Real) -> dict[str, Any]
         ],
         **({"drive_inertias": inertias} if inertias else {}),
         "regrouping": [{"parameter": r.parameter, "formula": r.formula, "reason": r.reason} for r in model.regrouping],
-        "functions": {name: _function(program, real) for name, program in model.programs.items()},
+        "functions": {
+            name: _function(program, real) | ({"rounding": dict(rounding[name].data)} if name in rounding else {})
+            for name, program in model.programs.items()
+        },
     }
 
 

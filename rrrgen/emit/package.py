@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
     from rrrgen.emit.c.language import Trig
-    from rrrgen.emit.interface import Backend, SelfTestCheck
+    from rrrgen.emit.interface import Backend, Rounding, SelfTestCheck
     from rrrgen.robot.identity import Identity
     from rrrgen.robot.spec import RobotSpec
 
@@ -34,6 +34,7 @@ def emit(
     tell: Tell | None = None,
     further: Mapping[str, str] | None = None,
     checks: Sequence[SelfTestCheck] = (),
+    rounding: Rounding | None = None,
 ) -> dict[str, Contents]:
     """Print a derived model as the files that ``rrrgen generate`` writes: relative path -> contents; writes nothing.
 
@@ -48,6 +49,7 @@ def emit(
         tell: called as ``tell(done, total, message)`` as the work proceeds.
         further: C files to be built and listed with those of the model.
         checks: the self-tests of these files, which become part of the emitted self-test.
+        rounding: proven bounds of the rounding errors of ``model``, for header and manifest; None states nothing.
 
     Raises:
         BackendError: a language cannot express a function.
@@ -60,7 +62,7 @@ def emit(
     from rrrgen.robot.identity import identify
 
     identity, languages = identify(model.spec), tuple(dict.fromkeys(languages))
-    backends = _backends(model.spec, real, trig, languages, checks)
+    backends = _backends(model.spec, real, trig, languages, checks, rounding or {})
     tasks = [backend.tasks(model, identity, real) for backend in backends]
     every: list[Callable[[], Any]] = [partial(_inverse_kinematics_data, model.spec, real), *chain.from_iterable(tasks)]
     data, *printed = parallel_map(_run, every, jobs, tell, "printing sources")
@@ -72,7 +74,7 @@ def emit(
     files |= further or {}
     listed = [(_place(part), LANGUAGES[each]) for each, part in zip(languages, parts[OWN:], strict=True)]
     files |= build_files(files, model, identity, real, listed)
-    files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity)
+    files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity, rounding)
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
         files |= {f"casadi/{name}": data for each in models for name, data in casadi.serialized(each).items()}
     return files
@@ -136,13 +138,19 @@ OWN = 2
 
 
 def _backends(
-    spec: RobotSpec, real: Real, trig: Trig, languages: Sequence[str], checks: Sequence[SelfTestCheck]
+    spec: RobotSpec,
+    real: Real,
+    trig: Trig,
+    languages: Sequence[str],
+    checks: Sequence[SelfTestCheck],
+    rounding: Rounding,
 ) -> list[Backend]:
     """The backends for C and CasADi, then those for ``languages``."""
     from rrrgen.emit.c.robot_files import CBackend
     from rrrgen.emit.casadi.files import CasadiBackend
 
-    return [CBackend(trig, partial(_beside, spec, real, checks)), CasadiBackend(), *map(_further_backend, languages)]
+    c = CBackend(trig, partial(_beside, spec, real, checks), rounding)
+    return [c, CasadiBackend(), *map(_further_backend, languages)]
 
 
 def _further_backend(language: str) -> Backend:

@@ -5,10 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.program import Port, Program, Role
 from rrrgen.robot.spec import JointSpec, RobotSpec
 from rrrgen.verify.references.numeric_robot import nominal_parameters
+
+if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
 
 
 @dataclass(frozen=True)
@@ -16,7 +21,7 @@ class Ranges:
     """The ranges that are assumed where the robot file states none, and those that the user sets instead.
 
     ``speed`` and ``acceleration`` of all joints replace the limits of the file; None keeps them. ``spread`` is the
-    relative range of inertial parameters around their nominal values.
+    relative range of inertial and friction parameters around their nominal values.
     """
 
     speed: float | None = None
@@ -43,6 +48,13 @@ class PortRange:
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The lower and the upper bounds."""
         return self.lower, self.upper
+
+
+def nominal_beta(model: DerivedModel) -> list[float] | None:
+    """The values of the port of base parameters in the robot file, drive inertias included; None if it has none."""
+    if model.beta_nominal is None:
+        return None
+    return [float(value) for value in (*model.beta_nominal, *(model.drive_inertia_nominal or ()))]
 
 
 def box_of(program: Program, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ranges) -> dict[str, PortRange]:
@@ -79,6 +91,9 @@ def _range(port: Port, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ra
         return PortRange((-GRAVITY,) * port.size, (GRAVITY,) * port.size, "assumed")
     if role is Role.BASE_PARAMETERS:
         return None if beta is None or len(beta) != port.size else _around(beta, ranges.spread)
+    if role is Role.FRICTION:
+        values = [float(value) for _, value in friction_parameters(spec)]
+        return _around(values, ranges.spread) if len(values) == port.size else None
     if role is Role.STANDARD_PARAMETERS:
         nominal = nominal_parameters(spec)
         if nominal is None or nominal.size != port.size:

@@ -19,10 +19,10 @@ from rrrgen.base.templates import templates_digest
 from rrrgen.derive.functions.table import find
 from rrrgen.emit.c.language import ERROR_BOUND, RANGE, Trig
 from rrrgen.emit.c.stack import stack_bound
-from rrrgen.evidence.boxes import PortRange, Ranges, box_of
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
 from rrrgen.evidence.kernel_proof import scripts
-from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, RoundingBounds, rounding_bounds
-from rrrgen.evidence.sampling import has_wide_format, largest_errors
+from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, rounding_bounds
+from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors
 from rrrgen.evidence.vectors import test_vectors
 from rrrgen.program import count_operations
 from rrrgen.robot.identity import identify
@@ -54,20 +54,42 @@ NOT_CLAIMED = (
 """What the certificate does not say, for its reader."""
 
 VECTORS_PER_FUNCTION = 4
+SAMPLED = 2000
+"""Random states per function and precision at which the errors beside the bounds are sampled."""
+
 _EQUATION = re.compile(r"\(14\.\d+\)")
 
 
-def rounding_entry(
-    program: Program, box: Mapping[str, PortRange], samples: int, seed: int
-) -> tuple[dict[str, Any], RoundingBounds | None]:
-    """The entry ``rounding`` of a function: bounds, box, sampled errors and ratios in both precisions, or a reason.
+def rounding_entries(
+    model: DerivedModel, trig: Trig, ranges: Ranges, samples: int = 0, seed: int = 0, tell: Tell | None = None
+) -> dict[str, dict[str, Any]]:
+    """The entry ``rounding`` of every function of ``model``, by name; see :func:`rounding_entry`.
 
-    Returns it with the bounds, None where there are none.
+    ``trig`` is the source of sines and cosines, of which only the emitted kernel has a bound; ``ranges`` are those of
+    the inputs over which bounds are proven. ``tell(done, total, message)`` is called as the work proceeds.
+    """
+    found = {}
+    for done, (name, program) in enumerate(model.programs.items()):
+        if tell is not None:
+            tell(done, len(model.programs), f"rounding of {name}")
+        if trig == "libm" and count_operations(program).sincos:
+            found[name] = {"none": "sines and cosines of the C library, which states no error bound"}
+        else:
+            found[name] = rounding_entry(
+                program, box_of(program, model.spec, nominal_beta(model), ranges), samples, seed
+            )
+    return found
+
+
+def rounding_entry(program: Program, box: Mapping[str, PortRange], samples: int, seed: int) -> dict[str, Any]:
+    """The entry ``rounding`` of a function: bounds and box in both precisions, or the reason why there is no bound.
+
+    With ``samples``, the errors found at so many random states and by a search from the worst of them stand beside.
     """
     try:
         bounds = rounding_bounds(program, {name: each.bounds for name, each in box.items()})
     except NoBoundError as reason:
-        return {"none": str(reason)}, None
+        return {"none": str(reason)}
     entry: dict[str, Any] = {"parts_per_angle": bounds.parts, "method": METHOD}
     for precision, values in ((DOUBLE, bounds.double), (FLOAT, bounds.single)):
         stated: dict[str, Any] = {
@@ -84,10 +106,10 @@ def rounding_entry(
                 "seed": seed,
                 "largest": _short(worst),
                 "ratio": _short(stated["worst"] / worst) if worst > 0.0 else None,
-                "within": bool(all(e <= 1.001 * b for e, b in zip(errors.tolist(), flat, strict=True))),
+                "within": bool(all(e <= RESOLUTION * b for e, b in zip(errors.tolist(), flat, strict=True))),
             }
         entry[precision.name] = stated
-    return entry, bounds
+    return entry
 
 
 def _short(value: float) -> float:
@@ -104,9 +126,8 @@ def certificate_files(
     real: Real,
     trig: Trig,
     options: Mapping[str, Any],
-    ranges: Ranges,
+    rounding: Mapping[str, Mapping[str, Any]],
     verification: Report | None,
-    samples: int = 2000,
     seed: int = 0,
     further: Mapping[str, Any] | None = None,
     skipped: Sequence[tuple[str, str]] = (),
@@ -120,10 +141,9 @@ def certificate_files(
         real: the floating-point type of the C code.
         trig: the source of sines and cosines; bounds exist for the emitted kernel only.
         options: the options of the command, as the certificate states them.
-        ranges: the ranges of inputs over which bounds are proven.
+        rounding: the entry about rounding errors of every function, from :func:`rounding_entries`.
         verification: the report of ``rrrgen verify`` for this model, or None where it was not made.
-        samples: random states per function and precision at which errors are sampled.
-        seed: of all random states.
+        seed: of the test vectors.
         further: entries of the certificate about external tools, by name.
         skipped: what was not done, with the reason.
         tell: called as ``tell(done, total, message)`` as the work proceeds.
@@ -131,31 +151,26 @@ def certificate_files(
     from rrrgen.evidence.page import html, markdown
 
     spec, identity = model.spec, identify(model.spec)
-    beta = None if model.beta_nominal is None else [*model.beta_nominal, *(model.drive_inertia_nominal or ())]
-    nominal = None if beta is None else [float(value) for value in beta]
     missing = list(skipped)
     functions: dict[str, Any] = {}
     vectors: dict[str, Any] = {}
     for done, (name, program) in enumerate(model.programs.items()):
         if tell is not None:
-            tell(done, len(model.programs), f"rounding of {name}")
-        box = box_of(program, spec, nominal, ranges)
-        if trig == "libm" and count_operations(program).sincos:
-            rounding: dict[str, Any] = {"none": "sines and cosines of the C library, which states no error bound"}
-            bounds = None
+            tell(done, len(model.programs), f"test vectors of {name}")
+        proven = rounding[name]
+        if "none" in proven:
+            missing.append((f"rounding of {name}", proven["none"]))
         else:
-            rounding, bounds = rounding_entry(program, box, samples, seed)
-        if bounds is None:
-            missing.append((f"rounding of {name}", rounding["none"]))
-        else:
+            stated = proven[real]
+            box = {port: PortRange(**each) for port, each in stated["box"].items()}
             vectors[name] = {
-                "bounds": rounding[real]["bounds"],
+                "bounds": stated["bounds"],
                 "states": test_vectors(program, box, real == "float", VECTORS_PER_FUNCTION, seed),
             }
         functions[name] = {
             "equations": _equations(name),
             "checks": _checks(name, verification),
-            "rounding": rounding,
+            "rounding": proven,
             "operations": count_operations(program).as_dict(),
             "stack_bound": asdict(stack_bound(program, real)),
         }

@@ -11,8 +11,16 @@ from rrrgen.base.errors import InputError
 from rrrgen.base.files import MANIFEST, checksum
 from rrrgen.derive import derive_once
 from rrrgen.derive.functions.table import GROUPS
-from rrrgen.evidence.boxes import Ranges, box_of
-from rrrgen.evidence.certificate import CERTIFICATE, FOLDER, MARKDOWN, PAGE, SCHEMA, content_digest, rounding_entry
+from rrrgen.evidence.boxes import Ranges
+from rrrgen.evidence.certificate import (
+    CERTIFICATE,
+    FOLDER,
+    MARKDOWN,
+    PAGE,
+    SCHEMA,
+    content_digest,
+    rounding_entries,
+)
 from rrrgen.evidence.page import html, markdown
 from rrrgen.robot.identity import identify
 
@@ -101,18 +109,13 @@ def bounds_that_differ(content: dict[str, Any], spec: RobotSpec, tell: Tell | No
         return [f"{spec.name}: the robot file is not the one of the certificate"]
     groups = ("model", *(name for name in sorted(options["with"]) if name in GROUPS))
     model = derive_once(spec, groups)
-    nominal = None if model.beta_nominal is None else [*model.beta_nominal, *(model.drive_inertia_nominal or ())]
-    beta = None if nominal is None else [float(value) for value in nominal]
     ranges = Ranges(options["speed"], options["acceleration"])
     found = []
-    for done, (name, program) in enumerate(model.programs.items()):
-        if tell is not None:
-            tell(done, len(model.programs), f"rounding of {name}")
+    for name, entry in rounding_entries(model, options["trig"], ranges, tell=tell).items():
         stated = content["functions"].get(name)
         if stated is None:
             found.append(f"{name}: is not in the certificate")
-        elif not ("none" in stated["rounding"] and options["trig"] == "libm"):
-            entry, _ = rounding_entry(program, box_of(program, spec, beta, ranges), 0, 0)
+        else:
             found += [f"{name}: {fault}" for fault in _entry_faults(stated["rounding"], entry)]
     return found
 

@@ -17,9 +17,9 @@ of the same line, so a product that a compiler contracts with a sum to one fused
 or in those that stand in one expression with it, is covered.
 
 Local errors: half a unit in the last place of the largest magnitude of the exact result of the operation; nothing for
-inputs, changes of sign and products with powers of two; for a constant the exact distance from its literal; for sine
-and cosine the proven bound of the kernel; and the smallest normal number wherever a product or quotient may
-underflow, which also covers processors that flush subnormal results to zero.
+inputs, their signs, changes of sign and products with powers of two; for a constant the exact distance from its
+literal; for sine and cosine the proven bound of the kernel; and the smallest normal number wherever a product or
+quotient may underflow, which also covers processors that flush subnormal results to zero.
 
 Three rules tighten plain intervals, which lose a factor sqrt(2) in every rotation. Let c, s be values within k of the
 cosine and the sine of one angle, and ``rho = 1 + sqrt(2) k``; N(x, y, ..) is the Euclidean norm.
@@ -99,6 +99,13 @@ _MOST_PARTS = 8  # of one angle; more gained less than a tenth on the bundled ar
 _MOST_TERMS = 24  # of a flattened sum
 _DEPTH = 4  # rotations that a norm is followed through
 _CHUNK = 4e6  # nodes times boxes evaluated together: 64 MB
+
+
+_REASONS = {
+    **dict.fromkeys(("select", "sign", "min"), "it chooses by comparisons, which rounding may turn over"),
+    **dict.fromkeys(("tanh", "exp"), "it calls the C library, which states no error bound"),
+}
+"""Why there is no bound for a program with these operations."""
 
 
 class NoBoundError(Exception):
@@ -257,6 +264,8 @@ class _Ranges:
             return _quotient(x, self.ranges[args[1]])
         if op is Op.SQRT:
             return _root(x)
+        if op is Op.SIGN:  # of an input, which has no error
+            return np.sign(x[0]), np.sign(x[1])
         if op is Op.SIN:
             return _sine(x, 0.0)
         if op is Op.COS:
@@ -471,9 +480,15 @@ class _Analysis:
     def _checked(self, box: Box) -> dict[int, tuple[float, float]]:
         """The bounds of every input node. Raises NoBoundError for an operation or an input without a bound."""
         known = (Op.INPUT, Op.CONST, Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.NEG, Op.SIN, Op.COS, Op.SQRT)
-        other = sorted({node.op.value for node in self.nodes if node.op not in known})
+        other = sorted(
+            {
+                node.op.value
+                for node in self.nodes
+                if node.op not in known and not (node.op is Op.SIGN and self.nodes[node.args[0]].op is Op.INPUT)
+            }
+        )
         if other:
-            raise NoBoundError(f"the operation {', '.join(other)}")
+            raise NoBoundError("; ".join(dict.fromkeys(_REASONS.get(name, f"the operation {name}") for name in other)))
         bounds = {}
         for index, node in enumerate(self.nodes):
             if node.op is Op.INPUT:
@@ -493,7 +508,7 @@ class _Analysis:
             elif node.op is Op.CONST:
                 rounds.append(any(p.literal(node.number) != node.number for p in PRECISIONS))
             else:
-                exact = node.op is Op.NEG
+                exact = node.op is Op.NEG or node.op is Op.SIGN
                 rounds.append(not exact or any(rounds[arg] for arg in node.args))
         return rounds
 
@@ -651,7 +666,7 @@ class _Analysis:
 
     def _local_errors(self, node: Node, exact: Interval, ranges: _Ranges) -> tuple[Array | float, ...]:
         """Bounds of the local error of an operation, in the order of :data:`PRECISIONS`."""
-        if node.op is Op.NEG:
+        if node.op is Op.NEG or node.op is Op.SIGN:
             return (0.0,) * len(PRECISIONS)
         if node.op is Op.SIN or node.op is Op.COS:
             reach = float(np.max(ranges.magnitude(node.args[0])))

@@ -37,18 +37,32 @@ def has_wide_format(precision: Precision) -> bool:
     return precision is FLOAT or np.finfo(np.longdouble).nmant >= 62
 
 
+RESOLUTION = 1.001
+"""Factor within which the sampled errors are right: the wider format rounds too."""
+
+Evaluator = Callable[[Sequence[Array]], Sequence[Array]]
+"""Evaluates a program at (states, size) values of every input port: one array (states, size) per output."""
+
+
 def largest_errors(
-    program: Program, box: Mapping[str, PortRange], precision: Precision, samples: int, seed: int, climbs: int = 20
+    program: Program,
+    box: Mapping[str, PortRange],
+    precision: Precision,
+    samples: int,
+    seed: int,
+    climbs: int = 20,
+    compiled: Evaluator | None = None,
 ) -> NDArray[np.float64]:
     """The largest errors found, one per output element in order, over ``samples`` states and ``climbs`` steps uphill.
 
     Half of the states have their rates at corners of the box. A step moves the worst state of every output a little,
     and keeps it where the error has grown. The wider format rounds too, so that the figures are good to three digits.
+    ``compiled`` evaluates the program in the emitted precision, such as compiled code; by default it is evaluated here.
     """
     rng = np.random.default_rng(seed)
     narrow = np.float64 if precision is DOUBLE else np.float32
     states = _states(program, box, samples, rng, narrow)
-    errors = errors_at(program, states, precision)
+    errors = errors_at(program, states, precision, compiled)
     best, place = errors.max(axis=1), errors.argmax(axis=1)
     champions = [state[place] for state in states]
     for step in range(climbs):
@@ -59,7 +73,7 @@ def largest_errors(
             moved.append(np.clip(state + shift, lower, upper).astype(narrow))
         count = len(best)
         flat = [state.reshape(64 * count, -1) for state in moved]
-        again = errors_at(program, flat, precision).reshape(count, 64, count)
+        again = errors_at(program, flat, precision, compiled).reshape(count, 64, count)
         for k in range(count):
             j = int(again[k, :, k].argmax())
             if again[k, j, k] > best[k]:
@@ -69,16 +83,22 @@ def largest_errors(
     return np.asarray(best, dtype=np.float64)
 
 
-def errors_at(program: Program, states: Sequence[Array], precision: Precision) -> NDArray[np.float64]:
+def errors_at(
+    program: Program, states: Sequence[Array], precision: Precision, compiled: Evaluator | None = None
+) -> NDArray[np.float64]:
     """The errors (outputs, states) of all output elements at ``states``, one array (states, size) per input port."""
     wide = np.longdouble if precision is DOUBLE else np.float64
-    rounded = _evaluated(program, states, precision, None)
-    exact = _evaluated(program, states, precision, wide)
     order = [index for row in program.results for index in row]
     count = len(states[0]) if states else 1
+    if compiled is None:
+        values = _evaluated(program, states, precision, None)
+        rounded = [values[index] for index in order]
+    else:
+        rounded = [column for output in compiled(states) for column in np.asarray(output).reshape(count, -1).T]
+    exact = _evaluated(program, states, precision, wide)
     errors = []
-    for index in order:
-        difference: Array = rounded[index].astype(wide) - exact[index]
+    for found, index in zip(rounded, order, strict=True):
+        difference: Array = found.astype(wide) - exact[index]
         errors.append(np.broadcast_to(np.abs(difference).astype(np.float64), (count,)))
     return np.stack(errors)
 
@@ -116,6 +136,8 @@ def _evaluated(program: Program, states: Sequence[Array], precision: Precision, 
             values.append(_literal(node.number, kind))
         elif op in ARITHMETIC:
             values.append(ARITHMETIC[op](*x))
+        elif op is Op.SIGN:
+            values.append(np.sign(x[0]))
         elif op is Op.SQRT:
             values.append(np.sqrt(x[0]))
         elif op is Op.SIN or op is Op.COS:

@@ -34,7 +34,7 @@ from rrrgen.emit.c.header_comments import prototype
 from rrrgen.emit.c.ik.files import sources
 from rrrgen.emit.c.language import RANGE, Dialect, InlineSinCos
 from rrrgen.emit.controller.differential_ik import declaration, differential_ik_files
-from rrrgen.evidence.boxes import PortRange, Ranges, box_of
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.program import Builder, Port
 
@@ -438,8 +438,6 @@ def analysed_with_eva(
     """
     if not is_available():
         return {}, [("run-time errors", "Frama-C is not installed")]
-    beta = [*(model.beta_nominal or ()), *(model.drive_inertia_nominal or ())]
-    nominal = [float(value) for value in beta] if beta else None
     skipped: list[tuple[str, str]] = []
     found: list[tuple[str, list[Alarm]]] = []
     with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
@@ -447,7 +445,7 @@ def analysed_with_eva(
     for done, (name, program) in enumerate(model.programs.items()):
         if tell is not None:
             tell(done, len(model.programs), f"run-time errors of {name}")
-        box = box_of(program, model.spec, nominal, ranges)
+        box = box_of(program, model.spec, nominal_beta(model), ranges)
         missing = [port.name for port in program.inputs if port.name not in box]
         if missing:
             skipped.append((f"run-time errors of {name}", f"no range of {', '.join(missing)} is known"))

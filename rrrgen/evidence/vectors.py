@@ -56,6 +56,8 @@ def exact_outputs(program: Program, inputs: list[list[float]]) -> list[list[Any]
                 values.append(mpmath.mpf(node.number.numerator) / mpmath.mpf(node.number.denominator))
             elif op in ARITHMETIC:
                 values.append(ARITHMETIC[op](*x))
+            elif op is Op.SIGN:
+                values.append(mpmath.sign(x[0]))
             elif op is Op.SQRT:
                 values.append(mpmath.sqrt(x[0]))
             elif op is Op.SIN:

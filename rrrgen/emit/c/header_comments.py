@@ -42,8 +42,11 @@ def _output(port: Port, dialect: Dialect) -> str:
     return f"{dialect.real_type} {port.name}[{restrict} {port.size}]"
 
 
-def explanation(program: Program, dialect: Dialect, on_device: bool = False) -> list[str]:
-    """The lines of the comment in front of a prototype; ``on_device`` for a GPU, which has no bound of the stack."""
+def explanation(program: Program, dialect: Dialect, on_device: bool = False, rounding: str = "") -> list[str]:
+    """The lines of the comment in front of a prototype; ``on_device`` for a GPU, which has no bound of the stack.
+
+    ``rounding`` is the sentence about the rounding error, if one is stated.
+    """
     lines = wrapped(program.summary or program.name.replace("_", " "))
     if program.formula:
         lines += ["", *(f"    {plain(line)}" for line in program.formula.splitlines())]
@@ -54,6 +57,7 @@ def explanation(program: Program, dialect: Dialect, on_device: bool = False) -> 
     lines += ["", f"Operations: {count_operations(program)}."]
     if not on_device:
         lines += [f"Stack: {stack_bound(program, dialect.real)}."]
+    lines += wrapped(rounding)
     for note in program.notes:
         lines += wrapped(note)
     return lines

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ from rrrgen.emit.c.language import Dialect, LibmSinCos, SinCos, Trig, nonfinite_
 from rrrgen.emit.c.path_timing import timing_files
 from rrrgen.emit.c.stack import STACK_RULE
 from rrrgen.emit.description import facts, large_angles, programs_of, title
-from rrrgen.emit.interface import SelfTestCheck
+from rrrgen.emit.interface import Rounding, SelfTestCheck
 from rrrgen.emit.printing import columns, mathematics, wrapped
 from rrrgen.program import Failure, Op, Program, count_operations, nominal_name
 from rrrgen.robot.identity import Identity
@@ -86,12 +86,19 @@ class Function:
 
 
 def header_and_sources(
-    model: DerivedModel, identity: Identity, dialect: Dialect, sincos: SinCos | None = None
+    model: DerivedModel,
+    identity: Identity,
+    dialect: Dialect,
+    sincos: SinCos | None = None,
+    rounding: Rounding | None = None,
 ) -> dict[str, str]:
-    """Print ``<name>.h``, ``<name>.c`` and those further sources (:data:`BESIDE`) for which there are functions."""
+    """Print ``<name>.h``, ``<name>.c`` and those of the :data:`FURTHER_SOURCES` for which there are functions.
+
+    The header states the bounds ``rounding`` of rounding errors, if they were proven.
+    """
     sincos = sincos or LibmSinCos()
     programs = programs_of(model)
-    functions = print_functions(programs, dialect, sincos)
+    functions = print_functions(programs, dialect, sincos, rounding)
     failures = failures_of(programs.values(), dialect)
     header = render(
         "c/header.h.j2",
@@ -161,12 +168,15 @@ def preamble(programs: Iterable[Program], dialect: Dialect, sincos: SinCos) -> s
     return "\n\n".join(filter(None, parts))
 
 
-def print_functions(programs: Mapping[str, Program], dialect: Dialect, sincos: SinCos) -> dict[str, Function]:
+def print_functions(
+    programs: Mapping[str, Program], dialect: Dialect, sincos: SinCos, rounding: Rounding | None = None
+) -> dict[str, Function]:
     """The prototype, comment and body of every program, by name."""
+    sentences = {name: each.sentence for name, each in (rounding or {}).items()}
     return {
         name: Function(
             prototype=prototype(program, dialect),
-            explanation=tuple(explanation(program, dialect)),
+            explanation=tuple(explanation(program, dialect, rounding=sentences.get(name, ""))),
             body=tuple(print_body(program, dialect, sincos)),
         )
         for name, program in programs.items()
@@ -233,11 +243,13 @@ class CBackend:
     """Prints header, sources and self-test; ``trig`` is the source of sines and cosines.
 
     ``beside`` is a function that returns further C files of the robot, and checks of these for the self-test. It is
-    called in the process that prints the self-test, since both need NumPy.
+    called in the process that prints the self-test, since both need NumPy. ``rounding`` are the bounds of
+    rounding errors that the header states.
     """
 
     trig: Trig = "inline"
     beside: Callable[[], tuple[Files, Sequence[SelfTestCheck]]] = _nothing
+    rounding: Rounding = field(default_factory=dict)
 
     def files(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
         """Print all files: ``<name>.h``, ``<name>.c`` with further sources, and ``<name>_selftest.c``."""
@@ -254,7 +266,7 @@ class CBackend:
     def sources(self, model: DerivedModel, identity: Identity, real: Real) -> Files:
         """Header and sources without the self-test."""
         dialect = Dialect(model.spec.name, real)
-        files = header_and_sources(model, identity, dialect, sincos_strategy(self.trig))
+        files = header_and_sources(model, identity, dialect, sincos_strategy(self.trig), self.rounding)
         if "path_dynamics" in model.programs:
             files |= timing_files(model.programs["path_dynamics"], dialect)
         return files

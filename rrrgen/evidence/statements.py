@@ -1,0 +1,97 @@
+"""What header and manifest of emitted code say about rounding errors, and what a verification finds about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from decimal import ROUND_CEILING, Context
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.emit.interface import RoundingStatement
+from rrrgen.evidence.boxes import Ranges, box_of, nominal_beta
+from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, rounding_bounds
+from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors
+from rrrgen.verify.report import Row
+
+if TYPE_CHECKING:
+    from rrrgen.base.parallel import Tell
+    from rrrgen.emit import Real
+    from rrrgen.program import Program
+    from rrrgen.runtime.engines import Engine
+    from rrrgen.runtime.model import Model
+
+Array = NDArray[Any]
+
+
+def statement(program: Program, entry: Mapping[str, Any], real: Real) -> RoundingStatement:
+    """The statement about ``program`` in code of the number type ``real``.
+
+    ``entry`` is the entry ``rounding`` of the certificate, from :func:`rrrgen.evidence.certificate.rounding_entry`: its
+    bounds and their box, or the reason why there are none. The sentence has the largest bound of every output in its
+    unit, rounded up; the data have one bound per element and the box.
+    """
+    if "none" in entry:
+        return RoundingStatement(f"Rounding errors: no bound; {entry['none']}.", {"none": entry["none"]})
+    stated = entry[real]
+    worst = {port.name: max(stated["bounds"][port.name], default=0.0) for port in program.outputs}
+    errors = ", ".join(f"{name} {rounded_up(bound)}" for name, bound in worst.items())
+    sentence = f"Rounding errors at most: {errors}; proven for inputs in the box that manifest.json states."
+    return RoundingStatement(sentence, {"box": stated["box"], "bounds": stated["bounds"]})
+
+
+def statements(
+    programs: Mapping[str, Program], entries: Mapping[str, Mapping[str, Any]], real: Real
+) -> dict[str, RoundingStatement]:
+    """The statements about all ``programs``, by name; see :func:`statement`."""
+    return {name: statement(programs[name], entry, real) for name, entry in entries.items()}
+
+
+def rounding_rows(
+    model: Model, ranges: Ranges, samples: int, seed: int, tell: Tell | None = None
+) -> tuple[list[Row], list[tuple[str, str]]]:
+    """Compare the errors of a compiled ``model`` with their proven bounds, at random states and by a search uphill.
+
+    The box is that of the robot file's limits and ``ranges``; half of the states have their rates at its corners. The
+    difference of a row is the largest error found over its bound, of all output elements, so the tolerance is 1 but for
+    the resolution of the figures. Errors
+    are those of the compiled code where the model is compiled, and else of the same operations in NumPy.
+
+    Returns the rows, and what has no bound with the reason.
+    """
+    real: Real = "double" if model.engine.dtype == np.float64 else "float"
+    precision = DOUBLE if real == "double" else FLOAT
+    if not has_wide_format(precision):
+        return [], [("rounding bounds", "this machine has no format with more digits than double")]
+    rows, skipped = [], []
+    programs = model.derived.programs
+    for done, (name, program) in enumerate(programs.items()):
+        if tell is not None:
+            tell(done, len(programs), f"rounding of {name}")
+        box = box_of(program, model.spec, nominal_beta(model.derived), ranges)
+        try:
+            proven = rounding_bounds(program, {port: each.bounds for port, each in box.items()})
+        except NoBoundError as reason:
+            skipped.append((f"rounding of {name}", str(reason)))
+            continue
+        compiled = partial(_called, model.engine, program) if model.engine.name == "c" else None
+        found = largest_errors(program, box, precision, samples, seed, compiled=compiled)
+        bounds = np.array([bound for row in (proven.double if real == "double" else proven.single) for bound in row])
+        shares = np.divide(found, bounds, out=np.where(found > 0.0, np.inf, 0.0), where=bounds > 0.0)
+        note = f"error {found.max(initial=0.0):.2g}, bound {rounded_up(float(bounds.max(initial=0.0)))}"
+        share = float(shares.max(initial=0.0))
+        rows.append(Row(name, "proven rounding bound", "box of limits", samples, share, RESOLUTION, note))
+    return rows, skipped
+
+
+def _called(engine: Engine, program: Program, states: Sequence[Array]) -> Sequence[Array]:
+    """The outputs of ``program`` by ``engine`` for values (states, size) of every input port."""
+    given = [state.reshape(len(state), *port.shape) for state, port in zip(states, program.inputs, strict=True)]
+    return engine.call(program.name, given)
+
+
+def rounded_up(bound: float) -> str:
+    """The number ``bound`` with two digits, never less than it is: "3.9e-13" for 3.81e-13."""
+    return f"{float(Context(prec=2, rounding=ROUND_CEILING).create_decimal_from_float(bound)):.1e}"
