@@ -102,8 +102,8 @@ _CHUNK = 4e6  # nodes times boxes evaluated together: 64 MB
 
 
 _REASONS = {
-    **dict.fromkeys(("select", "sign", "min"), "it chooses by comparisons, which rounding may turn over"),
-    **dict.fromkeys(("tanh", "exp"), "it calls the C library, which states no error bound"),
+    **dict.fromkeys(("select", "sign", "min"), " chooses by a comparison, which rounding may turn over"),
+    **dict.fromkeys(("tanh", "exp"), " is a call of the C library, which states no error bound"),
 }
 """Why there is no bound for a program with these operations."""
 
@@ -488,7 +488,7 @@ class _Analysis:
             }
         )
         if other:
-            raise NoBoundError("; ".join(dict.fromkeys(_REASONS.get(name, f"the operation {name}") for name in other)))
+            raise NoBoundError("; ".join(f"the operation {name}{_REASONS.get(name, '')}" for name in other))
         bounds = {}
         for index, node in enumerate(self.nodes):
             if node.op is Op.INPUT:
