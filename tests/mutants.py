@@ -204,7 +204,8 @@ def stages(path: str) -> list[list[str]]:
     if not path.endswith(".py"):
         word = Path(path).name.split(".")[0]
         count = {file: len(re.findall(rf"\b{word}", (ROOT / file).read_text(encoding="utf-8"))) for file in tests}
-        near = sorted((file for file in tests if count[file]), key=lambda file: -count[file])
+        own = f"test_{Path(path).stem.replace('.', '_')}"  # test_controller_h of controller.h.j2
+        near = sorted((file for file in tests if count[file]), key=lambda file: (file.stem != own, -count[file]))
         return [code, *([*pytest, str(file)] for file in near)]
     module = path.removesuffix(".py").replace("/", ".")
     package, _, name = module.rpartition(".")
@@ -212,6 +213,7 @@ def stages(path: str) -> list[list[str]]:
         rf"(from|import) {re.escape(module)}\b|from {re.escape(package)} import \(?[^)\n]*\b{name}\b", re.MULTILINE
     )
     named = [file for file in tests if file.stem == f"test_{name}"]
+    named.sort(key=lambda file: str(file.parent.relative_to("tests")) not in folders)
     near = [file for file in tests if imports.search((ROOT / file).read_text(encoding="utf-8")) and file not in named]
     near.sort(key=lambda file: (ROOT / file).stat().st_size)
     room = [file for file in tests if str(file.parent.relative_to("tests")) in folders and file not in [*named, *near]]
