@@ -161,6 +161,7 @@ FUNCTIONS: dict[str, Callable[..., sp.Expr]] = {
     "Pow": sp.Pow,
     "sin": sp.sin,
     "cos": sp.cos,
+    "UnevaluatedExpr": sp.UnevaluatedExpr,  # of angles whose cosines would become nested roots
 }
 CONSTANTS: dict[str, sp.Expr] = {"pi": sp.pi}
 

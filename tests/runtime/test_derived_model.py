@@ -6,6 +6,7 @@ import dataclasses
 import pickle
 
 import pytest
+import sympy as sp
 
 from emit.c_tools import IDENTITY
 from emit.planar import planar_model
@@ -13,6 +14,7 @@ from rrrgen.base.cache import cache_directory, keep
 from rrrgen.derive import derive_model, derive_once, derived_model
 from rrrgen.derive.derived_model import dumps, loads
 from rrrgen.robot.file import load_spec
+from rrrgen.robot.model.canonical_frames import cosine_sine
 
 
 @pytest.fixture
@@ -93,3 +95,13 @@ def test_all_that_is_kept_of_a_robot_is_read_back_equal(robot):
 def test_nothing_but_the_formats_own_records_is_made(text):
     with pytest.raises((ValueError, TypeError, LookupError, AttributeError)):
         loads(text.encode())
+
+
+@pytest.mark.parametrize("degrees", [33, 36, 60, 70])
+def test_an_angle_whose_cosine_is_held_back_is_read_back_equal(degrees):
+    """36 degrees would become nested roots, so that its cosine has the angle unevaluated."""
+    c, s = cosine_sine(sp.pi * degrees / 180)
+    entry = sp.Symbol("m1", real=True) * c + s
+    again = loads(dumps({"entry": entry}))["entry"]
+    assert again == entry
+    assert again.has(sp.UnevaluatedExpr) == entry.has(sp.UnevaluatedExpr)
