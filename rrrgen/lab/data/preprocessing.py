@@ -111,6 +111,8 @@ KALMAN: tuple[Method, ...] = ("kalman", "kalman_filter")
 DEFAULT_ORDER = 4  # number of poles of the Butterworth filter
 METHODS: tuple[Method, ...] = ("butterworth", "kalman", "kalman_filter", "differences", "logged")
 
+ENERGY_SHARE = 0.99  # share of the energy of an impulse response that defines its width
+
 METHODS_OF_SETTING: dict[str, tuple[Method, ...]] = {
     "cutoff": ("butterworth",),
     "order": ("butterworth",),
@@ -168,6 +170,30 @@ class Processing:
                 raise InputError("the Kalman filter needs its two variances; tune_by_innovations finds them")
             return KalmanSmoother(self.var_eta, self.var_xi, smooth=self.method == "kalman")
         return CentralDifferences()
+
+
+@lru_cache(maxsize=16)
+def reconstruction_reach(processing: Processing, period: float) -> int:
+    """Samples on either side that hold 99 % of the energy of the response of the reconstructed acceleration.
+
+    ``period`` is that of the sampling, s.
+    """
+    if processing.method == "logged":
+        return 0
+    method = processing.reconstructor()
+    half = method.memory(period)
+    impulse = np.zeros((2 * half + 1, len(processing.var_eta or (0.0,))))
+    impulse[half] = 1.0
+    return energy_radius(method(np.arange(len(impulse)) * period, impulse).ddq)
+
+
+def energy_radius(response: Array) -> int:
+    """Samples on either side of the middle of ``response`` (2 h + 1, k) that hold 99 % of the energy of each column."""
+    half = len(response) // 2
+    energy = np.square(response)
+    both = np.concatenate([energy[half : half + 1], energy[half + 1 :] + energy[:half][::-1]])
+    total = np.cumsum(both, axis=0)
+    return int(np.max(np.argmax(total >= ENERGY_SHARE * total[-1], axis=0)))
 
 
 KEYS = {

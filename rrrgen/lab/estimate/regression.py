@@ -24,6 +24,7 @@ HUBER = 1.345  # 95 % efficiency for normal noise
 SETTLED = 1e-8  # relative change of the weights at which their iteration stops
 SMALLEST_SHARE = 0.05  # of its noise left in the residual of a row; a row that alone decides a parameter leaves none
 MOST_PREWHITENED = 0.97  # largest lag-one correlation a removed by prewhitening; nearer to 1, 1/(1 - a) is unreliable
+LEVEL = 0.95  # at which deviations from few rows are widened to hold their share with the normal distribution's factor
 ROBUST_SETTLED = 1e-5  # change in standard deviations at which the slower, robust iteration stops
 
 
@@ -247,7 +248,9 @@ def correlated_covariance(
     ``(Phi' Phi)^-1 S (Phi' Phi)^-1`` with S the long-run covariance of the scores ``s_k = sum_j w_j^2 W_jk' r_jk``
     with Bartlett weights after prewhitening (Newey and West 1987, Andrews and Monahan 1992). Each residual is divided
     by ``1 - h`` with the leverage ``h`` of its row, the share of its own noise that the fit absorbs: an estimate
-    without that row would leave this residual (the jackknife of MacKinnon and White 1985, HC3). ``blocks`` are the rows
+    without that row would leave this residual (the jackknife of MacKinnon and White 1985, HC3). On a short recording S
+    rests on few independent products, so that the deviations scatter: they are widened to hold as many estimates within
+    1.96 of them as Student's t does with the degrees of freedom of :func:`_degrees_of_freedom`. ``blocks`` are the rows
     in order of time; ``project`` (columns of the rows, p) is the linear part of ``expand``, which maps x to theta.
 
     For a robust estimate, residuals are clipped at ``limit`` standard deviations, and the outer matrices count only
@@ -259,6 +262,7 @@ def correlated_covariance(
     products, slope = np.zeros((lags + 2, p, p)), np.zeros((p, p))
     inverse = estimate.covariance / estimate.variance if estimate.variance > 0 else estimate.covariance
     root = project @ _square_root(inverse)
+    fourth, count = np.zeros(p), 0
     tail, tail_segment = np.zeros((0, p)), np.zeros(0, np.int64)
     for rows in blocks:
         residual = np.where(rows.use, rows.tau - rows.W @ theta, 0.0)
@@ -271,6 +275,8 @@ def correlated_covariance(
         scores = np.vstack([tail, np.einsum("kj,kjp->kp", residual * w2, rows.W) @ project])
         segment = np.concatenate([tail_segment, rows.segment])
         old = len(tail)
+        fourth += np.sum((scores[old:] @ inverse) ** 4, axis=0)
+        count += int(np.sum(np.any(rows.use, axis=1)))
         for lag in range(min(lags + 1, len(scores) - 1) + 1):
             first = max(old, lag)
             same = segment[first:] == segment[first - lag : len(segment) - lag]
@@ -278,9 +284,28 @@ def correlated_covariance(
         keep = max(0, len(scores) - lags - 1)
         tail, tail_segment = scores[keep:], segment[keep:]
     S = _long_run_covariance(products)
+    own, next_to = (np.einsum("ji,jk,ki->i", inverse, each, inverse) for each in products[:2])
+    freedom = _degrees_of_freedom(own, next_to, fourth, count, lags)
+    wider = np.array([confidence_factor(LEVEL, each) for each in freedom]) / confidence_factor(LEVEL, np.inf)
     if limit is not None:
         inverse = np.asarray(np.linalg.pinv(slope, hermitian=True), dtype=np.float64)
-    return np.asarray(inverse @ S @ inverse)
+    return np.asarray(inverse @ S @ inverse * np.outer(wider, wider))
+
+
+def _degrees_of_freedom(own: Array, next_to: Array, fourth: Array, count: int, lags: int) -> Array:
+    """Degrees of freedom (p,) of the long-run variances of p scores z over ``count`` rows, 2 over the squared scatter.
+
+    Bartlett's window of ``lags`` lags gives a variance the relative scatter ``4/3 (lags + 1)/N`` (Andrews 1991),
+    and the lag-one correlation a, removed by prewhitening, one of ``(1 - a^2)/N``, which the factor ``1/(1 - a)^2``
+    magnifies to ``4 (1 + a)/((1 - a) N)``. N counts rows alike: a motion that excites a parameter for a part of the time
+    reduces it by the kurtosis of z over that of normal noise, 3. ``own``, ``next_to`` and ``fourth`` (p,) are the sums
+    of ``z_k^2``, ``z_k z_{k-1}`` and ``z_k^4``.
+    """
+    present = own > 0.0
+    a = np.clip(np.divide(next_to, own, out=np.zeros(len(own)), where=present), 0.0, MOST_PREWHITENED)
+    kurtosis = np.divide(count * fourth, own**2, out=np.full(len(own), 3.0), where=present)
+    scatter = kurtosis / 3.0 * (4.0 / 3.0 * (lags + 1) + 4.0 * (1.0 + a) / (1.0 - a)) / max(1, count)
+    return np.asarray(2.0 / scatter)
 
 
 def _square_root(A: Array) -> Array:

@@ -21,7 +21,15 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.preprocessing import CUTOFF_RATIO, DEFAULT_ORDER, KALMAN, Decimator, Processing
+from rrrgen.lab.data.preprocessing import (
+    CUTOFF_RATIO,
+    DEFAULT_ORDER,
+    KALMAN,
+    Decimator,
+    Processing,
+    energy_radius,
+    reconstruction_reach,
+)
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Recording
 
@@ -38,7 +46,6 @@ BINS_PER_OCTAVE = 6
 NEAR_FLOOR = 2.5  # mean of a bin over the line through the bins above it, up to which it holds noise alone
 LINE_OVER_FLOOR = 12.0  # noise alone exceeds it with the probability exp(-12) a line
 END_SAMPLES = 7  # samples from which the speed at the end of a stretch is taken
-ENERGY_SHARE = 0.99  # share of the energy of an impulse response that defines its width
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,28 +389,5 @@ def reach(tuning: Tuning) -> float:
     decimation filter.
     """
     decimate = Decimator(tuning.processing.decimate or 1)
-    samples = 0 if decimate.factor == 1 else _energy_radius(decimate.taps()[:, None])
+    samples = 0 if decimate.factor == 1 else energy_radius(decimate.taps()[:, None])
     return (samples + reconstruction_reach(tuning.processing, tuning.period)) * tuning.period
-
-
-def reconstruction_reach(processing: Processing, period: float) -> int:
-    """Samples on either side that hold 99 % of the energy of the response of the reconstructed acceleration.
-
-    ``period`` is that of the sampling, s.
-    """
-    if processing.method == "logged":
-        return 0
-    method = processing.reconstructor()
-    half = method.memory(period)
-    impulse = np.zeros((2 * half + 1, len(processing.var_eta or (0.0,))))
-    impulse[half] = 1.0
-    return _energy_radius(method(np.arange(len(impulse)) * period, impulse).ddq)
-
-
-def _energy_radius(response: Array) -> int:
-    """Samples on either side of the middle of ``response`` (2 h + 1, k) that hold 99 % of the energy of each column."""
-    half = len(response) // 2
-    energy = np.square(response)
-    both = np.concatenate([energy[half : half + 1], energy[half + 1 :] + energy[:half][::-1]])
-    total = np.cumsum(both, axis=0)
-    return int(np.max(np.argmax(total >= ENERGY_SHARE * total[-1], axis=0)))

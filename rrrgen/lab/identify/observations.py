@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.preprocessing import Decimator, Processing
+from rrrgen.lab.data.preprocessing import Decimator, Processing, reconstruction_reach
 from rrrgen.lab.data.reconstruction import Reconstruction, Reconstructor
 from rrrgen.lab.data.repair import Repairs
 from rrrgen.lab.data.uniform_stream import Part, joined
@@ -81,6 +81,7 @@ class RowMaker:
             raise InputError("the recording has no torques: nothing can be estimated from it")
         motion = reconstruct(part, self.processing)
         tau = part.tau if self.known is None else part.tau - self.known(motion)
+        part = replace(part, valid=part.valid & self._inner(window)[:, None])
         if self.slow:
             part = replace(part, valid=part.valid & self._moving(motion.dq))
         states = None if self.sliding is None else self._states(window, motion)
@@ -93,6 +94,17 @@ class RowMaker:
             given = () if states is None else (states[lo:hi],)
             rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept, given)
             yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
+
+    def _inner(self, window: Window) -> NDArray[np.bool_]:
+        """Mask (N,) of the samples that are farther from the ends of their stretch than the reach of the filter.
+
+        There it knows the motion on one side only, and takes a joint as one that does not accelerate.
+        """
+        reach = reconstruction_reach(self.processing, window.period)
+        inner = np.arange(len(window.part)) + window.part.first >= reach
+        if window.stop == len(window.part):
+            inner[len(inner) - min(reach, len(inner)) :] = False
+        return inner
 
     def _moving(self, dq: Array) -> NDArray[np.bool_]:
         """Mask (N, n) of the samples at the speeds ``dq`` (N, n) that are neither slow nor around a slow one."""

@@ -11,10 +11,9 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.kalman import KalmanSmoother
-from rrrgen.lab.data.preprocessing import KALMAN, Processing
+from rrrgen.lab.data.preprocessing import KALMAN, Processing, reconstruction_reach
 from rrrgen.lab.estimate.identifiability import Restriction, Structure, fix_standard, structure_of
 from rrrgen.lab.estimate.tsqr import JointFactors
-from rrrgen.lab.identify.bandwidth import reconstruction_reach
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns
 from rrrgen.lab.identify.parameters import Column, DriveTerms
 from rrrgen.runtime.regressor_columns import drive_columns

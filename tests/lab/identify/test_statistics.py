@@ -1,11 +1,13 @@
 """Statistics of residuals: whiteness, and deviations that allow for correlated ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lab.identify.regression_problems import JOINTS, NAMES, SIGMA, P, pieces, problem, rows_of
 from rrrgen.lab.estimate.regression import correlated_covariance, weighted_least_squares
-from rrrgen.lab.estimate.statistics import residual_whiteness, whiteness
+from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness, whiteness
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
 
 
@@ -40,6 +42,25 @@ def test_white_residuals_keep_their_standard_deviations():
     found = weighted_least_squares(factor_rows(rows), NAMES)
     wide = correlated_covariance([rows], found, 2, lambda v: v, np.eye(P))
     np.testing.assert_allclose(np.sqrt(np.diag(wide)), found.std, rtol=0.1)
+
+
+@pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.sweep), 0.7])
+def test_intervals_from_few_rows_hold_their_share(rho):
+    """Rows of a short periodic motion, estimated 200 times; the normal factor of the variances alone holds 90 %."""
+    rng = np.random.default_rng(8)
+    samples = 80
+    phase = 2 * np.pi * 4 * np.arange(samples) / samples
+    W = np.stack([np.ones(samples), np.sin(phase), np.cos(phase), np.sin(2 * phase)], -1)[:, None, :]
+    W = W * np.array([[1.0, 2.0, 0.5, 1.0], [0.3, -1.0, 2.0, 1.0], [1.0, 1.0, 1.0, -2.0]])
+    inside = []
+    for _ in range(200):
+        rows = rows_of(W, correlated_noise(rng, samples, rho))
+        found = weighted_least_squares(factor_rows(rows), NAMES[:4])
+        lags = max(correlation_lags(each) for each in residual_whiteness([rows], found.x))
+        covariance = correlated_covariance([rows], found, lags, lambda v: v, np.eye(4))
+        found = replace(found, covariance=covariance)
+        inside.append(np.prod(found.confidence(0.95), axis=1) < 0.0)
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.02), np.mean(inside)
 
 
 def test_whiteness_against_its_definitions():
