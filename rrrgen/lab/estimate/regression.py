@@ -297,9 +297,9 @@ def _degrees_of_freedom(own: Array, next_to: Array, fourth: Array, count: int, l
 
     Bartlett's window of ``lags`` lags gives a variance the relative scatter ``4/3 (lags + 1)/N`` (Andrews 1991),
     and the lag-one correlation a, removed by prewhitening, one of ``(1 - a^2)/N``, which the factor ``1/(1 - a)^2``
-    magnifies to ``4 (1 + a)/((1 - a) N)``. N counts rows alike: a motion that excites a parameter for a part of the time
-    reduces it by the kurtosis of z over that of normal noise, 3. ``own``, ``next_to`` and ``fourth`` (p,) are the sums
-    of ``z_k^2``, ``z_k z_{k-1}`` and ``z_k^4``.
+    magnifies to ``4 (1 + a)/((1 - a) N)``. N counts rows alike: a motion that excites a parameter for a part of the
+    time reduces it by the kurtosis of z over that of normal noise, 3. ``own``, ``next_to`` and ``fourth`` (p,) are the
+    sums of ``z_k^2``, ``z_k z_{k-1}`` and ``z_k^4``.
     """
     present = own > 0.0
     a = np.clip(np.divide(next_to, own, out=np.zeros(len(own)), where=present), 0.0, MOST_PREWHITENED)

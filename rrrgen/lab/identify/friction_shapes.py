@@ -25,7 +25,7 @@ from rrrgen.lab.estimate.linear import project, solve
 from rrrgen.lab.estimate.search import search
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, along
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.observations import Recording, Regressor, RowMaker, Window, reconstruct
+from rrrgen.lab.identify.observations import Recording, Regressor, RowMaker, Window, kept_of, reconstruct, within
 
 # ------------------------------------------------------------------------------------------------------------------
 # Rows of a separable least-squares problem: "fixed" columns, and friction columns that depend on shape parameters.
@@ -45,8 +45,9 @@ class Stretch:
     """One uninterrupted stretch of a recording: N recorded samples, and r instants after decimation.
 
     ``q``, ``dq``, ``ddq``, ``load`` (N, n) are motion and load torques at the samples, ``valid`` (N, n) marks valid
-    torques, ``first`` is the index of the first sample. ``W`` (r, n, p) are the columns that do not depend on friction
-    shapes, ``tau`` (r, n) the torques, ``use`` (r, n) marks rows with a valid torque, ``t`` (r,) are their instants, s.
+    torques, ``first`` is the index of the first sample, ``inner`` are the samples of which rows are made. ``W``
+    (r, n, p) are the columns that do not depend on friction shapes, ``tau`` (r, n) the torques, ``use`` (r, n) marks
+    rows with a valid torque, ``t`` (r,) are their instants, s.
     ``start`` and ``duration`` (s) are those of the whole recording.
     """
 
@@ -55,6 +56,7 @@ class Stretch:
     ddq: Array
     valid: NDArray[np.bool_]
     first: int
+    inner: slice
     t: Array
     W: Array
     tau: Array
@@ -69,9 +71,11 @@ class Stretch:
         s = None if sliding is None else sliding.states(self.q, self.dq, sliding.start())[:, 0]
         factors = surface.factors(self.dq, s, self.load)
         found = np.zeros((len(self.t), self.dq.shape[1], factors.shape[1]))
-        every = decimate(factors, self.first) if self.valid.all() else None
+        kept = kept_of(decimate, self.first, self.inner.start, self.inner.stop, len(self.q))
+        alike = np.array_equal(self.valid, np.broadcast_to(self.valid[:, :1], self.valid.shape))
+        every = decimate(factors * self.valid[:, :1], self.first)[kept] if alike else None
         for i in surface.joints:
-            filtered = every if every is not None else decimate(factors * self.valid[:, [i]], self.first)
+            filtered = every if every is not None else decimate(factors * self.valid[:, [i]], self.first)[kept]
             found[:, i] = surface.direction[i] * filtered
         return found
 
@@ -95,15 +99,20 @@ class Problem:
         for recording in recordings:
             start, duration = recording.span
             for part in _stretches(recording, left):
-                rows = list(maker.rows(Window(part, 0, len(part))))
+                window = Window(part, 0, len(part))
+                inner, rows = maker.inner(window), list(maker.rows(window))
+                left -= len(part)
+                if not rows:
+                    continue
                 motion = reconstruct(part, maker.processing)
                 found.append(
                     Stretch(
                         motion.q,
                         motion.dq,
                         motion.ddq,
-                        part.valid,
+                        part.valid & within(inner, len(part)),
                         part.first,
+                        inner,
                         np.concatenate([r.t for r in rows]),
                         np.concatenate([r.W for r in rows]),
                         np.concatenate([r.tau for r in rows]),
@@ -112,7 +121,6 @@ class Problem:
                         duration,
                     )
                 )
-                left -= len(part)
         if not found:
             raise InputError("the recordings hold no samples to which friction laws could be fitted")
         return cls(tuple(found), decimate)

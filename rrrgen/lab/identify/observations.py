@@ -56,8 +56,9 @@ class RowMaker:
     that is already known, (14.19). ``sliding`` computes the friction states that the regressor needs, None if it needs
     none. Samples of a joint below the speeds ``slow`` (n,), rad/s (m/s), and ``around`` samples on either side of them,
     are left out before the filters, so that friction near rest does not reach the rows beside them; empty for none.
-    ``beside(motion, W)`` gives further columns
-    (N, n, k), those of nuisance parameters, which stand after those of the regressor.
+    So are the ends of every stretch, as far as the reach of the filter that reconstructs the motion.
+    ``beside(motion, W)`` gives further columns (N, n, k), those of nuisance parameters, which stand after those of the
+    regressor.
     """
 
     regressor: Regressor
@@ -81,30 +82,29 @@ class RowMaker:
             raise InputError("the recording has no torques: nothing can be estimated from it")
         motion = reconstruct(part, self.processing)
         tau = part.tau if self.known is None else part.tau - self.known(motion)
-        part = replace(part, valid=part.valid & self._inner(window)[:, None])
+        inner = self.inner(window)
+        part = replace(part, valid=part.valid & within(inner, len(part)))
         if self.slow:
             part = replace(part, valid=part.valid & self._moving(motion.dq))
         states = None if self.sliding is None else self._states(window, motion)
         decimate = Decimator(self.processing.decimate or 1)
         block = max(SHORTEST_BLOCK, decimate.memory, BLOCK_BYTES // (8 * part.q.shape[1] * self.columns))
-        for start in range(window.start, window.stop, block):
-            stop = min(start + block, window.stop)
+        end = min(window.stop, inner.stop)
+        for start in range(max(window.start, inner.start), end, block):
+            stop = min(start + block, end)
             lo, hi = max(0, start - decimate.memory), min(len(part), stop + decimate.memory)
             kept = kept_of(decimate, part.first + lo, start - lo, stop - lo, hi - lo)
             given = () if states is None else (states[lo:hi],)
             rows = self._block(motion.window(lo, hi), tau[lo:hi], part.sliced(lo, hi), decimate, kept, given)
             yield replace(rows, segment=np.full(len(rows.t), window.segment, np.int64))
 
-    def _inner(self, window: Window) -> NDArray[np.bool_]:
-        """Mask (N,) of the samples that are farther from the ends of their stretch than the reach of the filter.
+    def inner(self, window: Window) -> slice:
+        """The samples of a window that are farther from the ends of their stretch than the reach of the filter.
 
-        There it knows the motion on one side only, and takes a joint as one that does not accelerate.
+        Nearer, it knows the motion on one side only, and takes a joint as one that does not accelerate.
         """
-        reach = reconstruction_reach(self.processing, window.period)
-        inner = np.arange(len(window.part)) + window.part.first >= reach
-        if window.stop == len(window.part):
-            inner[len(inner) - min(reach, len(inner)) :] = False
-        return inner
+        reach, length = reconstruction_reach(self.processing, _period(window.part)), len(window.part)
+        return slice(max(0, reach - window.part.first), length - reach if window.stop == length else length)
 
     def _moving(self, dq: Array) -> NDArray[np.bool_]:
         """Mask (N, n) of the samples at the speeds ``dq`` (N, n) that are neither slow nor around a slow one."""
@@ -160,6 +160,13 @@ class RowMaker:
             segment=np.zeros(len(t), np.int64),
             valid=sound,
         )
+
+
+def within(inner: slice, length: int) -> NDArray[np.bool_]:
+    """Mask (length, 1) of the samples of the slice ``inner``."""
+    found = np.zeros((length, 1), bool)
+    found[inner] = True
+    return found
 
 
 def kept_of(decimate: Decimator, first: int, start: int, stop: int, length: int) -> slice:
@@ -243,15 +250,14 @@ def reconstruct(part: Part, processing: Processing) -> Reconstruction:
             raise InputError("the recording has no speeds and accelerations; choose a method of reconstruction")
         return Reconstruction(part.t, part.q, part.dq, part.ddq, "as recorded")
     # uniform instants from zero: the round-off of their differences must not depend on where the stretch begins
-    period = (part.t[-1] - part.t[0]) / max(1, len(part) - 1)
     method = processing.reconstructor()
-    motion = method(np.arange(len(part)) * _rounded(period), part.q)
+    motion = method(np.arange(len(part)) * _period(part), part.q)
     return replace(motion, t=part.t)
 
 
-def _rounded(period: float) -> float:
-    """``period`` rounded to ten digits, to remove the round-off of the instants it was computed from."""
-    return float(f"{period:.9e}")
+def _period(part: Part) -> float:
+    """Sampling period (s) of a part, rounded to ten digits to remove the round-off of the instants."""
+    return float(f"{(part.t[-1] - part.t[0]) / max(1, len(part) - 1):.9e}")
 
 
 def _reconstruction_memory(processing: Processing, period: float) -> int:

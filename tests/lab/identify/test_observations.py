@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+import rrrgen
 from lab.identify.streams import PERIOD, PROCESSINGS, recording
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.preprocessing import Processing
-from rrrgen.lab.data.recordings import read_log
+from rrrgen.lab.data.recordings import Log, read_log
 from rrrgen.lab.estimate.regression import weighted_least_squares
 from rrrgen.lab.identify.bandwidth import motion_bandwidth, tune
 from rrrgen.lab.identify.factoring import factor_recordings
@@ -14,6 +15,7 @@ from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Observations, RowMaker
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
+from samples.recordings import fourier_motion
 
 
 def test_splits_share_out_the_instants():
@@ -42,6 +44,22 @@ def test_known_friction_is_subtracted(tmp_path):
     maker = RowMaker(rigid, PROCESSINGS[1], b, known=friction)
     found = weighted_least_squares(factor_recordings(Observations((read_log(path),), maker)).fit, rigid.names)
     assert np.max(np.abs(found.x - x[:b]) / found.std) < 5
+
+
+@pytest.mark.parametrize("method", [Processing("butterworth", cutoff=10.0, decimate=5), Processing("kalman")])
+def test_rows_are_exact_from_the_first_to_the_last(method):
+    """A motion that neither begins nor ends at rest: at its ends the filters know one side of it only."""
+    model = rrrgen.compile("planar2r", backend="numpy")
+    t = 0.01 * np.arange(3000)
+    q, dq, ddq = fourier_motion(t, 2, 2, base=0.1, harmonics=5, size=0.5)
+    log = Log(("a", "b"), t, np.round(q, 7), model.inverse_dynamics(q, dq, ddq), period=0.01)
+    regressor = FullRegressor(model, DriveTerms())
+    rows = list(Observations((log,), RowMaker(regressor, tune(method, [log]).processing, len(regressor.names))))
+    error, tau = (np.concatenate(each) for each in ([r.tau - r.W @ model.beta for r in rows], [r.tau for r in rows]))
+    instants = np.concatenate([r.t for r in rows])
+    assert instants[0] < 0.5
+    assert instants[-1] > 29.5
+    assert np.max(np.abs(error)) < 5e-3 * np.sqrt(np.mean(tau**2))
 
 
 def test_the_kalman_filter_is_tuned_when_nothing_is_said(tmp_path):
