@@ -17,7 +17,7 @@ from rrrgen.ik.geometry.rigid_transforms import Crossing, rigid
 from rrrgen.ik.plan import ARM_ANGLE, Singularity, SolverPlan, record, solving_loop
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
 from rrrgen.ik.singularities import described
-from rrrgen.ik.solutions.general_6r import MAX_SOLUTIONS, WITHOUT_NUMPY, is_general, may_eliminate, tables_of
+from rrrgen.ik.solutions.general_6r import MAX_SOLUTIONS, is_general, tables_of
 from rrrgen.ik.solutions.parallel import Frame, better
 from rrrgen.ik.solutions.planar import triple_of
 from rrrgen.ik.solutions.position import UNUSABLE, Arm, simplest
@@ -235,9 +235,6 @@ def reason(chain: Chain, rank: int, redundancy: int | None = None) -> str:
             f"the {chain.n} joints move the tip in only {rank} independent directions, and no joint can be prescribed "
             "so that the others fit a family"
         )
-    locked = (None,) if chain.n == 6 else (0, chain.n - 1)
-    if chain.n in (6, 7) and any(is_general(chain, k) for k in locked) and not may_eliminate():
-        return WITHOUT_NUMPY
     if "P" in chain.types and chain.n in (5, 6, 7):
         return (
             f"the joints {chain.types} have no three revolute axes through one point, no planar triple and no rotation "

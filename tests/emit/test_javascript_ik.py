@@ -1,8 +1,12 @@
-"""The inverse kinematics in JavaScript against the solver evaluated in Python, which shares only the recorded steps."""
+"""The inverse kinematics in JavaScript against the solver evaluated in Python, which shares only the recorded steps.
+
+That of general arms, a translation of the emitted C, is compared with the compiled C.
+"""
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 from math import pi
@@ -11,10 +15,16 @@ from random import Random
 import numpy as np
 import pytest
 
+from ik.robots import ROWS, make
+from ik.test_calibrated import arm, calibrated
+from rrrgen.base.errors import InternalError
+from rrrgen.emit.targets.javascript_from_c import translate
 from rrrgen.emit.targets.javascript_ik import module
 from rrrgen.ik.inverse_kinematics import evaluated_solver
 from rrrgen.robot.file.reader import load_spec, read_spec
 from rrrgen.robot.identity import identify
+from rrrgen.runtime.inverse_kinematics import load_solver
+from rrrgen.runtime.results import OUTSIDE
 
 NODE = shutil.which("node")
 pytestmark = pytest.mark.skipif(NODE is None, reason="node is not installed")
@@ -88,3 +98,110 @@ def test_the_nearest_configuration_within_limits(tmp_path):
     assert stretched["error"] > 1.0
     assert np.linalg.norm(tip) > 0.93  # the arm points to where it cannot get
     assert tip[0] / np.linalg.norm(tip) > 0.98
+
+
+GENERAL = {
+    "skewed": (arm("RRRRRR", 1), [(-3.0, 2.0)] * 6),
+    "a sliding joint": (arm("RRPRRR", 2), None),
+    "seven joints": (arm("RRRRRRR", 1), None),
+    "calibrated": (calibrated(ROWS["ur5"], 1e-3), [(-3.0, 2.0)] * 6),  # with solutions of the arm nearby
+}
+
+
+@pytest.mark.parametrize("name", GENERAL)
+def test_a_general_arm_is_solved_as_in_c(name, tmp_path):
+    """Random poses, round angles among them, at which solutions meet, and targets out of reach."""
+    rows, limits = GENERAL[name]
+    spec = make("arm", rows, limits=limits)
+    solver, draw = load_solver(spec), Random(7)
+    chain, n, locked = solver.plan.chain, len(rows), solver.plan.locked
+    targets, references = [], []
+    for k in range(48):
+        q = [draw.uniform(-pi, pi) if k % 4 else draw.randint(-2, 2) * pi / 2 for _ in range(n)]
+        T = chain.forward(q)
+        T[:3, 3] *= 3.0 if k % 12 == 1 else 1.0
+        targets.append(T)
+        references.append([draw.uniform(-1, 1) for _ in range(n)])
+        if locked is not None:
+            references[-1][locked] = q[locked]
+    calls = [["solve", T.tolist(), near] for T, near in zip(targets, references, strict=True)]
+    answers = called(tmp_path, spec, calls)
+    assert any(len(answer["solutions"]) > 5 for answer in answers)
+    for T, near, answer in zip(targets, references, answers, strict=True):
+        expected = solver.solve(T, near, limits=False)
+        assert answer["status"] == expected.status
+        assert [row["branch"] for row in answer["solutions"]] == [{"aspect": int(each)} for each in expected.branch]
+        assert [row["within"] for row in answer["solutions"]] == [not flags & OUTSIDE for flags in expected.flags]
+        for row, q in zip(answer["solutions"], expected.q, strict=True):
+            np.testing.assert_allclose(row["q"], q, rtol=0, atol=1e-9)
+
+
+C = """
+#define R_SIZE 3 /* a comment */
+#define R_HALF (r_real)0.5
+#define R_LOW(flags) ((flags) & 3u) /* two bits */
+enum { R_FLAG = 4 };
+typedef struct r_rows {
+    int count; /* how many */
+    r_real q[2][R_SIZE];
+    unsigned flags[2];
+} r_rows;
+static const signed char r_order[3] = {2, 0, 1};
+static const r_real r_table[2][2] = {{(r_real)1.5, -(r_real)2}, {1e-3, 4}};
+
+/* Sets both numbers. */
+static int r_set(r_real x[R_SIZE], const r_real (*const row)[2], int *counted)
+{
+    int i;
+    for (i = 0; i < R_SIZE; ++i) {
+        x[r_order[i]] += row[i % 2][1] * R_HALF;
+    }
+    *counted += i / 2;
+    return (x[0] < x[1]) && !(i == 2);
+}
+
+int r_solve(const r_real target[4], r_rows *out)
+{
+    r_real x[R_SIZE] = {0};
+    r_real turned[2][2] = {{1.0, target[0]}, {-target[1], 1.0}};
+    r_real *const second = turned[1];
+    int in = 1; /* a word of JavaScript */
+    const unsigned bits = (unsigned)R_FLAG | ((in > 0) ? 1u : 0u);
+    out->count = -7 / 2;
+    in = r_set(x, r_table, &out->count) ? 5 : in;
+    while (true) {
+        if (in > 4) {
+            in /= 2;
+        } else {
+            break;
+        }
+    }
+    out->flags[1] = (~bits & 0xffu) - R_LOW(bits + 1u);
+    out->q[1][2] = second[0] + x[2] + fabs(turned[0][1]) + copysign(2.0, -x[1]);
+    (void)bits;
+    return in;
+}
+"""
+
+
+def test_a_translation_of_c(tmp_path):
+    found = translate("typedef double r_real;", C, "r_solve", {"target": 4})
+    out = found.places["out"]
+    text = "\n".join(found.lines)
+    assert "/* Sets both numbers. */" in text
+    (tmp_path / "r.mjs").write_text(
+        f"{text}\nfunction copysign(x, y) {{ return y < 0 ? -Math.abs(x) : Math.abs(x); }}\n"
+        f"F64.set([-3, 0.25], {found.places['target']});\n"
+        f"const out = {json.dumps(out)}, status = r_solve({found.places['target']}, out);\n"
+        "console.log(JSON.stringify([status, I32[out.count], I32[out.flags + 1], F64[out.q + 5]]));\n"
+    )
+    ran = subprocess.run([NODE, "r.mjs"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    # x = (2, -1, -1): order and second column of the table; count -3 + 3 / 2; in stays 1, since 2 < -1 does not hold
+    assert json.loads(ran.stdout) == [1, -2, 0xFF - 5 - 2, pytest.approx(-0.25 - 1.0 + 3.0 + 2.0)]
+
+
+def test_what_is_not_understood_is_a_fault():
+    for body, word in (("return g(1);", "g"), ("return y;", "y"), ("long x; return 1;", "long"), ("return x[1;", "]")):
+        with pytest.raises(InternalError, match=re.escape(word)):
+            translate("", f"int f(const double *x) {{ {body} }}", "f", {"x": 2})

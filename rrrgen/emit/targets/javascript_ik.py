@@ -1,8 +1,9 @@
 """The inverse kinematics as JavaScript: a recorded closed form as nested loops over roots, in a module of its own.
 
 ``<name>_ik.mjs`` has no dependencies. Views move an arm by it: all configurations of a tip pose, or the nearest one by
-damped least squares where the pose cannot be reached or the arm has no closed form. The emitted C is what a controller
-uses; it treats round-off at singular configurations with more care.
+damped least squares where the pose cannot be reached or the arm has no solver. A controller uses the emitted C, which
+treats round-off at singular configurations with more care. A general arm, which has no closed form, is solved by the
+statements of that C in JavaScript.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ from typing import TYPE_CHECKING
 
 from rrrgen.base.errors import InternalError
 from rrrgen.base.templates import render
+from rrrgen.emit.c.ik.files import emit
 from rrrgen.emit.interface import ATOM, PRODUCT, SUM, UNARY, Text
 from rrrgen.emit.printing import wrapped
+from rrrgen.emit.targets.javascript_from_c import Translation, translate
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
+from rrrgen.ik.recording.float_builder import OUTSIDE
 from rrrgen.ik.recording.scalar import SolverScalar
 from rrrgen.ik.recording.steps import (
     GivenStep,
@@ -34,6 +38,7 @@ from rrrgen.ik.recording.steps import (
     TurnStep,
     WristStep,
 )
+from rrrgen.ik.result_layout import STATUS
 from rrrgen.program import Op
 
 if TYPE_CHECKING:
@@ -47,6 +52,7 @@ def module(spec: RobotSpec, identity: Identity) -> str | None:
     if plan.coupling is not None:
         return None
     chain, solver = plan.chain, plan.solver
+    kernels = _translated(spec, plan) if plan.general else None
     matrices = [[[float(x) for x in row] for row in matrix] for matrix in chain.transforms]
     joints = [
         {
@@ -74,14 +80,27 @@ def module(spec: RobotSpec, identity: Identity) -> str | None:
         shoulder=float(chain.links[0].d) if plan.locked == ARM_ANGLE else 0.0,
         redundancy=plan.redundancy,
         branches=None if solver is None else _Writer(plan).lines(),
+        kernels=kernels,
+        out=json.dumps(kernels.places["out"]) if kernels else None,
+        statuses=json.dumps(STATUS),
+        outside=OUTSIDE,
     )
+
+
+def _translated(spec: RobotSpec, plan: SolverPlan) -> Translation:
+    """The emitted C of a general arm as JavaScript."""
+    files, name = emit(spec, plan).files, spec.name
+    arrays = {"target": 16, "q_ref": plan.n}
+    return translate(files[f"{name}_ik.h"], files[f"{name}_ik.c"], f"{name}_inverse_kinematics", arrays)
 
 
 def _without(plan: SolverPlan) -> str:
     """Text that says why there is no closed form; empty where there is one."""
     if plan.solver is not None:
         return ""
-    return f"There is no closed form: {plan.reason}." if not plan.solvable else "The C solves it numerically."
+    if plan.general:
+        return "There is no closed form: the functions after the forward kinematics are the emitted C in JavaScript."
+    return f"There is no closed form: {plan.reason}."
 
 
 class _Writer:

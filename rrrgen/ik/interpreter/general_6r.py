@@ -9,26 +9,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan2, cos, pi, sin
+from math import atan2, cos, hypot, pi, sin
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.ik.geometry.chain import IDENTITY, inverse, lifted, multiply, turned
+from rrrgen.ik.geometry.chain import IDENTITY, Matrix, inverse, lifted, multiply, turned
 from rrrgen.ik.interpreter.candidates import CandidateRow, Query
 from rrrgen.ik.interpreter.task import PATIENT, USUAL, Task
 from rrrgen.ik.recording.float_builder import FREE, MULTIPLE, SEARCH, TOLERANCE, wrapped
 from rrrgen.ik.solutions.elimination import (
+    LINE,
+    PLANAR,
+    HalfAngles,
+    carried,
     constant_links,
-    doubled,
-    features,
     in_half_angles,
     numbered,
     numbering,
     pencil,
     spread,
 )
-from rrrgen.ik.solutions.elimination import inverse as inverses
 from rrrgen.ik.solutions.general_6r import passes, shifts, tables_of
 from rrrgen.ik.tolerances import elimination
 
@@ -37,12 +38,11 @@ if TYPE_CHECKING:
 
 ELIMINATION = elimination()
 
-ORIGIN = atan2(0.96, 0.28)
+ORIGIN, ODD = atan2(0.96, 0.28), turned(IDENTITY, 0.28, 0.96)
 """Angles of the loop are counted from this direction (rad): at round angles the tangent of a half is then finite."""
 
 AXIAL = (3, 4, 7, 10, 11, 14)
-PLANAR = (1, 5, 8, 12)
-"""Features of a line that a rotation about z does not change, and the x components of the pairs that it rotates."""
+"""Features of a line that a rotation about z does not change, besides the constant one."""
 
 VIEWS = 8
 """The circle of the kept angle is cut open at this many places in turn; the eigenvalues are computed where no root is
@@ -71,9 +71,8 @@ class General6R:
     def __init__(self, plan: SolverPlan, task: Task, query: Query) -> None:
         self._tables, self._shifts = tables_of(plan.solving, plan.locked), shifts(plan.solving, plan.locked)
         self._task, self._query, self._locked = task, query, plan.locked
-        self._links = constant_links(np.array(self._tables.rows), self._tables.slide, self._tables.turn)
-        self._pose = _inner_pose(plan, query)
-        self._pose[:3, 3] /= self._tables.length
+        self._links = constant_links(self._tables.rows, self._tables.slide, self._tables.turn)
+        self._pose = tuple((*row[:3], row[3] / self._tables.length) for row in _inner_pose(plan, query))
         self._rows: list[CandidateRow] = []
         self.certain = False
 
@@ -133,8 +132,8 @@ class General6R:
         if self._tables.span is None:
             return False
         first, last, longest = self._tables.span
-        distance = self._pose[:3, 3] + last * self._pose[:3, 2] - first * np.array([0.0, 0.0, 1.0])
-        return bool(np.linalg.norm(distance) > longest)
+        x, y, z = (row[3] + last * row[2] for row in self._pose)
+        return hypot(x, y, z - first) > longest
 
     def _weighed(self, gains: Sequence[float]) -> int:
         """Number of solutions, where a singular one counts twice unless its other half is listed as well."""
@@ -149,11 +148,10 @@ class General6R:
     def _complete(self, roles: Sequence[int]) -> int:
         """Add the solutions of one elimination; returns their number by its roots, -1 if that is odd."""
         start, direction, kept, shifted, other, motion = roles
-        loop = [link[None] for link in self._links]
-        loop[5] = loop[5] @ inverses((self._pose @ _nudge(motion))[None])
+        loop = [*self._links[:5], multiply(self._links[5], inverse(multiply(self._pose, _nudge(motion))))]
         order = numbering(start, direction)
         slide = None if self._tables.slide is None else order.index(self._tables.slide)
-        e = [x if k == slide else _turn(ORIGIN) @ x for k, x in enumerate(numbered(loop, start, direction))]
+        e = [x if k == slide else multiply(ODD, x) for k, x in enumerate(numbered(loop, start, direction))]
         total = 0
         for root in _roots(e, (kept, shifted, other), slide):
             total += root.count
@@ -196,7 +194,7 @@ def _smallest_gain(task: Task, q: Sequence[float]) -> float:
     return float(np.linalg.svd(_moving(task, q), compute_uv=False)[-1])
 
 
-def _inner_pose(plan: SolverPlan, query: Query) -> Any:
+def _inner_pose(plan: SolverPlan, query: Query) -> Matrix:
     """Pose of the last of the six joints of the elimination relative to the first one, behind its constant link."""
     chain = plan.solving
     pose = multiply(multiply(inverse(chain.base), query.T), inverse(chain.tip))
@@ -208,7 +206,7 @@ def _inner_pose(plan: SolverPlan, query: Query) -> Any:
             pose = multiply(inverse(multiply(moved, link)), pose)
         else:
             pose = multiply(pose, inverse(multiply(link, moved)))
-    return np.array([*pose, (0.0, 0.0, 0.0, 1.0)], dtype=float)
+    return pose
 
 
 def _roots(e: Sequence[Any], roles: tuple[int, int, int], slide: int | None) -> list[Root]:
@@ -217,8 +215,8 @@ def _roots(e: Sequence[Any], roles: tuple[int, int, int], slide: int | None) -> 
     ``e`` are the transforms of its labelling, ``roles`` say which of its joints 3, 4, 5 (0, 1, 2) are kept, shifted and
     other, ``slide`` (2 .. 4) which of its joints is prismatic.
     """
-    equations = np.moveaxis(pencil(e, None if slide is None else slide - 2), [2 + role for role in roles], (2, 3, 4))
-    m = doubled(in_half_angles(equations, slides=slide is not None)[0])
+    equations = pencil(e, None if slide is None else slide - 2)
+    m = _doubled(in_half_angles(equations, roles, slides=slide is not None))
     tangents, vectors = _eigenvalues(m / np.abs(m).max(axis=(0, 2))[None, :, None])
     with np.errstate(divide="ignore", invalid="ignore"):  # the elimination adds roots +-i, which are no angles
         angles, near = 2.0 * np.arctan(tangents), ELIMINATION["cluster"]
@@ -237,6 +235,16 @@ def _roots(e: Sequence[Any], roles: tuple[int, int, int], slide: int | None) -> 
         real = len(cluster) > 1 or abs(float(angles[cluster[0]].imag)) < ELIMINATION["real"]
         found.append(Root(tuple(trials), len(cluster) - unreal if real else 0))  # type: ignore[arg-type]
     return found
+
+
+def _doubled(h: HalfAngles) -> Any:
+    """The 12 x 12 matrices of the six equations and of the same times x, shape (3, 12, 12), for 1, cos and sin.
+
+    At a solution their sum is singular: it multiplies the vector of all x^i y^j, i = 0 .. 3, j = 0 .. 2, to zero.
+    """
+    matrix = np.zeros((3, 12, 12))
+    matrix[:, :6, :9] = matrix[:, 6:, 3:] = h
+    return matrix
 
 
 def _pairs(vectors: Any, *, slides: bool) -> tuple[list[tuple[float, float]], int]:
@@ -318,39 +326,30 @@ def _completed(e: Sequence[Any], joints: Sequence[float], slide: int | None) -> 
     Joint 2 follows by least squares from the features of axis 6 that joint 1 does not change, joint 1 from those that
     it rotates, and joint 6 from the rotation that is left.
     """
-    inner = e[1][0]
+    inner = e[1]
     for k, x in enumerate(joints, 2):
-        move = np.eye(4) if k == slide else _turn(x)
-        move[2, 3] = x if k == slide else 0.0
-        inner = inner @ move @ e[k][0]
-    goal = inverses(e[5])[0]
-    line = np.zeros((15, 1))
-    line[[0, 7]] = 1.0
-    near = features(e[0])[0] @ spread((features(inner[None])[0] @ line)[None], 1.0)[0]
-    far = (features(goal[None])[0] @ line)[:, 0]
+        inner = multiply(lifted(inner, x) if k == slide else turned(inner, cos(x), sin(x)), e[k])
+    goal = inverse(e[5])
+    near = np.array([carried(e[0], part) for part in spread(carried(inner, LINE), 1.0)])
+    far = np.array(carried(goal, LINE))
     axial = list(AXIAL)
-    (c2, s2), *_ = np.linalg.lstsq(near[axial, 1:], far[axial] - near[axial, 0], rcond=None)
+    (c2, s2), *_ = np.linalg.lstsq(near[1:, axial].T, far[axial] - near[0, axial], rcond=None)
     second = atan2(s2, c2)
-    now = near @ [1.0, cos(second), sin(second)]
+    now = np.array([1.0, cos(second), sin(second)]) @ near
     planar, across = list(PLANAR), [k + 1 for k in PLANAR]
     (a, b), (c, d) = (now[planar], now[across]), (far[planar], far[across])
     first = atan2(float(a @ d - b @ c), float(a @ c + b @ d))
-    left = (_turn(first) @ e[0][0] @ _turn(second) @ inner)[:3, :3].T @ goal[:3, :3]
-    return [first, second, *joints, atan2(left[1, 0] - left[0, 1], left[0, 0] + left[1, 1])]
+    moved = multiply(turned(multiply(turned(IDENTITY, cos(first), sin(first)), e[0]), cos(second), sin(second)), inner)
+    left = multiply(inverse(moved), goal)
+    return [first, second, *joints, atan2(left[1][0] - left[0][1], left[0][0] + left[1][1])]
 
 
-def _turn(x: float) -> Any:
-    c, s = cos(x), sin(x)
-    return np.array([[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-
-
-def _nudge(motion: int) -> Any:
+def _nudge(motion: int) -> Matrix:
     """A small motion of the target in no special direction, at which coinciding roots separate: 0 none, 2 back."""
     if motion == 0:
-        return np.eye(4)
+        return IDENTITY
     x, y, z = 4.8e-4, -6.0e-4, 6.4e-4
     half = 0.5 * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    pose = np.eye(4)
-    pose[:3, :3] = np.linalg.solve(np.eye(3) - half, np.eye(3) + half)  # Cayley's formula: a rotation
-    pose[:3, 3] = y, z, x
-    return pose if motion == 1 else np.linalg.inv(pose)
+    turn = np.linalg.solve(np.eye(3) - half, np.eye(3) + half)  # Cayley's formula: a rotation
+    pose = tuple((*map(float, row), shift) for row, shift in zip(turn, (y, z, x), strict=True))
+    return pose if motion == 1 else inverse(pose)

@@ -20,24 +20,35 @@ industrial arms most of the determinants vanish identically.
 One joint may be prismatic. Its displacement x enters the features through 1, x, x^2, like the half-angle tangent of a
 revolute joint. It must be one of joints 3, 4, 5 and is eliminated as a half-angle tangent would be; the kept joint is
 revolute. A labelling for which the determinant then has a degree above 8 is rejected.
-
-This is the only step from robot file to text that needs NumPy; it is loaded for the arms that have no other solver.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import cos, hypot, log10, pi, prod, sin, sqrt
+from operator import mul
+from random import Random
 
-import numpy as np
-from numpy.typing import NDArray
-
+from rrrgen.ik.geometry.chain import IDENTITY, Link, Matrix, inverse, lifted, multiply, turned
 from rrrgen.ik.tolerances import NOISE, SHALLOW, SPURIOUS, USABLE
 
-Array = NDArray[np.float64]
-
-POSES = 40  # number of random sample poses on which an elimination is scored
+POSES = 20  # number of random sample poses on which an elimination is scored
+FEW = 5  # of them show whether it is usable at all: most are not
 SAMPLES = 25  # values of the 12 x 12 determinant: a polynomial of degree <= 12 (25 coefficients) passes through them
+WAVES = [(cos(2 * pi * k / SAMPLES), sin(2 * pi * k / SAMPLES)) for k in range(SAMPLES)]
+
+Column = list[float]
+"""The 15 features of a line, or the coefficients of one monomial in them."""
+
+HalfAngles = list[list[list[float]]]
+"""Six equations for the factors 1, cos and sin of the kept angle: 3 x 6 x 9, the last index of x^i y^j is 3 i + j."""
+
+LINE: Column = [1.0, 0, 0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 0, 0, 0]
+"""The z axis: its point is 0 and its direction z."""
+
+PLANAR = (1, 5, 8, 12)
+"""The x components of the pairs of features that a rotation about z rotates; it does not change the other features."""
 
 
 @dataclass(frozen=True)
@@ -71,19 +82,14 @@ class Elimination:
 def eliminations(table: Sequence[Sequence[float]], slide: int | None = None, turn: float = 0.0) -> list[Elimination]:
     """Find the usable eliminations of a chain, best first.
 
-    ``table`` is the DH table, shape (6, 3): alpha (rad), a, d, with lengths scaled to the order of one. Joint ``slide``
+    ``table`` is the DH table, six rows of alpha (rad), a, d, with lengths scaled to the order of one. Joint ``slide``
     (0 .. 5), if any, is prismatic; ``turn`` (rad) is its constant angle theta, and its d is zero.
     """
-    rows = np.array(table, dtype=float)
-    rng = np.random.default_rng(6)
-    q = rng.uniform(-np.pi, np.pi, (POSES, 6))
-    c, s = np.cos(rows[:, 0]), np.sin(rows[:, 0])
-    links = constant_links(np.column_stack([c, s, rows[:, 1:]]), slide, (np.cos(turn), np.sin(turn)))
-    pose = np.broadcast_to(np.eye(4), (POSES, 4, 4))
-    for k in range(6):
-        pose = pose @ (_tz(q[:, k]) if k == slide else _rz(q[:, k])) @ links[k]
-    loop = [np.broadcast_to(link, (POSES, 4, 4)) for link in links]
-    loop[5] = loop[5] @ inverse(pose)
+    rows = [(cos(alpha), sin(alpha), float(a), float(d)) for alpha, a, d in table]
+    links = constant_links(rows, slide, (cos(turn), sin(turn)))
+    draw = Random(6)
+    samples = [[draw.uniform(-pi, pi) for _ in range(6)] for _ in range(POSES)]
+    loops = [[*links[:5], multiply(links[5], inverse(_pose(links, q, slide)))] for q in samples]
     found = []
     for start in range(6):
         for direction in (1, -1):
@@ -91,15 +97,23 @@ def eliminations(table: Sequence[Sequence[float]], slide: int | None = None, tur
             place = None if slide is None else order.index(slide) - 2
             if place is not None and not 0 <= place <= 2:
                 continue
-            equations = pencil(numbered(loop, start, direction), place)
+            equations = [pencil(numbered(loop, start, direction), place) for loop in loops]
             for kept in range(3):
                 shifted, other = (kept + 1) % 3, (kept + 2) % 3
                 if place == kept:
                     continue
                 if place == shifted:
                     shifted, other = other, shifted
-                turned = np.moveaxis(equations, (2 + kept, 2 + shifted, 2 + other), (2, 3, 4))
-                score, depth, pure = _judge(turned, direction * q[:, order[2 + kept]], slides=place is not None)
+                angles = [direction * q[order[2 + kept]] for q in samples]
+                roles, slides = (kept, shifted, other), place is not None
+                marks: list[_Mark] = []
+                for pose, (each, angle) in enumerate(zip(equations, angles, strict=True)):
+                    if pose == FEW and not _usable(marks):
+                        break
+                    marks.append(_mark(in_half_angles(each, roles, slides=slides), angle))
+                if not _usable(marks):
+                    continue
+                score, depth, pure = _judge(marks)
                 if score < USABLE:
                     found.append(Elimination(start, direction, kept, shifted, other, score, depth, pure))
     found = [e for e in found if e.pure] or found
@@ -111,8 +125,8 @@ def numbering(start: int, direction: int) -> list[int]:
     return [(start + direction * k) % 6 for k in range(6)]
 
 
-def numbered(loop: Sequence[Array], start: int, direction: int) -> list[Array]:
-    """The transforms E1 .. E6 of a labelling, shape (poses, 4, 4) each.
+def numbered(loop: Sequence[Matrix], start: int, direction: int) -> list[Matrix]:
+    """The transforms E1 .. E6 of a labelling.
 
     ``loop`` are those of the chain itself, E1 .. E6 from its first joint on. With ``direction`` -1 the labelling runs
     backwards, and its joints turn by minus their angles.
@@ -121,70 +135,148 @@ def numbered(loop: Sequence[Array], start: int, direction: int) -> list[Array]:
     return [loop[i] if direction > 0 else inverse(loop[(i - 1) % 6]) for i in order]
 
 
-def constant_links(rows: Array, slide: int | None, turn: tuple[float, float]) -> list[Array]:
-    """The constant transforms behind the joints of a chain, shape (4, 4) each.
+def constant_links(rows: Sequence[Sequence[float]], slide: int | None, turn: tuple[float, float]) -> list[Matrix]:
+    """The constant transforms behind the joints of a chain.
 
-    ``rows`` is the DH table, shape (6, 4): cos alpha, sin alpha, a, d. Joint ``slide``, if any, is prismatic; ``turn``
+    ``rows`` is the DH table, six rows of cos alpha, sin alpha, a, d. Joint ``slide``, if any, is prismatic; ``turn``
     is the cosine and sine of its theta, and its d is zero.
     """
-    links = [np.array([[1, 0, 0, a], [0, c, -s, 0], [0, s, c, d], [0, 0, 0, 1.0]]) for c, s, a, d in rows]
+    links = [Link(d, a, ca, sa) for ca, sa, a, d in rows]
     if slide is not None:
         c, s = turn
-        links[slide] = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]) @ links[slide]
-    return links
+        links[slide] = replace(links[slide], ct=c, st=s)
+    return [link.matrix() for link in links]
 
 
-def _judge(pencil: Array, angle: Array, *, slides: bool) -> tuple[float, float, bool]:
-    """Score an elimination: (digits lost in a root, log10 of the relative size of the determinant, degree is 8).
+def _pose(links: Sequence[Matrix], q: Sequence[float], slide: int | None) -> Matrix:
+    """Pose of the last frame at the joint values ``q``."""
+    pose = IDENTITY
+    for k, (link, x) in enumerate(zip(links, q, strict=True)):
+        pose = multiply(lifted(pose, x) if k == slide else turned(pose, cos(x), sin(x)), link)
+    return pose
 
-    ``pencil`` has shape (poses, 6, 3, 3, 3) with the kept joint first, ``angle`` (poses,) holds the true kept angles in
-    rad. The digits lost are the 0.9 quantile over the poses; (inf, -inf, False) where the elimination is not usable.
-    Both numbers are rounded, so that rounding errors of a machine do not change the choice.
+
+@dataclass(frozen=True)
+class _Mark:
+    """What the determinant of an elimination shows at one pose.
+
+    ``depth``: its size relative to the product of the norms of its rows. Relative to the sum of its coefficients:
+    ``spurious``, the largest one above degree 8; ``value`` and ``slope`` at the true kept angle.
     """
-    h = in_half_angles(pencil, slides=slides)
-    turns = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
-    basis = np.stack([np.ones(SAMPLES), np.cos(turns), np.sin(turns)])
-    m = np.einsum("nakj,as->nskj", h, basis)
-    matrix = doubled(m)
-    size = np.prod(np.linalg.norm(matrix, axis=-1), axis=-1).max(axis=-1)
-    c = np.fft.fft(np.linalg.det(matrix), axis=-1) / SAMPLES
-    k = np.arange(-8, 9)
-    wave = np.exp(1j * k * angle[:, None])
-    level = np.abs(c[:, k]).sum(axis=-1) + 1e-300
-    spurious = np.abs(c[:, 9:17]).max(axis=-1) / level
-    value = np.abs((c[:, k] * wave).sum(axis=-1)) / level
-    slope = np.abs((1j * k * c[:, k] * wave).sum(axis=-1)) / level
-    depth = float(np.median(level / size))
-    remainder = max(float(np.median(spurious)), float(np.median(value)))
-    if not (remainder < SPURIOUS and depth > 0):
-        return np.inf, -np.inf, False
-    lost = float(np.quantile(-np.log10(slope + 1e-300), 0.9) + max(0.0, 0.75 * np.log10(SHALLOW / depth)))
-    digits = round(float(np.log10(depth)), 1)
-    return round(lost, 2), digits, remainder < NOISE * shallowness(digits)
+
+    depth: float
+    spurious: float
+    value: float
+    slope: float
 
 
-def in_half_angles(equations: Array, *, slides: bool) -> Array:
-    """Write the six equations in powers of the half-angle tangents x, y of the eliminated joints.
+def _mark(h: HalfAngles, angle: float) -> _Mark:
+    """Look at the equations ``h`` of one pose, whose kept angle is known: ``angle``, rad."""
+    values, size = _determinants(h)
+    c = [
+        complex(
+            sum(v * WAVES[j * k % SAMPLES][0] for j, v in enumerate(values)) / SAMPLES,
+            -sum(v * WAVES[j * k % SAMPLES][1] for j, v in enumerate(values)) / SAMPLES,
+        )
+        for k in range(SAMPLES // 2 + 1)
+    ]
+    level = abs(c[0]) + 2.0 * sum(map(abs, c[1:9])) + 1e-300
+    waves = [c[k] * complex(cos(k * angle), sin(k * angle)) for k in range(9)]
+    value = abs(c[0].real + 2.0 * sum(wave.real for wave in waves[1:]))
+    slope = abs(2.0 * sum(k * wave.imag for k, wave in enumerate(waves)))
+    return _Mark(level / size if size else 0.0, max(map(abs, c[9:])) / level, value / level, slope / level)
 
-    ``equations`` has shape (poses, 6, 3, 3, 3), its last axes for the kept, the shifted and the other joint; with
-    ``slides`` the other one is prismatic, and y its displacement. Returns the coefficients, shape (poses, 3, 6, 9), of
-    (1, cos, sin) of the kept angle times x^i y^j, i and j = 0, 1, 2, at index 3 i + j of the last axis.
+
+def _remainder(marks: Sequence[_Mark]) -> float:
+    return max(_quantile([mark.spurious for mark in marks], 0.5), _quantile([mark.value for mark in marks], 0.5))
+
+
+def _usable(marks: Sequence[_Mark]) -> bool:
+    """Whether the polynomial has degree 8 and the true angles as roots, as far as rounding shows."""
+    return _remainder(marks) < SPURIOUS and _quantile([mark.depth for mark in marks], 0.5) > 0
+
+
+def _judge(marks: Sequence[_Mark]) -> tuple[float, float, bool]:
+    """Score a usable elimination: digits lost in a root, log10 of the size of the determinant, whether the degree is 8.
+
+    The digits lost are the 0.9 quantile over the poses. Both numbers are rounded, so that rounding errors of a machine
+    do not change the choice.
     """
-    powers = np.array([[1, 0, 1], [1, 0, -1], [0, 2, 0.0]])  # 1, cos, sin times 1 + x^2 -> powers of x = tan(angle/2)
-    other = np.eye(3) if slides else powers
-    h: Array = np.einsum("nkabc,bi,cj->nakij", equations, powers, other).reshape(len(equations), 3, 6, 9)
+    depth = _quantile([mark.depth for mark in marks], 0.5)
+    lost = _quantile([-log10(mark.slope + 1e-300) for mark in marks], 0.9) + max(0.0, 0.75 * log10(SHALLOW / depth))
+    digits = round(log10(depth), 1)
+    return round(lost, 2), digits, _remainder(marks) < NOISE * shallowness(digits)
+
+
+def _quantile(values: Sequence[float], share: float) -> float:
+    """The value below which a ``share`` of ``values`` lies, interpolated linearly between two of them."""
+    ordered, place = sorted(values), share * (len(values) - 1)
+    k = min(int(place), len(values) - 2)
+    return ordered[k] + (place - k) * (ordered[k + 1] - ordered[k])
+
+
+def _determinants(h: HalfAngles) -> tuple[list[float], float]:
+    """Determinants of the 12 x 12 matrix at :data:`SAMPLES` kept angles; the largest product of the norms of its rows.
+
+    The matrix holds the six equations times 1 and times the half-angle tangent x of the shifted joint, in blocks
+    [M0 M1 M2 0; 0 M0 M1 M2] for the powers of x. Its first and last three columns are in six rows each.
+    """
+    values, size = [], 0.0
+    for c, s in WAVES:
+        m = [[x + c * y + s * z for x, y, z in zip(*rows, strict=True)] for rows in zip(*h, strict=True)]
+        size = max(size, prod(hypot(*row) for row in m) ** 2)
+        outer, upper = _pivots(m, 3)
+        inner, lower = _pivots([row[6:] + row[:6] for row in m], 3)
+        last, _ = _pivots(upper + lower, 6)
+        values.append(outer * inner * last)
+    return values, size
+
+
+def _pivots(rows: list[list[float]], columns: int) -> tuple[float, list[list[float]]]:
+    """Eliminate the first ``columns`` of a matrix; returns the product of the pivots, and what is left of the matrix.
+
+    The product has the sign of the exchanges of rows. Exchanging the block columns of the 12 x 12 matrix, as its caller
+    does, multiplies every determinant by the same sign.
+    """
+    product = 1.0
+    for _ in range(columns):
+        sizes = [abs(row[0]) for row in rows]
+        best = sizes.index(max(sizes))
+        pivot, *top = rows[best]
+        below = rows[1:]
+        if best:
+            below[best - 1] = rows[0]
+            product = -product
+        product *= pivot
+        rows = []
+        for first, *rest in below:
+            factor = first / pivot if pivot else 0.0
+            rows.append([x - factor * y for x, y in zip(rest, top, strict=True)])
+    return product, rows
+
+
+def in_half_angles(equations: Sequence[Sequence[float]], roles: Sequence[int], *, slides: bool) -> HalfAngles:
+    """Write the six ``equations`` of :func:`pencil` in powers of the half-angle tangents x, y of the eliminated joints.
+
+    ``roles`` says which of joints 3, 4, 5 (0, 1, 2) are kept, shifted (x) and other (y); with ``slides`` the other one
+    is prismatic, and y its displacement.
+    """
+    kept, shifted, other = (9 // 3**role for role in roles)
+    h: HalfAngles = [[], [], []]
+    for equation in equations:
+        for k in range(3):
+            parts = []
+            for i in range(3):
+                at = kept * k + shifted * i
+                one, c, s = equation[at], equation[at + other], equation[at + 2 * other]
+                # 1, cos, sin times 1 + y^2 -> powers of y = tan(angle/2)
+                parts.append((one, c, s) if slides else (one + c, 2.0 * s, one - c))
+            one, c, s = parts
+            row = [x + y for x, y in zip(one, c, strict=True)]
+            row += [2.0 * x for x in s]
+            row += [x - y for x, y in zip(one, c, strict=True)]
+            h[k].append(row)
     return h
-
-
-def doubled(m: Array) -> Array:
-    """The 12 x 12 matrices of the six equations ``m``, shape (..., 6, 9), and of the same times x.
-
-    At a solution the matrix is singular: it multiplies the vector of all x^i y^j, i = 0 .. 3, j = 0 .. 2, to zero.
-    """
-    matrix = np.zeros((*m.shape[:-2], 12, 12))
-    matrix[..., :6, :9] = m
-    matrix[..., 6:, 3:] = m
-    return matrix
 
 
 def shallowness(depth: float) -> float:
@@ -195,94 +287,84 @@ def shallowness(depth: float) -> float:
     return float(max(1.0, SHALLOW / 10**depth) ** 0.75)
 
 
-def pencil(e: Sequence[Array], slide: int | None) -> Array:
-    """Coefficients of the six equations without joints 1 and 2, shape (poses, 6, 3, 3, 3).
+def pencil(e: Sequence[Matrix], slide: int | None) -> list[list[float]]:
+    """Coefficients of the six equations without joints 1 and 2: 27 numbers each.
 
-    Axis 1 numbers the equations; the last three axes belong to the monomials (1, cos, sin) of joints 3, 4, 5, or
-    (1, x, x^2) for the prismatic one of them, joint 3 + ``slide``.
+    Entry 9 i + 3 j + k belongs to the monomials i, j and k of (1, cos, sin) of joints 3, 4 and 5, or of (1, x, x^2) for
+    the prismatic one of them, joint 3 + ``slide``.
     """
-    line = np.zeros(15)
-    line[[0, 7]] = 1.0  # the point 0 and the direction z
-    near = (features(e[4]) @ line)[..., None]
+    near = [carried(e[4], LINE)]
     for joint, transform in ((2, e[3]), (1, e[2]), (0, e[1])):
-        near = features(transform) @ (_stretch(near) if joint == slide else spread(near, 1.0))
-    near = near.reshape(*near.shape[:2], 3, 3, 3).transpose(0, 1, 4, 3, 2)
-    far = (features(inverse(e[5])) @ line)[..., None]
-    far = spread(features(inverse(e[0])) @ spread(far, -1.0), -1.0)
-    equations = near[:, 1:].copy()
-    equations[..., 0, 0, 0] -= far[:, 1:, 0]
-    rest = np.linalg.svd(far[:, 1:, 1:])[0][:, :, 8:]
-    reduced: Array = np.einsum("nik,nixyz->nkxyz", rest, equations)
-    return reduced
+        parts = [part for f in near for part in (stretched(f) if joint == slide else spread(f, 1.0))]
+        near = [carried(transform, part) for part in parts]
+    back = inverse(e[0])
+    first = [carried(back, part) for part in spread(carried(inverse(e[5]), LINE), -1.0)]
+    constant, *turning = [part for f in first for part in spread(f, -1.0)]
+    near[0] = [x - y for x, y in zip(near[0], constant, strict=True)]
+    order = [near[9 * k + 3 * j + i][1:] for i in range(3) for j in range(3) for k in range(3)]
+    rest = _complement([f[1:] for f in turning])
+    return [[sum(map(mul, y, f)) for f in order] for y in rest]
 
 
-def spread(f: Array, sense: float) -> Array:
-    """Rotate features about z by sense times an unknown angle: coefficients of 1, cos and sin of that angle.
-
-    Maps columns (poses, 15, m) to (poses, 15, 3 m); the new monomial index varies fastest.
-    """
-    out = np.zeros((*f.shape, 3))
-    out[..., 0] = f
-    for x in (1, 5, 8, 12):
-        out[:, x : x + 2, :, 0] = 0.0
-        out[:, x : x + 2, :, 1] = f[:, x : x + 2]
-        out[:, x, :, 2], out[:, x + 1, :, 2] = -sense * f[:, x + 1], sense * f[:, x]
-    return out.reshape(*f.shape[:2], -1)
-
-
-def _stretch(f: Array) -> Array:
-    """Shift features along z by an unknown displacement x: coefficients of 1, x and x^2.
-
-    Maps columns (poses, 15, m) to (poses, 15, 3 m); the new monomial index varies fastest.
-    """
-    out = np.zeros((*f.shape, 3))
-    out[..., 0] = f
-    linear, square = out[..., 1], out[..., 2]
-    linear[:, 3], linear[:, 4], square[:, 4] = f[:, 0], 2 * f[:, 3], f[:, 0]
-    linear[:, 8], linear[:, 9], linear[:, 11] = -f[:, 6], f[:, 5], f[:, 7]
-    linear[:, 12], linear[:, 13], linear[:, 14] = 2 * f[:, 9], -2 * f[:, 8], -2 * f[:, 11]
-    square[:, 12], square[:, 13], square[:, 14] = f[:, 5], f[:, 6], -f[:, 7]
-    return out.reshape(*f.shape[:2], -1)
+def _complement(columns: Sequence[Column]) -> list[Column]:
+    """Orthonormal vectors perpendicular to ``columns`` and as many as that leaves, by Householder reflections."""
+    size, left, mirrors = len(columns[0]), [list(column) for column in columns], []
+    for k in range(len(columns)):
+        mirror = [0.0] * k + left[k][k:]
+        length = sqrt(sum(map(mul, mirror, mirror)))
+        if length == 0.0:
+            continue
+        mirror[k] += -length if mirror[k] < 0.0 else length
+        factor = sqrt(2.0 / sum(map(mul, mirror, mirror)))
+        mirrors.append([factor * x for x in mirror])
+        left[k + 1 :] = [_reflected(mirrors[-1], column) for column in left[k + 1 :]]
+    rest = [[float(i == k) for i in range(size)] for k in range(len(columns), size)]
+    for mirror in reversed(mirrors):
+        rest = [_reflected(mirror, column) for column in rest]
+    return rest
 
 
-def features(e: Array) -> Array:
-    """Matrices, shape (poses, 15, 15), by which rigid transforms ``e`` (poses, 4, 4) act on the features of a line."""
-    R, t = e[:, :3, :3], e[:, :3, 3]
-    out = np.zeros((len(e), 15, 15))
-    tt, tR = (t * t).sum(axis=-1), np.einsum("ni,nij->nj", t, R)
-    cross = np.zeros((len(e), 3, 3))
-    for i in range(3):
-        cross[:, i, (i + 1) % 3], cross[:, i, (i + 2) % 3] = -t[:, (i + 2) % 3], t[:, (i + 1) % 3]
-    SR = cross @ R
-    out[:, 0, 0] = out[:, 4, 4] = out[:, 11, 11] = 1.0
-    for x in (1, 5, 8, 12):
-        out[:, x : x + 3, x : x + 3] = R
-    out[:, 1:4, 0], out[:, 4, 0], out[:, 4, 1:4] = t, tt, 2 * tR
-    out[:, 8:11, 5:8], out[:, 11, 5:8] = SR, tR
-    out[:, 12:15, 8:11], out[:, 12:15, 11] = -2 * SR, -2 * t
-    out[:, 12:15, 5:8] = tt[:, None, None] * R - 2 * t[:, :, None] * tR[:, None, :]
-    return out
+def _reflected(mirror: Column, column: Column) -> Column:
+    along = sum(map(mul, mirror, column))
+    return [x - along * y for x, y in zip(column, mirror, strict=True)]
 
 
-def inverse(pose: Array) -> Array:
-    """Invert rigid transforms, shape (poses, 4, 4)."""
-    out = np.zeros_like(pose)
-    out[:, :3, :3] = np.swapaxes(pose[:, :3, :3], 1, 2)
-    out[:, :3, 3] = -(out[:, :3, :3] @ pose[:, :3, 3, None])[..., 0]
-    out[:, 3, 3] = 1.0
-    return out
+def spread(f: Column, sense: float) -> tuple[Column, Column, Column]:
+    """Rotate features about z by sense times an unknown angle: coefficients of 1, cos and sin of that angle."""
+    one, c, s = list(f), [0.0] * 15, [0.0] * 15
+    for x in PLANAR:
+        one[x] = one[x + 1] = 0.0
+        c[x], c[x + 1] = f[x], f[x + 1]
+        s[x], s[x + 1] = -sense * f[x + 1], sense * f[x]
+    return one, c, s
 
 
-def _rz(angle: Array) -> Array:
-    out = np.zeros((len(angle), 4, 4))
-    out[:, 0, 0] = out[:, 1, 1] = np.cos(angle)
-    out[:, 1, 0] = np.sin(angle)
-    out[:, 0, 1] = -out[:, 1, 0]
-    out[:, 2, 2] = out[:, 3, 3] = 1.0
-    return out
+def stretched(f: Column) -> tuple[Column, Column, Column]:
+    """Shift features along z by an unknown displacement x: coefficients of 1, x and x^2."""
+    linear, square = [0.0] * 15, [0.0] * 15
+    linear[3], linear[4], square[4] = f[0], 2.0 * f[3], f[0]
+    linear[8], linear[9], linear[11] = -f[6], f[5], f[7]
+    linear[12], linear[13], linear[14] = 2.0 * f[9], -2.0 * f[8], -2.0 * f[11]
+    square[12], square[13], square[14] = f[5], f[6], -f[7]
+    return list(f), linear, square
 
 
-def _tz(x: Array) -> Array:
-    out = np.tile(np.eye(4), (len(x), 1, 1))
-    out[:, 2, 3] = x
-    return out
+def carried(e: Matrix, f: Column) -> Column:
+    """The features of a line that the rigid transform ``e`` moves, on which it acts linearly."""
+    (r0, r1, r2, x), (r3, r4, r5, y), (r6, r7, r8, z) = e
+    point, axis, moment, rest = (
+        (r0 * a + r1 * b + r2 * c, r3 * a + r4 * b + r5 * c, r6 * a + r7 * b + r8 * c)
+        for a, b, c in (f[1:4], f[5:8], f[8:11], f[12:])
+    )
+    t, squared = (x, y, z), x * x + y * y + z * z
+    along = sum(map(mul, t, axis)) + f[11]
+    across, over = ((y * v[2] - z * v[1], z * v[0] - x * v[2], x * v[1] - y * v[0]) for v in (axis, moment))
+    return [
+        f[0],
+        *(point[i] + t[i] * f[0] for i in range(3)),
+        f[4] + squared * f[0] + 2.0 * sum(map(mul, t, point)),
+        *axis,
+        *(moment[i] + across[i] for i in range(3)),
+        along,
+        *(rest[i] + squared * axis[i] - 2.0 * (over[i] + along * t[i]) for i in range(3)),
+    ]

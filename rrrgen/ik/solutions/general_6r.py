@@ -22,11 +22,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
 
 from rrrgen.base.errors import DerivationError
 from rrrgen.ik.geometry.chain import Chain, Joint, Link
 from rrrgen.ik.recording.steps import Stage
+from rrrgen.ik.solutions.elimination import Elimination, eliminations, shallowness
 from rrrgen.ik.tolerances import (
     BEYOND_SPAN,
     MOST_NOISE,
@@ -37,15 +37,6 @@ from rrrgen.ik.tolerances import (
     SPAN_LEAST,
     SPAN_STEPS,
 )
-
-if TYPE_CHECKING:
-    from rrrgen.ik.solutions.elimination import Elimination
-
-WITHOUT_NUMPY = (
-    "six joints without special structure are solved by a variable elimination, which is chosen with NumPy, and NumPy "
-    "is not installed here"
-)
-"""Why general arms have no solver on an installation without NumPy, such as the compiler in a browser."""
 
 MAX_SOLUTIONS = 16
 
@@ -85,10 +76,6 @@ def general6r_tables(
     length = 0.25 * float(sum(abs(x) for x in (*a, *d)))
     if not length > 0:
         raise DerivationError("six joints without any length between them are no general chain")
-    try:
-        from rrrgen.ik.solutions.elimination import eliminations
-    except ModuleNotFoundError as error:
-        raise DerivationError(WITHOUT_NUMPY) from error
     rows6 = list(zip(alpha, (x / length for x in a), (x / length for x in d), strict=True))
     choices = eliminations(rows6, slide, theta)
     if not choices:
@@ -152,15 +139,6 @@ def tables_of(chain: Chain, locked: int | None = None) -> General6RTables:
     return general6r_tables([*alpha, 0.0], [*a, 0.0], [*d, 0.0], slides[0], turns[slides[0]])
 
 
-def may_eliminate() -> bool:
-    """Whether eliminations can be chosen here, which takes NumPy."""
-    try:
-        import numpy  # noqa: F401
-    except ModuleNotFoundError:
-        return False
-    return True
-
-
 def is_general(chain: Chain, locked: int | None) -> bool:
     """Whether the general solver applies: six joints besides ``locked``, at most one of them prismatic.
 
@@ -209,8 +187,6 @@ def passes(tables: General6RTables, real: str) -> list[tuple[tuple[int, ...], fl
     resolved at the noise of this rounding.
     """
     first, last = tables.eliminations[0], tables.eliminations[-1]
-    from rrrgen.ik.solutions.elimination import shallowness
-
     found: list[tuple[tuple[int, ...], float]] = []
     for motion, (choice, factor) in enumerate(zip((first, first, last), NOISE_FACTORS, strict=True)):
         roles = (choice.start, choice.direction, choice.kept, choice.shifted, choice.other, motion)

@@ -98,6 +98,21 @@ try {
   await page.click("#tab-base_parameters");
   found.parameters = await page.locator("#shown tbody tr").count();
 
+  // an arm in general position: all configurations, and those of a dragged tip
+  const general = found.text.slice(0, found.text.indexOf("joints:")).replace("my_arm", "general_arm") + "joints:\n" + [[70, 0.1, 0.3], [50, 0.42, 0.1],
+    [80, 0.31, 0.04], [65, 0.07, 0.35], [55, 0.05, 0.08], [20, 0.03, 0.06]].map(([alpha, a, d]) =>
+    `  - {type: revolute, alpha: ${alpha}, a: ${a}, d: ${d}, theta: 0}\n`).join("");
+  await page.fill("#text", general).catch(async () => { await page.click("summary"); await page.fill("#text", general); });
+  await until("general arm", () => document.body.dataset.arm === "general_arm");
+  await until("its configurations", () => document.querySelectorAll("#configurations button").length);
+  found.general = { configurations: await page.locator("#configurations button").count(), from: await joints(), tip: await tip() };
+  await page.locator("#configurations button").nth(1).click();
+  await page.waitForTimeout(300);
+  Object.assign(found.general, { to: await joints(), same: await tip() });
+  await shoot("general");
+  await page.fill("#text", found.text);
+  await until("my arm again", () => document.body.dataset.arm === "my_arm");
+
   // a link, opened in the same page without a network: the robot file is in it
   await page.click("#share");
   await until("link", () => location.hash.startsWith("#file="));

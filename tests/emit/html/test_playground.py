@@ -146,6 +146,14 @@ def test_a_fault_is_located_and_a_cell_changes_its_value_alone(found: tuple[dict
     assert answers["again"] == answers["text"]  # by its link
 
 
+def test_a_general_arm_shows_all_configurations(found: tuple[dict[str, Any], Path]) -> None:
+    general = found[0]["general"]
+    assert general["configurations"] > 1
+    assert general["configurations"] % 2 == 0  # complex roots come in pairs
+    assert general["to"] != general["from"]
+    assert general["same"] == general["tip"]
+
+
 def test_files_equal_those_of_the_command_line(found: tuple[dict[str, Any], Path]) -> None:
     answers, folder = found
     committed = ROOT / "generated" / "rrr"
