@@ -105,10 +105,13 @@ try {
   await page.fill("#text", general).catch(async () => { await page.click("summary"); await page.fill("#text", general); });
   await until("general arm", () => document.body.dataset.arm === "general_arm");
   await until("its configurations", () => document.querySelectorAll("#configurations button").length);
-  found.general = { configurations: await page.locator("#configurations button").count(), from: await joints(), tip: await tip() };
-  await page.locator("#configurations button").nth(1).click();
-  await page.waitForTimeout(300);
-  Object.assign(found.general, { to: await joints(), same: await tip() });
+  found.general = { configurations: await page.locator("#configurations button").count(), tips: [await tip()], joints: [] };
+  for (let k = 0; k < found.general.configurations; k++) {
+    await page.locator("#configurations button").nth(k).click();
+    await page.waitForTimeout(300);
+    found.general.joints.push((await joints()).join());
+    found.general.tips.push(await tip());
+  }
   await shoot("general");
   await page.fill("#text", found.text);
   await until("my arm again", () => document.body.dataset.arm === "my_arm");
