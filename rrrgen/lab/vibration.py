@@ -228,9 +228,9 @@ class Shaper:
 
 
 def impulses(kind: str, damping: float, tolerance: float = TOLERANCE) -> tuple[Array, Array]:
-    """Instants and amplitudes, (m,) each, of the impulses of the shaper ``kind`` for a mode with a ``damping`` ratio.
+    """Times and amplitudes, (m,) each, of the impulses of the shaper ``kind`` for a mode with a ``damping`` ratio.
 
-    Instants are multiples of 1/f, with the undamped frequency f of the mode; amplitudes have the sum 1. ``tolerance``
+    Times are multiples of 1/f, with the undamped frequency f of the mode; amplitudes have the sum 1. ``tolerance``
     is V_tol of the kind "ei".
     """
     if kind not in KINDS:
@@ -251,7 +251,7 @@ def _extra_insensitive(damping: float, tolerance: float) -> tuple[Array, Array]:
 
     The six unknowns are A_1, A_3, t_2, t_3 and the two frequencies with V = 0, as multiples of the mode's. The six
     equations: V = 0 at these two frequencies (real and imaginary part), V = V_tol and dV/dw = 0 at the mode.
-    Returns instants and amplitudes, (3,) each.
+    Returns times and amplitudes, (3,) each.
     """
     from scipy.optimize import fsolve
 

@@ -67,7 +67,7 @@ def plot_arm(path: Array, frames: Array, ax: Any, title: str) -> Any:
 
 
 def animate_arm(path: Array, t: Array, ax: Any, title: str) -> Any:
-    """A matplotlib animation in real time of an arm whose links pass ``path`` (N, p, 3) at the instants ``t`` (N,), s.
+    """A matplotlib animation in real time of an arm whose links pass ``path`` (N, p, 3) at the times ``t`` (N,), s.
 
     The path of the tip grows with the motion.
     """
@@ -195,8 +195,8 @@ class Drawings(TableFunctions):
         """A motion as a matplotlib animation in real time, with the path of the tip.
 
         Args:
-            t: instants, (N,), s, increasing.
-            q: joint positions at these instants, (N, n), rad or m.
+            t: times, (N,), s, increasing.
+            q: joint positions at these times, (N, n), rad or m.
             ax: axes with ``projection="3d"`` to draw on; by default those of a new figure.
 
         Returns:
@@ -204,7 +204,7 @@ class Drawings(TableFunctions):
 
         Raises:
             MissingExtraError: matplotlib is not installed.
-            ValueError: ``t`` does not increase, or ``q`` does not have one row for each instant.
+            ValueError: ``t`` does not increase, or ``q`` does not have one row for each point in time.
         """
         instants, every = np.asarray(t, dtype=float), self._configurations(q)
         if instants.shape != (len(every),) or len(every) < 2 or not np.all(np.diff(instants) > 0.0):

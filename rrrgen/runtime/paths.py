@@ -326,7 +326,7 @@ class TimingKernel:
         return text.decode()
 
     def sample(self, path: Path, ds_dt: Array, t: Array, times: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations, (m, n) each, of the timed path at the instants ``times`` (m,), s.
+        """Positions, velocities and accelerations, (m, n) each, of the timed path at the times ``times`` (m,), s.
 
         ``ds_dt`` and ``t`` (N,) are the timing at the N points of ``path``.
         """
@@ -362,14 +362,14 @@ def _declarations(p: str, n: int, further: int, real: Real) -> str:
 
 
 # ------------------------------------------------------------------------------------------------------------------
-# A path with its timing: duration, speed along it, and the motion at any instant.
+# A path with its timing: duration, speed along it, and the motion at any time.
 # ------------------------------------------------------------------------------------------------------------------
 
 Sampler = Callable[[Path, Array, Array, Array], tuple[Array, Array, Array]]
 
 
 class TimedPath:
-    """The fastest motion along ``path``: ``ds_dt`` (N,) and the instants ``t`` (N,), s, at its points.
+    """The fastest motion along ``path``: ``ds_dt`` (N,) and the times ``t`` (N,), s, at its points.
 
     ``speed_share`` and ``acceleration_share`` are the largest speed and acceleration over their limits at any time,
     at most 1. ``torque_share`` is the largest torque over its limit, at the points and at eighths between them. 0
@@ -404,13 +404,13 @@ class TimedPath:
         return np.asarray(np.diff(np.square(self.ds_dt)) / (2.0 * np.diff(self.path.s)))
 
     def sample(self, t: ArrayLike) -> Motion:
-        """The desired motion at any instants, for instance at the constant rate of a controller.
+        """The desired motion at any times, for instance at the constant rate of a controller.
 
         Between the points q is the quintic polynomial in s that agrees with q, q_s and q_ss at both ends, as in the
         emitted function ``<name>_timed_path``. Before 0 and after the duration the arm rests at the nearer end.
 
         Args:
-            t: instants, (...), s.
+            t: times, (...), s.
 
         Returns:
             The named tuple (q_d, dq_d, ddq_d), (..., n) each, rad or m, per s and per s^2.

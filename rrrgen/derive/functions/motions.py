@@ -15,7 +15,7 @@ MOTION = ("q_d", "dq_d", "ddq_d")
 
 
 def _outputs(r: Recording) -> list[Port]:
-    """Make the output ports q_d, dq_d and ddq_d (n,): the desired motion at one instant."""
+    """Make the output ports q_d, dq_d and ddq_d (n,): the desired motion at one point in time."""
     units = [" | ".join(part + per for part in r.position_unit.split(" | ")) for per in ("", "/s", "/s^2")]
     meanings = ("desired positions", "desired velocities", "desired accelerations")
     return [Port(name, (r.n,), unit, "", meaning) for name, unit, meaning in zip(MOTION, units, meanings, strict=True)]

@@ -42,7 +42,7 @@ LARGEST_DRAWING = 400_000
 
 @dataclass(frozen=True)
 class PlayedMotion:
-    """A motion to be played: ``name``, instants ``t`` (N,) in s, and joint positions ``q`` (N, n) in rad or m."""
+    """A motion to be played: ``name``, times ``t`` (N,) in s, and joint positions ``q`` (N, n) in rad or m."""
 
     name: str
     t: Array

@@ -211,7 +211,7 @@ class Geometry:
         return self.n if self.coupling is None else int(self.coupling.shape[1])
 
     def with_exact_parallels(self) -> Geometry:
-        """A copy in which nearly parallel axes are parallel: the geometry that decides what can be told apart."""
+        """A copy in which nearly parallel axes are parallel: the geometry that decides what can be distinguished."""
         rows = self.rows.copy()
         for i in (i for i in range(self.n - 1) if self.is_parallel(i)):
             rows[i, 3:] = np.pi * np.round(rows[i, 3] / np.pi), 0.0

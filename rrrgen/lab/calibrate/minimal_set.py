@@ -73,7 +73,7 @@ def minimal_set(geometry: Geometry, measured: Measurements | Kind) -> MinimalSet
         elif share < DEPENDENT or size < DEPENDENT:
             left_out[entry.name] = _reason(column, J[:, kept], [entries[i] for i in kept])
         else:
-            message = f"{entry.name} is told apart from other parameters only to {share:.0e}"
+            message = f"{entry.name} is distinguished from other parameters only to {share:.0e}"
             raise DerivationError(f"{message}: axes nearly parallel, and not quite; calibrate from the nominal table")
     return MinimalSet(tuple(entries[k] for k in kept), left_out)
 

@@ -92,7 +92,7 @@ def to_text(found: Calibration, measured: Measurements, inside: Array) -> str:
     for entry, change, deviation in zip(found.chosen.kept, found.change, found.deviation, strict=True):
         unit = "1e-3" if entry.unit == "1" else f"m{entry.unit}"
         lines.append(f"{entry.name:<12}{change * 1e3:>12.4f}{deviation * 1e3:>12.4f} {unit}")
-    lines += ["", "not told apart by these measurements, and left as they are:"]
+    lines += ["", "not distinguished by these measurements, and left as they are:"]
     lines += [f"  {name}: {reason}" for name, reason in found.chosen.left_out.items()]
     return "\n".join(lines) + "\n"
 

@@ -71,7 +71,7 @@ class LoopController:
 
     ``delay`` is the time from reading the encoders until the torque acts, in sampling periods; it adds to delays
     inside the signals. ``records`` says which torque is stored with each sample: "applied" is the torque applied from
-    that instant on, "command" the command computed at that instant, "centred" the mean over one period centred there.
+    that time on, "command" the command computed at that time, "centred" the mean over one period centred there.
     ``source`` is the file it was read from.
     """
 

@@ -2,7 +2,7 @@
 
 The torque is held constant between controller samples. The motion is integrated with the midpoint rule. Dry friction is
 set-valued at rest: each time step solves for the friction torque, within its limits, that keeps a joint at rest. So
-sgn(dq) needs no smoothing and the instants of velocity reversals need not be located.
+sgn(dq) needs no smoothing and the times of velocity reversals need not be located.
 Friction with a state enters with the exact mean over a step of its deflection at the step's mean speed, which does not
 damp the ringing of a joint on stiff bristles.
 """

@@ -207,7 +207,7 @@ class KalmanSmoother:
     smooth: bool = True
 
     def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
-        """Reconstruct the motion from positions ``q`` (N, n) in rad (m) at the uniform instants ``t`` (N,) in s.
+        """Reconstruct the motion from positions ``q`` (N, n) in rad (m) at the uniform times ``t`` (N,) in s.
 
         With a ``reference`` motion, the filter works on the deviation ``e = q - q_r``, (14.27).
         """
@@ -291,7 +291,7 @@ def tune_stretches(stretches: Sequence[Array], period: float) -> KalmanSmoother:
     for joint in range(stretches[0].shape[1]):
         columns = [np.asarray(stretch[:, joint], float) for stretch in stretches]
         if all(float(np.ptp(column)) == 0.0 for column in columns):
-            raise InputError("a joint does not move at all: its noise cannot be told from its motion")
+            raise InputError("a joint does not move at all: its noise cannot be separated from its motion")
 
         def square(matrices: KalmanMatrices, columns: list[Array] = columns) -> float:
             return float(np.mean(np.concatenate([innovations(matrices, column) for column in columns]) ** 2))

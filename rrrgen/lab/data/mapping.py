@@ -100,7 +100,7 @@ class JointChannels:
 
 @dataclass(frozen=True)
 class TimeSource:
-    """Source of the sampling instants: a constant ``period`` (s), or a ``column`` of a file, times ``factor`` in s."""
+    """Source of the sampling times: a constant ``period`` (s), or a ``column`` of a file, times ``factor`` in s."""
 
     period: float | None = None
     file: str = ""
@@ -292,7 +292,7 @@ class SourceReader(Reader):
         )
 
     def read_time(self, node: Node | None) -> TimeSource:
-        """Read where the sampling instants come from: a rate (Hz), a period (s), or a column of a file."""
+        """Read where the sampling times come from: a rate (Hz), a period (s), or a column of a file."""
         part = (self.values(node, "time", TIME_KEYS) or {}) if node is not None else {}
         given = [key for key in ("rate", "period", "column") if key in part]
         if node is not None and len(given) != 1:

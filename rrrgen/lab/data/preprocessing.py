@@ -76,7 +76,7 @@ class Decimator:
         return _taps(self.factor).copy()
 
     def instants(self, t: Array, first: int = 0) -> Array:
-        """The instants (s) of ``t`` (N,) that decimation keeps; ``first`` is the index of ``t[0]`` in the recording."""
+        """The times (s) of ``t`` (N,) that decimation keeps; ``first`` is the index of ``t[0]`` in the recording."""
         return t[-first % self.factor :: self.factor]
 
 

@@ -49,9 +49,9 @@ class Reconstructor(Protocol):
     """Interface of a reconstruction filter: linear, and with finite memory up to round-off."""
 
     def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
-        """Reconstruct the motion from positions ``q`` (N, n) in rad (m) at the uniform instants ``t`` (N,) in s.
+        """Reconstruct the motion from positions ``q`` (N, n) in rad (m) at the uniform times ``t`` (N,) in s.
 
-        With a ``reference`` motion at the same instants, only the deviation from it is filtered.
+        With a ``reference`` motion at the same points in time, only the deviation from it is filtered.
         """
         ...
 
@@ -61,7 +61,7 @@ class Reconstructor(Protocol):
 
 
 def sampling_period(t: Array) -> float:
-    """The sampling period (s) of the instants ``t`` (N,).
+    """The sampling period (s) of the times ``t`` (N,).
 
     Raises :class:`InputError` if there are fewer than two, or if a step differs from the mean by over 1e-3 of it.
     """
@@ -82,7 +82,7 @@ def central_differences(t: Array, q: Array) -> tuple[Array, Array]:
     """First and second derivative of ``q`` (N, n) by central differences, one-sided at the two ends.
 
     ``dq_k = (q_{k+1} - q_{k-1}) / (2 Ts)``, and ``ddq`` likewise from ``dq``; returns ``dq`` and ``ddq``, (N, n) each.
-    Raises :class:`InputError` for fewer than two samples and for instants ``t`` (N,) that are not uniform.
+    Raises :class:`InputError` for fewer than two samples and for times ``t`` (N,) that are not uniform.
     """
     if len(q) < 2:
         raise InputError("central differences need at least two samples")
@@ -96,7 +96,7 @@ class CentralDifferences:
     """Reconstruction by central differences of the unfiltered positions, for noise-free data."""
 
     def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
-        """Differentiate ``q`` (N, n) at the instants ``t`` (N,); ``reference`` is ignored."""
+        """Differentiate ``q`` (N, n) at the times ``t`` (N,); ``reference`` is ignored."""
         q = np.asarray(q, float)
         dq, ddq = central_differences(t, q)
         return Reconstruction(np.asarray(t, float), q, dq, ddq, "central differences")
@@ -119,7 +119,7 @@ class Butterworth:
     order: int = 4
 
     def __call__(self, t: Array, q: Array, reference: Reconstruction | None = None) -> Reconstruction:
-        """Filter and differentiate ``q`` (N, n) at the instants ``t`` (N,).
+        """Filter and differentiate ``q`` (N, n) at the times ``t`` (N,).
 
         With a ``reference`` motion, only the deviation from it is filtered and differentiated.
         """

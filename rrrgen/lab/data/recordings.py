@@ -71,7 +71,7 @@ class Log:
 
     @property
     def span(self) -> tuple[float, float]:
-        """First instant and duration, s."""
+        """Start and duration, s."""
         return float(self.t[0]), float(self.t[-1] - self.t[0])
 
     def __len__(self) -> int:

@@ -36,13 +36,13 @@ MESSAGES = {
     "rows without all positions": "{count} rows without all positions were left out",
     "truncated last line": "{count} last lines were cut off in the middle and were left out",
     "rows out of order": "{count} rows were out of order (by up to {worst:.3g} s) and were sorted",
-    "duplicate instants": "{count} rows are there twice, value by value; the first stays",
-    "repeated stamps": "{count} rows repeat an instant with other values (positions up to {worst:.3g} apart); "
+    "duplicate times": "{count} rows are there twice, value by value; the first stays",
+    "repeated stamps": "{count} rows repeat a time with other values (positions up to {worst:.3g} apart); "
     "the first stays",
     "encoder wraps": "{count} steps of wrapped encoders were made continuous",
     "doubtful encoder wraps": "{count} steps of wrapped encoders are near half a period: the sense is in doubt",
     "jitter": "{count} steps are off the period of {period:.6g} s, by up to {percent:.3g} % of it; "
-    "all samples were moved to uniform instants",
+    "all samples were moved to uniform times",
     "bridged holes": "{count} holes of up to {worst:.3g} s ({rows} rows) were bridged; torques there are not used",
     "splitting holes": "{count} holes of up to {worst:.3g} s ({rows} rows) split the recording",
     "short stretches": "{count} stretches between holes are too short ({rows} rows) and were left out",
@@ -258,7 +258,7 @@ def _scaled(
 
 
 def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator[RawRows]:
-    """Read the rows sorted by time, with each instant once, complete positions and unwrapped encoders.
+    """Read the rows sorted by time, with each point in time once, complete positions and unwrapped encoders.
 
     ``size`` rows are read at a time; repairs are counted in ``findings``. Raises :class:`InputError` if the clock jumps
     back or no row is usable.
@@ -319,7 +319,7 @@ def _check_clock(mapping: LogMapping, rows: RawRows) -> None:
 
 
 def _sorted(rows: RawRows, findings: Findings) -> RawRows:
-    """Sort the rows by time (stably); of several rows at the same instant the first is kept."""
+    """Sort the rows by time (stably); of several rows at the same time the first is kept."""
     steps = np.diff(rows.t)
     if len(steps) == 0 or np.min(steps) > 0:
         return rows
@@ -331,7 +331,7 @@ def _sorted(rows: RawRows, findings: Findings) -> RawRows:
         for values in rows.signals.values():
             equal &= np.all((values[again] == values[again - 1]) | np.isnan(values[again]), axis=1)
         moved = np.abs(rows.signals["position"][again] - rows.signals["position"][again - 1])
-        findings.add("duplicate instants", int(np.sum(equal)))
+        findings.add("duplicate times", int(np.sum(equal)))
         findings.add("repeated stamps", int(np.sum(~equal)), float(moved.max()))
         rows = rows.part(np.delete(np.arange(len(rows.t)), again))
     return rows
@@ -340,7 +340,7 @@ def _sorted(rows: RawRows, findings: Findings) -> RawRows:
 def _after(mapping: LogMapping, rows: RawRows, emitted: float) -> float:
     """Raise :class:`InputError` unless all sorted ``rows`` are later than ``emitted`` (s); returns ``emitted``.
 
-    ``emitted`` is the instant of the last row already delivered: an earlier row can no longer be sorted in.
+    ``emitted`` is the time of the last row already delivered: an earlier row can no longer be sorted in.
     """
     if len(rows.t) and rows.t[0] <= emitted:
         raise table_fault(

@@ -23,7 +23,7 @@ from rrrgen.lab.data.tables.interface import table_fault
 # Statistics of a recording gathered in a first pass: period, jitter and holes; levels at which torques are clipped.
 # ------------------------------------------------------------------------------------------------------------------
 
-JITTER = 0.01  # periods: with larger jitter, the recording is resampled at uniform instants
+JITTER = 0.01  # periods: with larger jitter, the recording is resampled at uniform times
 HOLE = 1.5  # periods: a longer step counts as a hole (missing samples)
 LONGEST_BRIDGE = 5.0  # periods: a longer hole splits the recording, unless the mapping file sets max_gap
 SHORTEST_STRETCH = 32  # samples: shorter stretches between holes are left out
@@ -43,7 +43,7 @@ class Clock:
         self.mapping = mapping
         self.rows, self.first, self.last = 0, math.nan, math.nan
         self.typical = math.nan
-        self.waiting = np.zeros(0)  # instants whose steps have not been counted
+        self.waiting = np.zeros(0)  # points in time whose steps have not been counted
         self.total, self.counted = 0.0, 0
         self.shortest, self.longest = math.inf, 0.0
         self.holes: list[float] = []
@@ -51,7 +51,7 @@ class Clock:
         self.short, self.short_rows, self.stretch = 0, 0, 0  # stretches too short to be used, steps of the current one
 
     def add(self, t: Array, last: bool = False) -> None:
-        """Add the next instants ``t`` (s); ``last`` marks the end of the recording."""
+        """Add the next times ``t`` (s); ``last`` marks the end of the recording."""
         if len(t):
             self.first = float(t[0]) if self.rows == 0 else self.first
             self.rows, self.last = self.rows + len(t), float(t[-1])
@@ -67,7 +67,7 @@ class Clock:
 
     def _typical(self, t: Array) -> float:
         if len(t) < 2:
-            raise table_fault(self.mapping.files[0].path, "the period of sampling cannot be told from so few rows")
+            raise table_fault(self.mapping.files[0].path, "the period of sampling does not follow from so few rows")
         run = min(self.RUN, len(t) - 1)
         return float(np.median(t[run:] - t[:-run])) / run
 
@@ -96,7 +96,7 @@ class Clock:
         return self.total / self.counted if self.counted else self.typical
 
     def report(self, period: float, max_gap: float | None, findings: Findings) -> bool:
-        """Record jitter and holes in ``findings``; returns whether the samples must be moved to uniform instants."""
+        """Record jitter and holes in ``findings``; returns whether the samples must be moved to uniform times."""
         jitter = max(self.longest - period, period - self.shortest) / period if self.longest else 0.0
         if jitter > JITTER:
             findings.add("jitter", max(1, self.irregular), jitter)
@@ -214,7 +214,7 @@ class Part:
     ``valid`` (N, n) is False where the torque of a joint is missing, clipped or interpolated over a hole. ``segment``
     is the number of the uninterrupted stretch that the part belongs to, ``first`` the index of its first sample
     therein. ``reference``, ``reference_velocity``, ``feedforward`` (N, n) are inputs of the controller, or None. The
-    torques act ``late`` samples after their instants, in the mean; an array (n,) states it joint by joint.
+    torques act ``late`` samples after their times, in the mean; an array (n,) states it joint by joint.
     """
 
     t: Array
@@ -242,7 +242,7 @@ class Part:
         return Part(self.t[s], self.q[s], dq, ddq, tau, self.valid[s], *place, reference, speed, fed, self.late)
 
     def aligned(self) -> Part:
-        """The same part with the torques that act at its instants, interpolated linearly between the recorded ones.
+        """The same part with the torques that act at its times, interpolated linearly between the recorded ones.
 
         At an end that this moves away from a recorded torque there is none: the sample is invalid.
         """
@@ -289,7 +289,7 @@ def joined(parts: list[Part]) -> Part:
 class LogFacts:
     """Results of the first pass: number of rows, start, duration and period (s), clip levels, repairs.
 
-    ``resample`` states whether the samples must be moved to uniform instants.
+    ``resample`` states whether the samples must be moved to uniform times.
     """
 
     rows: int
@@ -328,7 +328,7 @@ class LogStream:
 
     @property
     def span(self) -> tuple[float, float]:
-        """First instant and duration, s."""
+        """Start and duration, s."""
         return self.facts.start, self.facts.duration
 
     @property
@@ -393,7 +393,7 @@ class LogStream:
 
 
 class _Uniform:
-    """Splits sorted rows at holes and resamples them at uniform instants."""
+    """Splits sorted rows at holes and resamples them at uniform times."""
 
     def __init__(self, mapping: LogMapping, facts: LogFacts) -> None:
         self.mapping, self.facts = mapping, facts

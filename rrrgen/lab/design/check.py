@@ -12,7 +12,7 @@ from rrrgen.lab.design.fourier_series import Floats, FourierTrajectory, intersam
 from rrrgen.lab.design.problem import ExcitationProblem
 
 CHUNK = 2000
-"""Number of instants evaluated at a time; bounds the memory for robots with many columns."""
+"""Number of samples evaluated together; bounds the memory for robots with many columns."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class LimitUse:
 
 @dataclass(frozen=True)
 class ExcitationCheck:
-    """Measures of excitation of one trajectory, and how far it uses the limits, at ``samples`` instants of one cycle.
+    """Measures of excitation of one trajectory, and how far it uses the limits, at ``samples`` times of one cycle.
 
-    W is the weighted regressor, stacked over the instants. ``condition`` is its condition number, the largest over the
+    W is the weighted regressor, stacked over the times. ``condition`` is its condition number, the largest over the
     smallest singular value (after (14.20)); ``frobenius_condition`` is ``|W|_F |W^+|_F``; ``log_determinant`` is
     ``log det(W' W / samples)``; ``singular_values`` (b,) are those of W divided by the square root of ``samples``.
     ``limits`` holds the peak of every limited quantity.
@@ -53,7 +53,7 @@ class ExcitationCheck:
 
     @property
     def feasible(self) -> bool:
-        """Whether every limit is met at every instant of the grid."""
+        """Whether every limit is met at every time of the grid."""
         return self.worst_use <= 1.0
 
     def to_json(self) -> dict[str, Any]:
@@ -70,7 +70,7 @@ class ExcitationCheck:
 
 
 class ProblemFunctions:
-    """The CasADi functions of an excitation problem (regressor, torque, tip), evaluated over many instants."""
+    """The CasADi functions of an excitation problem (regressor, torque, tip), evaluated over many points in time."""
 
     def __init__(self, problem: ExcitationProblem) -> None:
         import casadi
@@ -82,7 +82,7 @@ class ProblemFunctions:
 
     @staticmethod
     def over(function: Any, *columns: Floats) -> Floats:
-        """Evaluate ``function`` at m instants: every argument is (m, k), the result (m, rows, cols).
+        """Evaluate ``function`` at m points in time: every argument is (m, k), the result (m, rows, cols).
 
         ``rows`` and ``cols`` are the shape of one value of the function.
         """
@@ -137,7 +137,7 @@ class ProblemFunctions:
 
 
 class LimitedQuantity(NamedTuple):
-    """One limited quantity ``name`` over m instants: its ``use`` (m,) is 1 at the limit.
+    """One limited quantity ``name`` over m points in time: its ``use`` (m,) is 1 at the limit.
 
     ``joint`` is the number of the joint, or of the axis of the tip position, from 0. ``polynomial`` is true if the
     quantity is the absolute value of a trigonometric polynomial of the degree of the trajectory, so that its maximum
@@ -196,7 +196,7 @@ def _between(
 def check_trajectory(
     problem: ExcitationProblem, trajectory: FourierTrajectory, samples: int | None = None
 ) -> ExcitationCheck:
-    """Check a trajectory on ``samples`` equispaced instants of one cycle (by default those of the controller).
+    """Check a trajectory on ``samples`` equispaced times of one cycle (by default those of the controller).
 
     The uses of speed, acceleration and position limits are multiplied by ``1/cos(pi N/M)`` for N harmonics and M
     samples, so that they are bounds *between* the samples too.

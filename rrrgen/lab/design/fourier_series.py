@@ -122,7 +122,7 @@ class FourierTrajectory:
         return self.derivative(t, 0), self.derivative(t, 1), self.derivative(t, 2)
 
     def times(self, sample_period: float, cycles: float = 1.0) -> Floats:
-        """Instants (s) every ``sample_period`` (s) over ``cycles`` periods of the motion, without the end point."""
+        """Times (s) every ``sample_period`` (s) over ``cycles`` periods of the motion, without the end point."""
         count = round(cycles * self.period / sample_period)
         return np.arange(count) * sample_period
 

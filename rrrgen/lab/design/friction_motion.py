@@ -28,14 +28,14 @@ FADE = 1.0  # s over which a motion fades in and out
 DRAWS = 40  # draws of random phases, of which the one with the smallest peak is kept
 RESERVE = 0.9  # fraction of a limit on the motion that is used
 TORQUE_RESERVE = 0.6  # fraction of the torque limit for the links; the rest is left to friction
-GRID = 1e-3  # s between the instants at which limits are checked
+GRID = 1e-3  # s between the times at which limits are checked
 
 
 @dataclass(frozen=True)
 class Multisine:
     """Sum of cosines as a position, ``sum_k amplitude_k cos(2 pi frequency_k t + phase_k)``, that fades in and out.
 
-    It lasts ``duration`` (s) from the instant ``start`` (s). ``frequency`` is in Hz, ``amplitude`` in rad (m),
+    It lasts ``duration`` (s) from the time ``start`` (s). ``frequency`` is in Hz, ``amplitude`` in rad (m),
     ``phase`` in rad, one entry for each cosine.
     """
 
@@ -46,7 +46,7 @@ class Multisine:
     phase: tuple[float, ...]
 
     def evaluate(self, t: Array) -> tuple[Array, Array, Array]:
-        """Position, speed and acceleration at the instants ``t`` (N,) in s, each (N,); zero outside the duration."""
+        """Position, speed and acceleration at the times ``t`` (N,) in s, each (N,); zero outside the duration."""
         local = np.clip(t - self.start, 0.0, self.duration)
         omega = 2.0 * math.pi * np.array(self.frequency)
         angle = np.multiply.outer(local, omega) + np.array(self.phase)
@@ -85,7 +85,7 @@ class FrictionMotion:
         return self.parts[-1].start + self.parts[-1].duration
 
     def evaluate(self, t: ArrayLike) -> tuple[Array, Array, Array]:
-        """Positions, speeds and accelerations (N, n) of all joints at the instants ``t`` (N,)."""
+        """Positions, speeds and accelerations (N, n) of all joints at the times ``t`` (N,)."""
         instants = np.asarray(t, dtype=float)
         found = [np.zeros((len(instants), len(self.centre))) for _ in range(3)]
         found[0] += np.array(self.centre)

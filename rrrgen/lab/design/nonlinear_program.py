@@ -84,7 +84,7 @@ class ExcitationProgram:
         self.information = self._information(grid)
 
     def motion(self, t: Floats) -> tuple[Any, Any, Any]:
-        """Symbolic q, dq, ddq at the instants ``t``, each (n, m)."""
+        """Symbolic q, dq, ddq at the times ``t``, each (n, m)."""
         import casadi
 
         f0 = self.problem.base_frequency

@@ -82,7 +82,7 @@ def plot_joint(t: Any, motion: Sequence[Any], title: str) -> Figure:
 
 
 def plot_singular_values(design: ExcitationDesign) -> Figure:
-    """Plot the singular values of the best start's stacked regressor, divided by the root of the number of instants."""
+    """Plot the singular values of the best start's stacked regressor, divided by the root of the number of samples."""
     sigma = np.asarray(design.best.check.singular_values)
     start = check_trajectory(design.problem, _first_guess(design), design.problem.design_instants)
     figure, axes = new_figure(1, 1, height=3.2)
@@ -90,7 +90,7 @@ def plot_singular_values(design: ExcitationDesign) -> Figure:
     axes[0].semilogy(index, start.singular_values, "o", color="0.6", label=f"random start, cond {start.condition:.3g}")
     axes[0].semilogy(index, sigma, "s", label=f"designed, cond {design.best.check.condition:.4g}")
     axes[0].legend()
-    style_axes(axes[0], "index", "singular value / √instants")
+    style_axes(axes[0], "index", "singular value / √samples")
     return figure
 
 
@@ -118,7 +118,7 @@ def plot_convergence(design: ExcitationDesign) -> Figure:
 
 
 def plot_information(design: ExcitationDesign, samples: int = 400) -> Figure:
-    """Plot, over the time t in one cycle, the condition number of the regressor stacked over the instants up to t."""
+    """Plot, over the time t in one cycle, the condition number of the regressor stacked over the times up to t."""
     functions = ProblemFunctions(design.problem)
     t = np.arange(samples) * (design.trajectory.period / samples)
     W = functions.weighted(*design.trajectory.evaluate(t)).reshape(samples, design.problem.joints, -1)

@@ -76,7 +76,7 @@ class ExcitationProblem:
     and ``tip`` one q -> (3,), needed only where the torque or the tip is limited. ``row_weights`` (n,) multiply the
     rows of Y (1/standard deviation of each joint's torque), ``column_scales`` (b,) its columns (expected parameter
     sizes): the condition number depends on units, and these make the choice of units explicit. ``objective`` is
-    evaluated at ``design_instants`` instants of a cycle, limits are checked every ``sample_period`` (s). A random start
+    evaluated at ``design_instants`` times of a cycle, limits are checked every ``sample_period`` (s). A random start
     uses the share ``start_amplitude`` of the limits; the solver makes at most ``max_iterations`` in each stage.
     """
 

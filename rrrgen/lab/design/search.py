@@ -1,8 +1,8 @@
 """One start of the search for an exciting trajectory: a pure function of (problem, seed).
 
 From a poor start (cond > 1e8) the gradient of the condition number is useless, so a regularised log-determinant is
-maximised first. Limits are imposed at a few instants; if the grid of the controller then shows a violation, its peak is
-added to these instants and IPOPT continues (the exchange method of semi-infinite programming).
+maximised first. Limits are imposed at a few times; if the grid of the controller then shows a violation, its peak is
+added to these times and IPOPT continues (the exchange method of semi-infinite programming).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rrrgen.lab.design.nonlinear_program import MARGIN, ExcitationProgram
 from rrrgen.lab.design.problem import ExcitationProblem
 
 EXCHANGES = 8
-"""Largest number of repetitions of the last stage with the violated instants added."""
+"""Largest number of repetitions of the last stage with the violated points in time added."""
 
 NEAREST = "nearest"
 """The last stage, where the others leave a limit violated: the nearest motion, by its coefficients, that meets all."""
@@ -125,7 +125,7 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
 
 
 def _cycle(problem: ExcitationProblem, trajectory: FourierTrajectory) -> Floats:
-    """The instants of one cycle at which the objective is evaluated, (design_instants,), s."""
+    """The points in time of one cycle at which the objective is evaluated, (design_instants,), s."""
     return np.asarray(np.arange(problem.design_instants) * (trajectory.period / problem.design_instants))
 
 
@@ -208,11 +208,11 @@ def _exchange(
     instants: dict[tuple[str, int], set[int]],
     torques: bool = False,
 ) -> None:
-    """Impose violated limits at more instants: at the local maxima of the violation on the controller's grid.
+    """Impose violated limits at more points in time: at the local maxima of the violation on the controller's grid.
 
     ``instants`` (quantity, joint or axis) -> sample numbers is changed in place; torques are left out without
-    ``torques``. Instants a twelfth of a cycle of the highest harmonic before and after each are added too; otherwise
-    the peak would merely move to a neighbouring instant.
+    ``torques``. Times a twelfth of a cycle of the highest harmonic before and after each are added too; otherwise
+    the peak would merely move to a neighbouring point in time.
     """
     M = program.problem.samples_per_period
     beside = max(1, M // (12 * program.N))

@@ -19,10 +19,10 @@ from rrrgen.base.errors import InputError
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of the estimation problem at N instants: ``tau = W theta``.
+    """Rows of the estimation problem at N times: ``tau = W theta``.
 
     ``t`` (N,) s, ``W`` (N, n, p), ``tau`` (N, n) N m (N); ``use`` (N, n) is False for rows that are left out.
-    ``segment`` (N,) is the number of the uninterrupted stretch of each instant, for statistics over time. ``valid``
+    ``segment`` (N,) is the number of the uninterrupted stretch of each sample, for statistics over time. ``valid``
     (N, n) is False only where the torque is invalid, and True for rows left out because of a low speed; None means that
     it equals ``use``.
     """
@@ -40,7 +40,7 @@ class Rows:
         return self.use if self.valid is None else self.valid
 
     def chosen(self, mask: NDArray[np.bool_]) -> Rows:
-        """A copy with only the instants of ``mask`` (N,) in use; the others are kept, so that time remains uniform."""
+        """A copy with only the times of ``mask`` (N,) in use; the others are kept, so that time remains uniform."""
         return replace(self, use=self.use & mask[:, None])
 
 

@@ -126,7 +126,7 @@ def _lag(model: Any, log: Log, design: ResponseDesign, run: ResponseRun) -> int:
 
 
 # ------------------------------------------------------------------------------------------------------------------
-# A recorded motion as the reference of a simulation: positions, smooth speeds and accelerations at any instant.
+# A recorded motion as the reference of a simulation: positions, smooth speeds and accelerations at any time.
 # ------------------------------------------------------------------------------------------------------------------
 
 
@@ -163,7 +163,7 @@ class RecordedMotion:
         return cls(float(t[-1]), t, motion.ddq, position, position.derivative())
 
     def evaluate(self, t: Array) -> tuple[Array, Array, Array]:
-        """Position, speed and acceleration (N, n) at the instants ``t`` (N,) in s; at rest beyond either end."""
+        """Position, speed and acceleration (N, n) at the times ``t`` (N,) in s; at rest beyond either end."""
         at = np.clip(t, 0.0, self.duration)
         inside = ((np.asarray(t) >= 0.0) & (np.asarray(t) <= self.duration))[:, None]
         ddq = np.column_stack([np.interp(at, self.t, column) for column in self.ddq.T])

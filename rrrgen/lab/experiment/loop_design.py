@@ -85,7 +85,7 @@ which the search looks at alone, and others spread over the motion.
 class ControlledArm:
     """The arm that a loop is designed for, along a motion of ``duration`` s.
 
-    ``masses`` (m, n, n) are the mass matrices of the links at instants spread over the motion, with the drives where
+    ``masses`` (m, n, n) are the mass matrices of the links at times spread over the motion, with the drives where
     the joints are rigid; ``body`` and ``friction`` the model that computed torque uses. ``torques`` (N, n) are those
     that the motion takes without friction, ``rubbing`` (N, n) those of friction, ``load`` (n,) the largest sum of both,
     ``jerk`` (n,) the largest jerk, ``span`` (n,) how far the joints move; ``prismatic`` (n,) says which move along a

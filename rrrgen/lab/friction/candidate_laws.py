@@ -142,7 +142,7 @@ class Candidate:
     def settled(self, theta: Array) -> Array:
         """The parameters ``theta`` (k,), with equal Coulomb torques of both directions where these are a convention.
 
-        Beside a constant force, as at a prismatic joint, only their sums with it can be told.
+        Beside a constant force, as at a prismatic joint, only their sums with it can be estimated.
         """
         if self.gravity != 1 or self.name != "asymmetric":
             return theta

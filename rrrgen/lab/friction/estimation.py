@@ -143,7 +143,7 @@ def _ambiguities(chosen: LawEstimate) -> tuple[str, ...]:
         return ()
     if chosen.candidate.gravity == 1:
         return (
-            "a constant force and a difference between coulomb_p and coulomb_n cannot be told apart: gravity is the "
+            "a constant force and a difference between coulomb_p and coulomb_n cannot be separated: gravity is the "
             "force for which the two are equal",
         )
     slopes = abs(values["viscous_p"] - values["viscous_n"])
@@ -151,7 +151,7 @@ def _ambiguities(chosen: LawEstimate) -> tuple[str, ...]:
         offset = 0.5 * (values["coulomb_p"] - values["coulomb_n"])
         return (
             f"the directions differ in Coulomb friction alone: an offset of the measured torque of {offset:.4g} with "
-            f"equal Coulomb friction (law coulomb_viscous) cannot be told apart from that",
+            f"equal Coulomb friction (law coulomb_viscous) cannot be distinguished from that",
         )
     return ()
 

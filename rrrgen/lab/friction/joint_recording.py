@@ -241,7 +241,7 @@ def joint_data(log: Any, joint: str, resolution: float | None = None) -> JointDa
     if joint not in log.joints:
         raise InputError(f"the recording has no joint '{joint}'; it has {', '.join(log.joints)}")
     if log.tau is None:
-        raise InputError(f"the recording has no torque of joint '{joint}', from which friction could be told")
+        raise InputError(f"the recording has no torque of joint '{joint}', from which friction could be estimated")
     i = log.joints.index(joint)
     _others_stand_still(log, i)
     stretches: list[tuple[int, int]] = []
@@ -322,7 +322,7 @@ def _check_motion(data: JointData) -> None:
     if span < LEAST_COUNTS * data.resolution or data.speed <= 3.0 * data.speed_noise:
         raise DerivationError(
             f"joint '{data.name}' hardly moves in this recording ({span:.3g} in all, encoder steps of "
-            f"{data.resolution:.3g}): there is no excitation from which friction could be told"
+            f"{data.resolution:.3g}): there is no excitation from which friction could be estimated"
         )
     dq = data.motion[1]
     for direction, name in ((1.0, "forward"), (-1.0, "backward")):

@@ -3,7 +3,7 @@
 A step is recorded once as a program of the state, the torque and the parameters; automatic differentiation gives its
 Jacobians, and these carry the derivatives of the positions by parameters and initial states along the motion. So the
 exponentials of a friction law are computed once a step, not once for every shifted parameter. With a friction law that
-jumps at zero speed, a joint sticks exactly while the load is below break-away; the instant at which it stops is located
+jumps at zero speed, a joint sticks exactly while the load is below break-away; the time at which it stops is located
 within a time step.
 """
 
@@ -62,7 +62,7 @@ class Torque:
         return np.asarray((1.0 - weight) * self.samples[first] + weight * self.samples[second])
 
     def centred(self, delay: Array) -> Array:
-        """Torque (C, S) at the start of each window: the mean of the values held before and after that instant."""
+        """Torque (C, S) at the start of each window: the mean of the values held before and after that time."""
         return 0.5 * (self.held(0, delay) + self.held(-1, delay))
 
 
@@ -171,7 +171,7 @@ class JointSimulation:
         seeds: Sequence[int] = (),
         slopes: Array | None = None,
     ) -> tuple[Array, Array]:
-        """Positions (m, S) at the instants that are compared, rad or m, and their derivatives (m, c, S).
+        """Positions (m, S) at the times that are compared, rad or m, and their derivatives (m, c, S).
 
         ``theta`` (k,) are the parameters, ``start`` (s, S) the states at the start of the ``windows``: position, speed
         and deflection of the bristles of a law with a state. Derivative number j is by the parameter ``seeds[j]``; a
@@ -281,7 +281,7 @@ def _sliding(joint: _Joint, x: Sequence[Any], u: Any, h: Any, direction: Any) ->
 
 
 def _sticking(joint: _Joint, x: Sequence[Any], u: Any, h: Any) -> list[Any]:
-    """The midpoint rule with a constant direction of sliding, cut at the instant at which the joint stops."""
+    """The midpoint rule with a constant direction of sliding, cut at the time at which the joint stops."""
     b, (q, v) = joint.builder, x
     forward, backward = (joint.friction(Fraction(0), Fraction(d)) for d in (1, -1))
     net = joint.net(u, q + HALF * h * v)

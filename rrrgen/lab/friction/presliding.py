@@ -79,7 +79,7 @@ class Presliding:
         """The resonance and the parameters with their deviations as text."""
         lines = [f"presliding, resonance at {self.resonance:.4g} Hz:"]
         for name, pair in (("sigma0", self.sigma0), ("sigma1", self.sigma1), ("inertia", self.inertia)):
-            lines.append(f"  {name:<16} " + ("not told" if pair is None else f"{pair[0]:>12.5g} +- {pair[1]:.2g}"))
+            lines.append(f"  {name:<16} " + ("unknown" if pair is None else f"{pair[0]:>12.5g} +- {pair[1]:.2g}"))
         return lines
 
     def to_json(self) -> dict[str, Any]:

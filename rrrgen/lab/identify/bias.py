@@ -179,7 +179,7 @@ def _joined(parts: Sequence[Rows]) -> Rows:
 
 
 def _pairs(rows: Rows, period: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices of instants, and for each the index of the instant one ``period`` (s) later, or earlier near the end."""
+    """Indices of samples, and for each the index of the sample one ``period`` (s) later, or earlier near the end."""
     count = len(rows.t)
     shift = round(period / float(np.median(np.diff(rows.t)))) if count > 1 else 0
     if shift < 1 or count <= shift:

@@ -34,7 +34,7 @@ from rrrgen.lab.identify.scores import Score
 
 @dataclass(frozen=True)
 class Convergence:
-    """Estimates ``x`` (points, p) from the first ``samples`` (points,) instants, with their ``condition`` numbers.
+    """Estimates ``x`` (points, p) from the first ``samples`` (points,) rows, with their ``condition`` numbers.
 
     ``condition`` (points,) is that of the regressor. Estimates are NaN, and the condition number is infinite, as long
     as the samples do not determine all parameters.
@@ -53,7 +53,7 @@ def convergence(
     transform: Callable[[JointFactors], JointFactors] | None = None,
     every: int = 1,
 ) -> Convergence:
-    """Estimate the parameters by weighted least squares (14.20) from the first k instants, k = every, 2 every, ...
+    """Estimate the parameters by weighted least squares (14.20) from the first k samples, k = every, 2 every, ...
 
     ``blocks`` are the rows in order of time, ``names`` those of the p parameters, ``weights`` (n,) those of the joints;
     ``transform`` maps the triangular factors of the rows to those of the identifiable parameters.

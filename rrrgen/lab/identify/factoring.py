@@ -191,7 +191,7 @@ def rows_of_recordings(
 class FittedRows:
     """Iterable of the fitted rows, which are recomputed in every iteration.
 
-    Instants that ``split`` does not assign to the fitted part are kept and marked as not in use.
+    Points in time that ``split`` does not assign to the fitted part are kept and marked as not in use.
     """
 
     observations: Observations
@@ -208,7 +208,7 @@ class FittedRows:
 class ScoredRows(FittedRows):
     """Iterable of the held-out rows, which are recomputed in every iteration.
 
-    Instants that ``split`` does not hold out are kept and marked as not in use.
+    Points in time that ``split`` does not hold out are kept and marked as not in use.
     """
 
     def __iter__(self) -> Iterator[Rows]:

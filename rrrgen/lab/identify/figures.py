@@ -160,12 +160,12 @@ def plot_whiteness(whiteness: Sequence[Whiteness], joints: Sequence[str]) -> Fig
 # ------------------------------------------------------------------------------------------------------------------
 
 MOST_POINTS = 20_000
-"""Largest number of instants in a figure; of longer recordings only every k-th row is drawn and kept in memory."""
+"""Largest number of samples in a figure; of longer recordings only every k-th row is drawn and kept in memory."""
 
 
 @dataclass(frozen=True)
 class TorqueCurves:
-    """Measured and modelled torques (N, n), N m (N), at the instants ``t`` (N,), s; ``use`` (N, n): samples used.
+    """Measured and modelled torques (N, n), N m (N), at the times ``t`` (N,), s; ``use`` (N, n): samples used.
 
     ``spread`` (N, n) is the standard deviation of the measured torque about the model, ``own`` (N, n) the part of it
     that the parameters cause; None if unknown.
@@ -179,7 +179,7 @@ class TorqueCurves:
     own: Array | None = None
 
     def halved(self) -> TorqueCurves:
-        """A copy with every second instant only, to bound the number of points."""
+        """A copy with every second sample only, to bound the number of points."""
         return TorqueCurves(*(None if part is None else part[::2] for part in self.parts))  # type: ignore[arg-type]
 
     @property
@@ -193,7 +193,7 @@ def torque_curves(
 ) -> TorqueCurves | None:
     """Measured torques of a stream of rows, and those modelled with ``theta`` (p,); None if no row is in use.
 
-    At most ``most`` instants are kept; ``band`` adds the uncertainty of the model.
+    At most ``most`` samples are kept; ``band`` adds the uncertainty of the model.
     """
     kept: TorqueCurves | None = None
     step, seen = 1, 0
@@ -265,7 +265,7 @@ def plot_friction(
 ) -> Figure:
     """Plot friction over speed for every joint: measured torque minus the rest of the model, and the identified law.
 
-    ``W`` (N, n, p) is the regressor at the instants of ``sample``, ``columns`` and ``theta`` (p,) are its columns and
+    ``W`` (N, n, p) is the regressor at the times of ``sample``, ``columns`` and ``theta`` (p,) are its columns and
     their parameters; ``revolute`` (n,) gives the joint types, ``surfaces`` the friction laws. Points off the line show
     what the law does not describe, such as a rise near standstill or another slope at high speed.
     """

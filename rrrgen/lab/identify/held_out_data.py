@@ -15,11 +15,11 @@ from rrrgen.base.errors import InputError
 
 @dataclass(frozen=True)
 class Split:
-    """Rule that decides which instants of a recording are fitted; the others are held out and scored.
+    """Rule that decides which points in time of a recording are fitted; the others are held out and scored.
 
     ``kind`` "none" fits all; "first" fits the first share ``value`` of the duration; "blocks" fits every other block of
     ``value`` seconds, beginning with the first; "fold" fits all but part ``value`` (from 1) of ``parts`` equal parts.
-    Instants closer than ``guard`` (s) to a border belong to neither part,
+    Points in time closer than ``guard`` (s) to a border belong to neither part,
     because the filters mix samples from both sides of it.
     """
 
@@ -66,21 +66,21 @@ class Split:
         return replace(self, guard=guard)
 
     def fitted(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Mask (N,) of the fitted instants among ``t`` (N,), s.
+        """Mask (N,) of the fitted points in time among ``t`` (N,), s.
 
         The recording begins at ``start`` (s) and lasts ``duration`` (s).
         """
         return self._first(t - start, duration) & ~self.between(t, start, duration)
 
     def scored(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Mask (N,) of the held-out instants among ``t`` (N,), s.
+        """Mask (N,) of the held-out points in time among ``t`` (N,), s.
 
         The recording begins at ``start`` (s) and lasts ``duration`` (s).
         """
         return ~self._first(t - start, duration) & ~self.between(t, start, duration)
 
     def between(self, t: Array, start: float, duration: float) -> NDArray[np.bool_]:
-        """Mask (N,) of the instants among ``t`` (N,), s, that lie in a guard band.
+        """Mask (N,) of the times among ``t`` (N,), s, that lie in a guard band.
 
         The recording begins at ``start`` (s) and lasts ``duration`` (s).
         """
@@ -98,7 +98,7 @@ class Split:
         return np.asarray(near & (border > 0) & (border * self.value < duration))
 
     def _first(self, since: Array, duration: float) -> NDArray[np.bool_]:
-        """Mask (N,) of the instants ``since`` (N,), s after the start, on the fitted side, guard bands disregarded."""
+        """Mask (N,) of the times ``since`` (N,), s after the start, on the fitted side, guard bands disregarded."""
         if self.kind == "first":
             return np.asarray(since < self.value * duration)
         if self.kind == "fold":

@@ -81,7 +81,7 @@ class Corrected:
 
     @property
     def span(self) -> tuple[float, float]:
-        """First instant and duration, s."""
+        """Start and duration, s."""
         return self.recording.span
 
     @property

@@ -220,7 +220,7 @@ class NuisanceFit:
     def products(self, A: Array, tau: Array, edges: Sequence[int] | None = None) -> Array:
         """Products ``[A tau]' [A tau]`` of the rows of every joint: (n, m+1, m+1).
 
-        With ``edges`` (B+1,), those of the instants between consecutive ones, (B, n, m+1, m+1).
+        With ``edges`` (B+1,), those of the times between consecutive ones, (B, n, m+1, m+1).
         """
         rows = np.concatenate([A, tau[..., None]], axis=-1) * self.sample.use[..., None]
         if edges is None:

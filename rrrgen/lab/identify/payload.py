@@ -123,7 +123,7 @@ def identify_payload(
     recordings that do not fit it, DerivationError if the motion does not determine the mass.
     """
     if model.spec.links is None:
-        raise InputError("the robot file has no links: a payload can only be told apart from a known arm")
+        raise InputError("the robot file has no links: a payload needs a known arm")
     n = model.n
     for recording in recordings:
         if len(recording.joints) != n:

@@ -76,7 +76,7 @@ class FullRegressor:
         return Sliding.of(self.surfaces)
 
     def __call__(self, q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:
-        """Evaluate W (N, n, p) at N instants; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds.
+        """Evaluate W (N, n, p) at N points in time; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds.
 
         ``s`` (N, m) are the directions (-1 to 1) of the m friction laws with a state; None for steady sliding.
         """

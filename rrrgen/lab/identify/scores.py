@@ -161,7 +161,7 @@ def _quantile(values: Array, share: float) -> float:
 #
 # A *window* consists of k samples of a recording, 20 ms apart (consecutive if the sampling is slower), with the
 # positions and torques of all joints in SI. Positions are rounded to 2^-12 of the power of two above the largest
-# position in the window, torques likewise, and the results are hashed. Instants and file format do not enter: the
+# position in the window, torques likewise, and the results are hashed. Points in time and file format do not enter: the
 # same samples give the same hashes from CSV, NumPy, MATLAB, Parquet or a bag, in radians or degrees, whole or in
 # part, with other filters, splits and versions of the program. Rounding the samples to six significant digits
 # preserves most hashes, to five enough to recognise the data in part, to four none. Changed samples (another zero,
@@ -393,7 +393,7 @@ class _Sums:
         self.error = np.zeros((0, 0))
 
     def add(self, rows: Rows, mask: NDArray[np.bool_], use: NDArray[np.bool_]) -> None:
-        """Add the torques in ``use`` (N, n) of the instants in ``mask`` (N,)."""
+        """Add the torques in ``use`` (N, n) of the times in ``mask`` (N,)."""
         chosen = use & mask[:, None]
         if not len(self.counts):
             joints, models = rows.W.shape[1:]

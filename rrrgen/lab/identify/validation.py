@@ -58,7 +58,7 @@ class JointScore:
     """Torque error at one joint: RMS torque, RMS error and largest error, N m (N), and relative error, RMS over RMS.
 
     ``beyond_noise`` is ``sqrt(max(error^2 - noise^2, 0))`` over the RMS torque, None if the noise is unknown;
-    ``samples`` is the number of instants scored and ``share`` their share of the recording. ``relative_error_all`` is
+    ``samples`` is the number of samples scored and ``share`` their share of the recording. ``relative_error_all`` is
     the relative error over the whole recording, including rest, where static friction is not determined by the motion.
     """
 
@@ -142,7 +142,7 @@ def score_torques(
     indefinite: float | None = None,
     thresholds: Thresholds | None = None,
 ) -> Validation:
-    """Score ``predicted`` torques against ``measured`` ones, (N, n) each, at the instants ``t`` (N,).
+    """Score ``predicted`` torques against ``measured`` ones, (N, n) each, at the times ``t`` (N,).
 
     ``joints`` are the n joint names; ``used`` (N, n) is False for samples to leave out, such as invalid torques or a
     joint near rest; ``noise`` (n,) is the standard deviation of the measured torque; ``label`` states the origin of the
@@ -315,7 +315,7 @@ class RobotTorque:
         return Sliding.of(self.surfaces)
 
     def __call__(self, q: Array, dq: Array, ddq: Array, s: Array | None = None) -> Array:
-        """Joint torques (N, n), N m (N), at N instants; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds.
+        """Joint torques (N, n), N m (N), at N times; ``q``, ``dq``, ``ddq`` are (N, n), in rad (m) and seconds.
 
         ``s`` (N, m) are the directions (-1 to 1) of the m friction laws with a state, None for steady sliding.
         """

@@ -20,7 +20,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class ReferenceMotion:
-    """Reference motion at one instant: position, velocity, acceleration, (n,) each, in rad (m) and seconds."""
+    """Reference motion at one time: position, velocity, acceleration, (n,) each, in rad (m) and seconds."""
 
     q: Array
     dq: Array

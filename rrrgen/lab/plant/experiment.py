@@ -55,7 +55,7 @@ class Instruments:
     - ``disturbance``: standard deviation of a white torque that acts on the joints and is not recorded, N m (N).
     - ``torque_record``: which torque is recorded. A drive holds its torque over a sample: "command" records it at the
       beginning, half a sample ahead of the motion it causes; "centred" records the mean over a sample period around the
-      instant, like a drive that integrates its current.
+      same time, like a drive that integrates its current.
     - ``motors``: torque limits of coupled motors.
     - ``delay``: samples from the reading of the encoders to the torque that follows from it.
     """

@@ -1,6 +1,6 @@
 """Integration of the plant over one sample under a constant torque.
 
-A rigid plant is integrated by Runge-Kutta steps that end at the instants at which a joint stops, so that sgn(dq) never
+A rigid plant is integrated by Runge-Kutta steps that end at the times at which a joint stops, so that sgn(dq) never
 changes within a step; a joint at rest stays there as long as friction can hold it. Every other plant is integrated by
 LSODA with smoothed friction.
 """
@@ -75,7 +75,7 @@ def breaks_away(plant: Plant) -> NDArray[np.bool_]:
 
 
 class RigidIntegrator:
-    """Fourth-order Runge-Kutta with constant sgn(dq), interrupted at instants where a joint's speed crosses zero."""
+    """Fourth-order Runge-Kutta with constant sgn(dq), interrupted where a joint's speed crosses zero."""
 
     def __init__(self, plant: Plant, steps: int = 2) -> None:
         self.plant, self.n, self.steps = plant, plant.n, steps

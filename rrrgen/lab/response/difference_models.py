@@ -264,7 +264,7 @@ def fit_difference_model(
     if best > 1.0 - LEAST_FIT:
         kinds, hint = ("", "") if method == "auto" else (f"{method} ", f" Or choose {option_name('method')} auto.")
         raise DerivationError(
-            f"{record.name}: fitted to the rows {start + 1}:{cut}, no {kinds}model foretells the rows {cut + 1}:{stop} "
+            f"{record.name}: fitted to the rows {start + 1}:{cut}, no {kinds}model predicts the rows {cut + 1}:{stop} "
             "better than their mean: are the columns right, and do the rows to fit "
             f"({option_name('fit_rows')}) excite every mode several times, not in a single sweep?{hint}"
         )

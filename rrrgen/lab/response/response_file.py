@@ -29,7 +29,7 @@ UNITS = (
     | {"A": 1.0, "mA": 1e-3, "V": 1.0}
 )  # fmt: skip
 SEVERAL = ("realisations", "postures")
-SLOWEST = 0.1  # s: a longer sampling period is believed where the unit of the instants is stated
+SLOWEST = 0.1  # s: a longer sampling period is believed where the unit of the times is stated
 KEYS = {
     "schema": Entry(words([SCHEMA]), required=True),
     "name": Entry("of the recordings"),
@@ -74,7 +74,7 @@ class ResponseFile:
     ``input`` is u, ``output`` q, ``excitation`` n, None if it was not recorded; ``period`` is that of the excitation in
     s, None where the file states none; ``controller`` is C(z), if known. ``several`` says how several recordings
     differ: "realisations" of the excitation, which are averaged, or "postures"; ``unit_of_time`` whether the file
-    states the unit of a column of instants.
+    states the unit of a column of times.
     """
 
     files: tuple[FileSource, ...]
@@ -125,7 +125,7 @@ def loads_response(text: str, file: str = "response.yaml") -> ResponseFile:
 
 
 class _ResponseReader(SourceReader):
-    """Reads one response file; files, instants and columns are described as in mapping files."""
+    """Reads one response file; files, times and columns are described as in mapping files."""
 
     unit_of_time = True
 
@@ -177,7 +177,7 @@ class _ResponseReader(SourceReader):
             self.faults.error(node, "files names no file")
 
     def instants(self, node: Node | None) -> TimeSource:
-        """Read ``time``: a column of instants, whose file and unit (s) may be left out, or a rate or period."""
+        """Read ``time``: a column of times, whose file and unit (s) may be left out, or a rate or period."""
         found = self.values(node, "time", TIME_KEYS) if node is not None else None
         if not found or "column" not in found or "rate" in found or "period" in found:
             return self.read_time(node)
@@ -252,7 +252,7 @@ def _read(response: ResponseFile, source: FileSource, name: str) -> ResponseReco
     if not response.unit_of_time and period > SLOWEST:
         raise table_fault(
             source.path,
-            f"the instants are {period:.4g} apart, which would be seconds: state their unit",
+            f"the times are {period:.4g} apart, which would be seconds: state their unit",
             f"time: {{column: {response.time.column}, unit: ms}}, or unit: s if they are",
         )
     return ResponseRecording(name, period, values[0], values[1], values[2])
@@ -265,13 +265,13 @@ def _sampling_period(t: Array, path: Path) -> float:
     period = float(t[-1] - t[0]) / (len(t) - 1)
     if not np.all(np.diff(t) > 0.0):
         row = int(np.argmin(np.diff(t) > 0.0)) + 2
-        raise table_fault(path, f"the instants do not increase in row {row}", "is it the right column?")
+        raise table_fault(path, f"the times do not increase in row {row}", "is it the right column?")
     worst = float(np.max(np.abs(np.diff(t) - period)))
     if not worst <= JITTER * period:
         row = int(np.argmax(np.abs(np.diff(t) - period))) + 2
-        message = f"the instants are not on a grid: mean step {period:.6g} s, row {row} is off by {worst:.3g} s"
+        message = f"the times are not on a grid: mean step {period:.6g} s, row {row} is off by {worst:.3g} s"
         hint = (
-            "a frequency response needs equidistant samples without gaps; if only the instants are inexact, state the"
+            "a frequency response needs equidistant samples without gaps; if only the times are inexact, state the"
         )
         raise table_fault(path, message, f"{hint} rate of sampling (time: {{rate: ...}})")
     return period

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReconstructionResult(StudyResult):
-    """The result of :func:`rrrgen.reconstruct`: the motion at N instants, and the filter that gave it.
+    """The result of :func:`rrrgen.reconstruct`: the motion at N points in time, and the filter that gave it.
 
     ``t`` (N,) s; ``q``, ``dq``, ``ddq`` (N, n) rad (m) and per s and s^2. ``tuning`` holds the filter and how it was
     chosen, ``recording`` the recording after its repair.

@@ -201,7 +201,7 @@ def test_command(tmp_path):
     (tmp_path / "m.csv").write_text(f"q1,q2,q3,x,y,z\n{rows}\n")
     out = run("--poses", tmp_path / "m.csv", "-o", tmp_path / "c.yaml", "--figure", tmp_path / "errors")
     assert out.exception is None, out.output
-    assert "not told apart by these measurements" in out.output
+    assert "not distinguished by these measurements" in out.output
     assert (tmp_path / "errors.svg").exists()
     found = geometry_of(loads_spec((tmp_path / "c.yaml").read_text()))
     assert np.linalg.norm((found.forward(q) - true.forward(q))[:, :3, 3], axis=1).max() < 2e-4

@@ -16,7 +16,7 @@ def test_disorder_and_duplicates_are_put_right(tmp_path):
     write_csv(tmp_path / "log.csv", rows=rows)
     log = read(mapped(tmp_path, "log.csv"))
     np.testing.assert_allclose(log.q, Q, atol=TEXT)
-    assert kinds(log) == {"rows out of order": 1, "duplicate instants": 1}
+    assert kinds(log) == {"rows out of order": 1, "duplicate times": 1}
 
 
 def test_short_holes_are_bridged_and_long_ones_split(tmp_path):

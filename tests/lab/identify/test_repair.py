@@ -57,7 +57,7 @@ def test_every_repair_is_counted_by_channel(clean, tmp_path, chunk):
     assert dict(found["missing torques"].channels) == {"q1": 30, "q2": 5}
     assert found["missing torques"].share == pytest.approx(30 / (N + 2))
     assert dict(found["rows without all positions"].channels) == {"q1": 0, "q2": 3}
-    assert (found["duplicate instants"].count, found["repeated stamps"].count) == (1, 1)
+    assert (found["duplicate times"].count, found["repeated stamps"].count) == (1, 1)
     held = np.isfinite(rows[:, 2]) & (rows[:, 4] == np.nanmax(rows[:, 4]))
     assert dict(found["clipped torque channels"].channels) == {"q1": 0, "q2": int(np.sum(held))}
 

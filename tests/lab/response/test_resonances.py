@@ -109,11 +109,11 @@ def test_unstable_pairs_are_no_resonances_and_unknown_deviations_are_uncertain(r
     assert Resonance(10.0, 0.1, np.nan, 0.001).uncertain == ("frequency",)
 
 
-def test_a_model_that_foretells_nothing_is_refused(recorded):
+def test_a_model_that_predicts_nothing_is_refused(recorded):
     """An output that does not follow the input: each order fits noise, and none does so on the rows left out."""
     u, _ = recorded
     record = ResponseRecording("noise", PERIOD, u, u, np.random.default_rng(43).standard_normal(len(u)))
-    with pytest.raises(DerivationError, match=r"noise: .* foretells the rows 1001:1333 better than their mean"):
+    with pytest.raises(DerivationError, match=r"noise: .* predicts the rows 1001:1333 better than their mean"):
         fit_difference_model(record, None, "arx")
 
 

@@ -215,7 +215,7 @@ class CsvTable:
         if len(words) == 1:
             return " "
         raise table_fault(
-            self.path, "the separator of the columns cannot be told", "name it: separator: ',' | ';' | tab | space"
+            self.path, "the separator of the columns is not clear", "name it: separator: ',' | ';' | tab | space"
         )
 
     def _header_lines(self, head: list[str]) -> int:

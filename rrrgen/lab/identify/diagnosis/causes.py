@@ -141,10 +141,10 @@ class Wording:
         return Cause(cause, "; ".join(entries) + self._where())
 
     def clock(self, factor: float) -> Cause:
-        """The cause that time was read in a wrong unit: the true instants are ``factor`` times those read."""
+        """The cause that time was read in a wrong unit: the true times are ``factor`` times those read."""
         source = None if self.mapping is None else self.mapping.time
         size = f"{factor:.4g} times too small" if factor > 1.0 else f"{1.0 / factor:.4g} times too large"
-        cause = f"the clock is wrong: the instants in seconds are {size}"
+        cause = f"the clock is wrong: the times in seconds are {size}"
         if source is not None and source.period is not None:
             period = source.period * factor
             return Cause(cause, f"time: {{rate: {1.0 / period:.6g} Hz}}{self._where()}")

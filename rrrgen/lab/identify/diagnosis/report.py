@@ -140,10 +140,10 @@ class Explained:
 
     @property
     def score(self) -> float:
-        """Minus twice the logarithm of the likelihood per instant, up to a constant."""
+        """Minus twice the logarithm of the likelihood per sample, up to a constant."""
         return score_of(self.joint_errors)
 
 
 def score_of(joint_errors: Array) -> float:
-    """Minus twice the logarithm of the likelihood per instant for relative torque errors (n,), up to a constant."""
+    """Minus twice the logarithm of the likelihood per sample for relative torque errors (n,), up to a constant."""
     return float(np.sum(np.log(joint_errors**2 + FLOOR**2)))

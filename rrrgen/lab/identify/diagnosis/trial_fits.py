@@ -19,11 +19,11 @@ from rrrgen.lab.identify.regressor import RigidModel
 from rrrgen.runtime.regressor_columns import drive_columns
 
 # ------------------------------------------------------------------------------------------------------------------
-# A sample of a few hundred instants of a recording, filtered as for the estimation, to which the rules are applied.
+# A sample of a few hundred times of a recording, filtered as for the estimation, to which the rules are applied.
 # ------------------------------------------------------------------------------------------------------------------
 
 MOST_ROWS = 3000
-"""Rows (instants times joints) of a sample: twenty to fifty per parameter, in a few hundredths of a second."""
+"""Rows (samples times joints) of a sample: twenty to fifty per parameter, in a few hundredths of a second."""
 MOST_READ = 200_000  # samples that are read of a long recording
 SHORTEST_STRETCH = 4  # rows, which a cubic spline needs
 WHOLE = 0.999  # gain of the filter below which a sample lies at a border or next to an invalid one
@@ -31,7 +31,7 @@ WHOLE = 0.999  # gain of the filter below which a sample lies at a border or nex
 
 @dataclass(frozen=True)
 class Sample:
-    """Motion and torque (N, n) at N instants ``t`` (N,), s, passed through the same filter.
+    """Motion and torque (N, n) at N times ``t`` (N,), s, passed through the same filter.
 
     ``use`` (N, n) is False where the equation of a joint is left out; ``stretch`` (N,) is the number of the
     uninterrupted stretch, whose torques the splines ``curves`` hold as functions of time.
@@ -73,14 +73,14 @@ class Sample:
         return replace(self, tau=self.tau - torque, curves=_curves(self.t, self.tau - torque, self.stretch))
 
     def thinned(self, count: int) -> Sample:
-        """A copy with at most ``count`` instants, spread evenly over those in use."""
+        """A copy with at most ``count`` samples, spread evenly over those in use."""
         there = np.flatnonzero(self.use.any(axis=1))
         kept = there[np.linspace(0, len(there) - 1, min(len(there), max(1, count))).astype(int)]
         named = {name: getattr(self, name)[kept] for name in ("q", "dq", "ddq", "tau", "use", "t", "stretch")}
         return replace(self, **named)
 
     def later(self, delays: Array) -> Array:
-        """Torques (N, n) recorded ``delays`` (n,), s, after the instants; at the ends of a stretch the nearest ones."""
+        """Torques (N, n) recorded ``delays`` (n,), s, after the times; at the ends of a stretch the nearest ones."""
         found = np.empty_like(self.tau)
         for k, curve in enumerate(self.curves):
             here = self.stretch == k
@@ -128,7 +128,7 @@ def _changed(curve: Any, slower: float, mix: Array) -> Any:
 
 
 def sample_of(recording: Recording, processing: Processing) -> Sample | None:
-    """Sample of a recording, filtered as for the estimation; None if it has no torques or no usable instant."""
+    """Sample of a recording, filtered as for the estimation; None if it has no torques or no usable sample."""
     decimate = Decimator(processing.decimate or 1)
     memory = RowMaker(lambda q, dq, ddq: q, processing, 1).memory(recording.period)
     found: dict[int, list[tuple[Any, ...]]] = {}
@@ -192,7 +192,7 @@ class AllTerms:
         return (*self.model.base_parameter_names, *(column.name for column in self.drives))
 
     def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Evaluate the regressor W (N, n, p) at N instants; ``q``, ``dq``, ``ddq`` are (N, n)."""
+        """Evaluate the regressor W (N, n, p) at N points in time; ``q``, ``dq``, ``ddq`` are (N, n)."""
         rigid = np.asarray(self.model.regressor(q, dq, ddq))
         return np.concatenate([rigid, drive_columns(self.drives, dq, ddq)], axis=-1)
 
@@ -238,7 +238,7 @@ class Fit:
     def score(self) -> float:
         """Sum over joints of ``log(error^2 + FLOOR^2)``: smaller is better.
 
-        Per instant it is minus twice the log-likelihood, up to a constant.
+        Per sample it is minus twice the log-likelihood, up to a constant.
         """
         return float(np.sum(np.log(self.error**2 + FLOOR**2)))
 
