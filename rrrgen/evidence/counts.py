@@ -191,7 +191,7 @@ class LongestPaths:
 
 
 def deepest(name: str, functions: Mapping[str, Mapping[int, Instruction]], frames: Mapping[str, int]) -> int:
-    """Bytes of stack of a function with the deepest chain of the functions that it calls, the C library's left out."""
+    """Bytes of stack of a function and the deepest chain of its callees, without those of the C library."""
     called = {code.callee for code in functions[name].values() if code.callee is not None and code.callee in functions}
     return frames.get(name, 0) + max((deepest(callee, functions, frames) for callee in called - {name}), default=0)
 

@@ -114,7 +114,7 @@ def presupposed(names: tuple[str, str, str]) -> None:
     Path("loaded.yaml").write_text(loaded, encoding="utf-8")
     Path("panda.yaml").write_text((ROBOTS / "panda.yaml").read_text(encoding="utf-8"), encoding="utf-8")
     Path("cell.xml").write_text(CELL, encoding="utf-8")
-    page = (ROOT / "docs/identification.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/virtual-robot.md").read_text(encoding="utf-8")
     (experiment,) = (text for text in blocks(page, "yaml") if text.startswith("schema: rrrgen-experiment/1"))
     Path("experiment.yaml").write_text(experiment, encoding="utf-8")
     Path("examples").symlink_to(ROOT / "examples")

@@ -9,8 +9,8 @@ pseudo-inertia (14.9) in canonical frames:
   ``S_{i-1} += R_i S_i R_i'``. Mass and first moments stay.
 
 Parameters that the first joints cannot excite (an axis parallel to gravity, parallel axes, translation without
-rotation) show as linearly dependent columns of the regressor. These are found exactly, at random rational states in a
-finite field, and removed in a fixed order: parameters of links nearer to the base are kept, within a link in the order
+rotation) show up as linearly dependent columns of the regressor. These are found exactly, at random rational states in
+a finite field, and removed in a fixed order: parameters of links nearer the base are kept, within a link in the order
 of :data:`CANDIDATES`. The number is certified in both directions: the remaining columns have a non-zero minor, so none
 is superfluous, and every removed column satisfies its relation at independent states, so none is missing.
 

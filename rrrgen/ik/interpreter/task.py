@@ -149,7 +149,7 @@ class Task:
         return [x + part * wrapped(y - x, period) for x, y, period in zip(a, b, self._coupling.periods, strict=True)]
 
     def apart(self, a: Sequence[float], b: Sequence[float]) -> float:
-        """Largest difference of two configurations, of a mechanism those of its rows: rad, or lengths over the reach.
+        """Largest difference of two configurations, rad or lengths over the reach; for a mechanism, of its rows.
 
         Every joint counts modulo its period, an angle modulo full turns.
         """

@@ -258,7 +258,7 @@ def _scaled(
 
 
 def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator[RawRows]:
-    """Read the rows sorted by time, with each point in time once, complete positions and unwrapped encoders.
+    """Read the rows sorted by time, with each time once, complete positions and unwrapped encoders.
 
     ``size`` rows are read at a time; repairs are counted in ``findings``. Raises :class:`InputError` if the clock jumps
     back or no row is usable.

@@ -116,7 +116,7 @@ def test_instants_that_do_not_increase_are_refused(rows, tmp_path, order):
     else:
         rows[:, 0] = rows[::-1, 0] if order == "backwards" else 3.0
     row = 701 if order == "a step back" else 2
-    with pytest.raises(InputError, match=f"instants do not increase in row {row}\n"):
+    with pytest.raises(InputError, match=f"times do not increase in row {row}\n"):
         read_recordings(response_file(tmp_path, rows))
 
 

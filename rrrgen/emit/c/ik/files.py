@@ -68,9 +68,9 @@ def sources(spec: RobotSpec, real: Real = "double", redundancy: int | None = Non
 def manifest(spec: RobotSpec, real: Real = "double", redundancy: int | None = None) -> dict[str, Any]:
     """The entry of ``manifest.json`` about the inverse kinematics; its ``solver`` is false if there is none.
 
-    ``operations``: those of one call that finds all solutions. Those of a mechanism are the equations of its chain, and
-    of q for every way in which the drives can stand. Where an elimination solves the chain numerically they are means
-    over random targets, and ``operations_of_a_solution`` come on top for every solution.
+    ``operations``: those of one call that finds all solutions. For a mechanism they solve the equations of its
+    chain and compute q for every way in which the drives can stand. Where an elimination solves the chain
+    numerically they are means over random targets, and ``operations_of_a_solution`` come on top for every solution.
     ``tolerances``: the thresholds of the emitted code by name. ``stack``: the most bytes that each function takes,
     callees included. ``tips`` has the same of every named tip.
     """
