@@ -270,8 +270,6 @@ def _sampling_period(t: Array, path: Path) -> float:
     if not worst <= JITTER * period:
         row = int(np.argmax(np.abs(np.diff(t) - period))) + 2
         message = f"the times are not on a grid: mean step {period:.6g} s, row {row} is off by {worst:.3g} s"
-        hint = (
-            "a frequency response needs equidistant samples without gaps; if only the times are inexact, state the"
-        )
+        hint = "a frequency response needs equidistant samples without gaps; if only the times are inexact, state the"
         raise table_fault(path, message, f"{hint} rate of sampling (time: {{rate: ...}})")
     return period

@@ -144,9 +144,7 @@ def test_a_resonance_among_few_lines_is_no_distortion(modes, top):
 def test_instants_in_milliseconds_need_their_unit(rows, tmp_path):
     """Read as seconds they would lead to resonances a thousand times too low."""
     rows[:, 0] *= 1e3
-    with pytest.raises(
-        InputError, match=r"log.npy: .*the times are 1 apart, which would be seconds: state their unit"
-    ):
+    with pytest.raises(InputError, match=r"log.npy: .*the times are 1 apart, which would be seconds: state their unit"):
         read_recordings(response_file(tmp_path, rows))
     (found,) = read_recordings(response_file(tmp_path, rows, time="{column: 1, unit: ms}"))
     assert found.period == pytest.approx(PERIOD)
