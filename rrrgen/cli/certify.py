@@ -77,8 +77,8 @@ def certify(
     function without branches, in double and in float, over the limits of the robot file; tested is every function
     against independent dynamics, as by `rrrgen verify`. What is missing is listed with the reason.
 
-    --check compares the hashes of all files, the pages and the functions with the certificate; --again also proves the
-    bounds and emits the code anew.
+    --check compares the hashes of all files, the pages and the functions with the certificate; --again also derives
+    the robot and proves the bounds anew, and compares the templates with those of this version.
 
     \b
     Examples:

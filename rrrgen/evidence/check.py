@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import InputError
 from rrrgen.base.files import MANIFEST, checksum
+from rrrgen.base.templates import templates_digest
 from rrrgen.derive import derive_once
 from rrrgen.derive.functions.table import GROUPS
 from rrrgen.evidence.boxes import Ranges
@@ -28,7 +29,19 @@ if TYPE_CHECKING:
     from rrrgen.base.parallel import Tell
     from rrrgen.robot.spec import RobotSpec
 
-_KEYS = ("robot", "model_hash", "tool", "real", "files", "functions", "evidence", "skipped", "not_claimed", "digest")
+_KEYS = (
+    "robot",
+    "model_hash",
+    "tool",
+    "real",
+    "files",
+    "templates",
+    "functions",
+    "evidence",
+    "skipped",
+    "not_claimed",
+    "digest",
+)
 
 
 def read_certificate(directory: Path) -> dict[str, Any]:
@@ -98,7 +111,7 @@ def _manifest_faults(directory: Path, content: dict[str, Any]) -> list[str]:
 
 
 def bounds_that_differ(content: dict[str, Any], spec: RobotSpec, tell: Tell | None = None) -> list[str]:
-    """Derive the robot ``spec`` anew, prove its bounds anew, and compare them with the certificate ``content``.
+    """Derive the robot ``spec`` anew, prove its bounds anew, and compare them and the templates with the ``content``.
 
     Returns one sentence for every difference; versions of other tools than those that wrote the certificate may round
     the proof differently, so bounds are compared to 1e-9.
@@ -111,6 +124,8 @@ def bounds_that_differ(content: dict[str, Any], spec: RobotSpec, tell: Tell | No
     model = derive_once(spec, groups)
     ranges = Ranges(options["speed"], options["acceleration"])
     found = []
+    if content["templates"] != templates_digest():
+        found.append("the templates of the C code are not those of this version of rrrgen")
     for name, entry in rounding_entries(model, options["trig"], ranges, tell=tell).items():
         stated = content["functions"].get(name)
         if stated is None:
