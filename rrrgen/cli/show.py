@@ -55,7 +55,9 @@ def as_text(model: DerivedModel, width: int | None = None) -> str:
     """
     lines = stated(model.spec, width)
     lines += ["", "Pose of the tip at q = 0, in the base frame; lengths in m"]
-    lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in zero_pose(model)]
+    pose = zero_pose(model)
+    lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in pose]
+    lines += [] if pose else ["  none: a closed loop cannot be assembled there"]
     parameters = listing(model)
     lines += ["", f"{model.b} base parameters, tau = Y(q, dq, ddq) beta"]
     lines += textwrap.wrap(parameters.statement, width or 118, initial_indent="  ", subsequent_indent="  ")
@@ -125,7 +127,14 @@ def _described_inverse_kinematics(found: InverseForm | str | None) -> dict[str, 
 
 
 def zero_pose(model: DerivedModel) -> list[list[float]]:
-    """The pose (4, 4) of the tip at q = 0 in the base frame, with round-off below 1e-15 set to 0."""
+    """The pose (4, 4) of the tip at q = 0 in the base frame, with round-off below 1e-15 set to 0.
+
+    Empty if a closed loop cannot be assembled there.
+    """
+    if model.spec.loops:
+        *_, (status,) = evaluate_floats(model.programs["closed_loops"], [0.0] * model.spec.n)
+        if status:
+            return []
     (T,) = evaluate_floats(model.programs["forward_kinematics"], [0.0] * model.spec.n)
     return [[0.0 if abs(x) < 1e-15 else x for x in T[4 * i : 4 * i + 4]] for i in range(4)]
 
@@ -336,7 +345,7 @@ def show(
         _show_programs(robot, functions, recorded, as_json)
         return
     spec = read_with_warnings(robot)
-    short = closed_forms or (closed_forms is None and spec.n <= SHORT)
+    short = closed_forms or (closed_forms is None and spec.n <= SHORT and not spec.loops)
     wanted = [name for name in functions if name != INVERSE] or (USUAL if short and not functions else ())
     asked = INVERSE in functions
     inverse = _inverse_kinematics(spec, asked, bool(short)) if asked or not functions else None

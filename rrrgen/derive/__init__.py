@@ -93,7 +93,8 @@ def record(derivation: Derivation, functions: Sequence[ModelFunction]) -> Record
     alternatives = {
         function.name: tuple(recorder(derivation.recording()) for recorder in recorders(function.name))
         for function in with_sources(functions)
-        if function.record
+        # the recursions for derivatives hold for constant couplings; with loops, programs are differentiated
+        if function.record and not (derivation.spec.loops and function.combine and function.group == "model")
     }
     return parametrized(derivation).recorded(derivation, alternatives, tuple(function.name for function in functions))
 

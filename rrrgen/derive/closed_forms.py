@@ -394,6 +394,10 @@ def closed_forms(derivation: Derivation, function: str) -> dict[str, ClosedForm]
     A function with one result has one entry, under its own name; "energy.kinetic" names one result of several. Raises
     DerivationError if the function has no closed form or no such result.
     """
+    if derivation.spec.loops:
+        raise DerivationError(
+            f"{derivation.spec.name}: no closed forms are printed with closed loops, which take roots"
+        )
     name, _, wanted = function.partition(".")
     entry, parametrization = find(name), derivation.parametrization
     tip = entry.tip if entry is not None and entry.tip in derivation.spec.tips else ""

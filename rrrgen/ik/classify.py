@@ -17,7 +17,7 @@ from rrrgen.ik.geometry.mechanism import coupling_of, largest_tilt, solved_chain
 from rrrgen.ik.geometry.nearly_special import changes, deviation, nearest_special, snapped, with_near_frames
 from rrrgen.ik.plan import ARM_ANGLE, NominalFirst, SolverPlan
 from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
-from rrrgen.robot.model.mechanism import tip_arm
+from rrrgen.robot.model.mechanism import chain_to_tip, tip_arm
 
 if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
@@ -56,7 +56,8 @@ def tip_plans(spec: RobotSpec) -> dict[str, tuple[RobotSpec, SolverPlan]]:
             found[tip] = arm, plan(arm)
         except DerivationError as reason:
             one = spec.at_tip(tip)
-            found[tip] = one, _none(solved_chain(one)[0], str(reason))
+            chain = numeric_chain(chain_to_tip(one)) if spec.loops else solved_chain(one)[0]
+            found[tip] = one, _none(chain, str(reason))
     return found
 
 
@@ -99,6 +100,10 @@ def _coupled(spec: RobotSpec, redundancy: int | None) -> SolverPlan:
 
     The plan has a ``coupling``, which converts solutions of these rows to joint positions.
     """
+    if spec.loops:
+        names = ", ".join(loop.name for loop in spec.loops)
+        reason = f"a tip that closed loops move is not solved for ({names})"
+        return _none(numeric_chain(chain_to_tip(spec)), reason)
     chain, S = solved_chain(spec)
     found = _with_tilts(_planned(chain, redundancy))
     if not found.solvable:

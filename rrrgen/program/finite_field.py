@@ -63,6 +63,9 @@ class Residue:
     def __truediv__(self, other: Operand) -> Residue:
         return Residue(self.value * pow(Residue.of(other).value, -1, PRIME))
 
+    def __rtruediv__(self, other: Operand) -> Residue:
+        return Residue.of(other) / self
+
     def __neg__(self) -> Residue:
         return Residue(-self.value)
 

@@ -46,6 +46,8 @@ def identify(spec: RobotSpec) -> Identity:
         del robot["drives"]
     if spec.mechanism is None:
         del robot["mechanism"]
+    elif not spec.loops:
+        del robot["mechanism"]["loops"]
     for joint in robot["joints"]:
         for key in ("stiffness", "damping"):
             if joint["drive"] is not None and joint["drive"][key] is None:

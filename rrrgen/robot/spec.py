@@ -69,7 +69,7 @@ IDENTIFIER = rf"^[A-Za-z][A-Za-z0-9_]{{0,{MAX_NAME - 1}}}$"
 def name_fault(name: str, role: str) -> tuple[str, str] | None:
     """Message and hint if ``name`` is not allowed; None if it is.
 
-    ``role`` is "robot", "joint", "motor", "tip", "tool", "parameter" or "base parameter".
+    ``role`` is "robot", "joint", "motor", "tip", "tool", "loop", "parameter" or "base parameter".
     """
     shown = name if len(name) <= MAX_NAME else name[:MAX_NAME] + "..."
     if len(name) > MAX_NAME:
@@ -271,12 +271,28 @@ class JointSpec:
 
 
 @dataclass(frozen=True)
-class MechanismSpec:
-    """The rows of a robot in which joints follow others, or which branches.
+class LoopSpec:
+    """A closed loop of rows: a pin, with its axis across the plane of the loop, joins two links that a tree does not.
 
-    Row i is displaced by ``y_i = matrix[i] . q``, with q the positions of the driven joints, and is carried by the link
-    of row ``parents[i]`` (-1: by the base). Limits and drives of driven joints are in ``RobotSpec.joints``; a row that
-    follows others has position limits only. The tool is fixed to the link of row ``tip``. ``matrix`` (rows, joints) is
+    ``passive`` are the two rows without drive whose displacements the pin determines, in the order of the table.
+    ``pins`` are two links, each by its row (-1: the base), and the place of the pin in the axes of its link frame (3,),
+    m. ``assembly`` is +1 or -1: which of the two ways to assemble the loop.
+    """
+
+    name: str
+    passive: tuple[int, int]
+    pins: tuple[tuple[int, tuple[sp.Expr, sp.Expr, sp.Expr]], tuple[int, tuple[sp.Expr, sp.Expr, sp.Expr]]]
+    assembly: int
+
+
+@dataclass(frozen=True)
+class MechanismSpec:
+    """The rows of a robot in which joints follow others, or which branches, also with closed loops.
+
+    Row i is displaced by ``y_i = matrix[i] . x``, with x the positions q of the driven joints and, behind them, the
+    displacements of the rows :attr:`passive` of ``loops``; it is carried by the link of row ``parents[i]`` (-1: by the
+    base). Limits and drives of driven joints are in ``RobotSpec.joints``; a row that follows others has position limits
+    only, a passive one none. The tool is fixed to the link of row ``tip``. ``matrix`` (rows, joints + passive rows) is
     exact; the constant of a coupling is part of the row's theta or d.
     """
 
@@ -284,6 +300,12 @@ class MechanismSpec:
     parents: tuple[int, ...]
     tip: int
     matrix: tuple[tuple[sp.Expr, ...], ...]
+    loops: tuple[LoopSpec, ...] = ()
+
+    @property
+    def passive(self) -> tuple[int, ...]:
+        """The rows whose displacements closed loops determine, two of every loop, in the order of the loops."""
+        return tuple(row for loop in self.loops for row in loop.passive)
 
     def path(self, row: int) -> tuple[int, ...]:
         """The rows from the base to ``row``."""
@@ -453,6 +475,11 @@ class RobotSpec:
     def parents(self) -> tuple[int, ...]:
         """For every row, the row whose link carries it; -1 for the base."""
         return tuple(range(-1, len(self.joints) - 1)) if self.mechanism is None else self.mechanism.parents
+
+    @property
+    def loops(self) -> tuple[LoopSpec, ...]:
+        """The closed loops of the mechanism."""
+        return () if self.mechanism is None else self.mechanism.loops
 
     @property
     def tip_row(self) -> int:

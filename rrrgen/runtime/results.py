@@ -31,6 +31,17 @@ class Kinematics(NamedTuple):
     J: NDArray[Any]
 
 
+class ClosedLoops(NamedTuple):
+    """Passive joints of closed loops: ``passive`` (..., p, 2) holds cosine and sine of their displacements.
+
+    ``W`` (..., p, n): their rates are ``W dq``. ``sine`` (..., loops): of the angle between the two bars of each loop.
+    """
+
+    passive: NDArray[Any]
+    W: NDArray[Any]
+    sine: NDArray[Any]
+
+
 class FloatingForces(NamedTuple):
     """Force (N) and moment (N m) on a floating base, ``wrench`` (..., 6), and joint torques ``tau`` (..., n)."""
 

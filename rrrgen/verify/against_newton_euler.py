@@ -83,6 +83,18 @@ def _check_floating_tip(model: Model, ne: NewtonEuler, tip: str, s: States, chec
     check(f"{prefix}floating_jacobian_dot_dq", found, acceleration, scale=scale)
 
 
+def check_loops(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
+    """Compare the passive joints of closed loops and their rates with a numerical solution of the loops."""
+    if ne.loops is None:
+        return
+    check, n = rows.against("Newton's method (built in)", NO_PARAMETERS, tolerances.exact, s.count), ne.chain.n
+    x, _ = ne.loops.solve(s.q)
+    rates, turned = ne.loops.passive_rates(x), np.stack([np.cos(x[:, n:]), np.sin(x[:, n:])], axis=2)
+    check("closed_loops: passive", lambda: model.closed_loops(s.q).passive, turned)
+    check("closed_loops: W", lambda: model.closed_loops(s.q).W, rates)
+    check("closed_loops: sine", lambda: model.closed_loops(s.q).sine, ne.loops.sines(x))
+
+
 def _at(model: Model, name: str, q: Array) -> Array:
     return np.asarray(getattr(model, name)(q))
 
@@ -420,9 +432,9 @@ def _nominal_beta(model: Model) -> Array:
 def _check_energy(
     model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
-    """Compare kinetic energy, and potential energy relative to its value at q = 0."""
+    """Compare kinetic energy, and potential energy relative to its value at q = 0, with closed loops at the first q."""
     check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
-    home = np.zeros_like(s.q)
+    home = np.zeros_like(s.q) if ne.loops is None else np.tile(s.q[0], (s.count, 1))
     kinetic, potential = ne.energy(s.q, s.dq)
     potential = potential - ne.energy(home, s.dq)[1]
     scale = max(size(kinetic), size(potential))

@@ -12,6 +12,7 @@ from rrrgen.verify.against_newton_euler import (
     check_floating_base,
     check_friction,
     check_kinematics,
+    check_loops,
     check_regressors,
     check_tip,
 )
@@ -22,7 +23,7 @@ from rrrgen.verify.identities import (
     check_second_derivatives,
 )
 from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
-from rrrgen.verify.references.libraries import LIBRARIES, ReferenceUnavailableError
+from rrrgen.verify.references.libraries import LIBRARIES, ClosedReference, ReferenceUnavailableError
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import NumericRobot, chain_of
 from rrrgen.verify.report import DOUBLE, SINGLE, Collector, Report, Tolerances
@@ -82,6 +83,7 @@ def verify(
     check_kinematics(model, geometry, states, tolerances, rows)
     check_regressors(model, geometry, states, tolerances, rows)
     check_parameters(model, geometry, states, np.random.default_rng(seed), tolerances, rows)
+    check_loops(model, geometry, states, tolerances, rows)
     check_friction(model, states, tolerances, rows)
     for parameters in sets:
         reference = NewtonEuler(chain, parameters.phi)
@@ -128,7 +130,8 @@ def _check_library(
 ) -> None:
     """Compare torques, mass matrix and pose of the tip with another library."""
     try:
-        library = LIBRARIES[name](chain, parameters.phi)
+        make = LIBRARIES[name]
+        library = ClosedReference(make, chain, parameters.phi) if chain.loops else make(chain, parameters.phi)
     except ReferenceUnavailableError as reason:
         rows.skipped.append((name, str(reason)))
         return

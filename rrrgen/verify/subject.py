@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rrrgen.base.errors import DerivationError
+from rrrgen.verify.references.closed_loops import ClosedLoops
+from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, NumericRobot, is_physical, nominal_parameters
 
 if TYPE_CHECKING:
@@ -77,15 +80,38 @@ class States:
 
 
 def draw_states(chain: NumericRobot, count: int, rng: np.random.Generator) -> States:
-    """Draw ``count`` random states with positions over the whole range of every joint."""
+    """Draw ``count`` random states with positions over the whole range of every joint.
+
+    Closed loops are assembled at all of them, away from dead points. Raises DerivationError where none are found.
+    """
     span = np.where(chain.angles, ANGLE_RANGE, STROKE)
     shape = (count, chain.n)
+    q = rng.uniform(-1, 1, shape) * span
     return States(
-        rng.uniform(-1, 1, shape) * span,
+        _assembled(chain, q, span, rng) if chain.loops else q,
         rng.uniform(-SPEED, SPEED, shape),
         rng.uniform(-ACCELERATION, ACCELERATION, shape),
         rng.uniform(-1, 1, shape),
     )
+
+
+SINE = 0.5
+"""Least sine between the bars of a loop at drawn states: differences with a step need room up to the dead point, where
+positions have the slope of a square root. Halved while few positions reach it."""
+
+
+def _assembled(chain: NumericRobot, q: Array, span: Array, rng: np.random.Generator) -> Array:
+    """Replace the positions ``q`` (N, n) at which a loop is open or near a dead point by others in ``span`` (n,)."""
+    loops = ClosedLoops(chain, NewtonEuler(chain.opened(), np.zeros((chain.links, 10))))
+    kept, count, least = np.empty((0, chain.n)), len(q), SINE
+    for _ in range(60):
+        x, solved = loops.solve(q)
+        kept = np.concatenate([kept, q[solved & (loops.sines(x).min(axis=1) > least)]])
+        if len(kept) >= count:
+            return kept[:count]
+        least = least if len(kept) > count // 20 else least / 2
+        q = rng.uniform(-1, 1, (max(count, 50), chain.n)) * span
+    raise DerivationError(f"{chain.name}: no positions found at which the closed loops are assembled")
 
 
 @dataclass(frozen=True)

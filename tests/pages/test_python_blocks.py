@@ -33,6 +33,11 @@ import shutil
 from pages.test_pages import ROOT
 shutil.copytree(ROOT / "examples/trees", "examples/trees")
 """,
+    "linkages": """
+import shutil
+from pages.test_pages import ROOT
+shutil.copytree(ROOT / "examples/palletiser", "examples/palletiser")
+""",
     "second-derivatives": "",
     "quick-start": "q = dq = ddq = [0.1, 0.2, 0.3]",
     "path-timing": "",
@@ -59,6 +64,10 @@ AFTER = {
 at, w = np.r_[q, dq, 1, 2, 3], [0.1, 0.2, 0.3]
 expected = m.forward_dynamics_hessian(q, dq, at[6:], w).H
 assert np.abs(ca.Function("H", [x, weights], [H])(at, w).full() - expected).max() < 1e-10 * np.abs(expected).max()
+""",
+    "linkages": """
+phi, rho = np.arctan2(passive[:, 1], passive[:, 0])
+assert abs(m.forward_kinematics(q)[2, 2] + 1) < 1e-12 and abs(W).max() < 3 and tau.shape == (4,)
 """,
     "trees": """
 falling = m.floating_inverse_dynamics(q, dq, fall.ddq, [0, 0, 0, 1], np.zeros(6), fall.twist_rate)

@@ -21,6 +21,8 @@ Kind = Literal[
     "choice",
     "choices",
     "transforms",
+    "pair",
+    "points",
     "value",
     "vector",
     "matrix",

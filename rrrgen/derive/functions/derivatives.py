@@ -156,7 +156,8 @@ def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
     _, _, tau = (r.joints(name) for name in ("q", "dq", "tau"))
     if derivatives.takes(Role.GRAVITY):
         r.gravity()
-    r.beta()
+    if derivatives.takes(Role.BASE_PARAMETERS):
+        r.beta()
 
     def at(ddq: list[Any]) -> list[list[Any]]:
         return replay(derivatives, r.builder, r.inputs_of(derivatives, {Role.ACCELERATION: ddq}))

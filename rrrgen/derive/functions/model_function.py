@@ -28,6 +28,7 @@ class Needs(Enum):
     FLOATING_BASE = "a floating base"
     TIP_POSITION = "joints that move the position of the tip"
     TIP_POSE = "joints that move the position of the tip, and joints that turn it"
+    LOOPS = "closed loops"
     SHARED_JOINTS = "a named tip that shares joints with others"
 
 
@@ -50,8 +51,9 @@ class ModelFunction:
     function with ``of`` thus follows those in the table. ``differentiated``: its program is made of derivatives of the
     others, so that the numbers of the robot file are also tried in its general program instead of in theirs.
     ``more_joints_than``, ``most_joints`` (0 for any number) and ``needs`` say for which robots the function exists, and
-    ``absent`` why it does not. ``of_tip``: it is about the tip, and a robot with named tips has one for each of them
-    too (:meth:`at_tip`); ``tip`` is the name of that tip.
+    ``absent`` why it does not; with ``closed_loops`` False it does not for robots with such loops. ``of_tip``: it is
+    about the tip, and a robot with named tips has one for each of them too (:meth:`at_tip`); ``tip`` is the name of
+    that tip.
     """
 
     name: str
@@ -74,6 +76,7 @@ class ModelFunction:
     most_joints: int = 0
     needs: Needs = Needs.NOTHING
     absent: str = ""
+    closed_loops: bool = True
     by_hand: bool = False
     of_tip: bool = False
     tip: str = ""

@@ -41,6 +41,7 @@ MOTIONS = "rrrgen.derive.functions.motions"
 FLOATING = "rrrgen.derive.functions.floating_base"
 FLOATING_DERIVATIVES = "rrrgen.derive.functions.floating_derivatives"
 FRICTION = "rrrgen.derive.functions.friction"
+LOOPS = "rrrgen.derive.functions.loops"
 
 NO_FLOATING_BASE = (
     "the robot file states no floating base, or the orientation is no unit quaternion (its norm is off by more than "
@@ -339,6 +340,27 @@ TABLE = (
         of_tip=True,
     ),
     ModelFunction(
+        "closed_loops",
+        "model",
+        "Passive joints of closed loops: their angles and rates ``W dq``, and whether the loops can be assembled.",
+        takes="q",
+        returns="The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, "
+        "(..., p, 2), the matrix of their rates, (..., p, n), and the sine of the angle between the two bars of "
+        "every loop, (..., k). The status, (...), is 0; 1 where a loop is near a dead point, 2 where one cannot be "
+        "assembled.",
+        record=f"{LOOPS}:closed_loops",
+        details="At a dead point, where the sine is zero, the passive joints have no rates. All functions stay finite "
+        "there: a sine below 1e-6, also that of a loop that cannot be assembled, counts as 1e-6.",
+        raises=(
+            ("numpy.linalg.LinAlgError", "a sine is below 1e-3 at some state, and ``with_status`` is False."),
+            ("ValueError", "a loop cannot be assembled at some state, and ``with_status`` is False."),
+        ),
+        result="ClosedLoops",
+        status=True,
+        needs=Needs.LOOPS,
+        absent="the robot file states no loops",
+    ),
+    ModelFunction(
         "link_velocities",
         "points",
         "Velocities of all link frames in the base frame, ``[v_i; omega_i] = J_i(q) dq``.",
@@ -435,6 +457,7 @@ TABLE = (
         returns="The named tuple (w, dw_dq): (...) and (..., n); zero where J loses rank, and the status, "
         "(...), is 1 there.",
         record=f"{POINTS}:MANIPULABILITY",
+        closed_loops=False,
         raises=(("numpy.linalg.LinAlgError", "J loses rank at some state, and ``with_status`` is False."),),
         result="Manipulability",
         status=True,
@@ -447,6 +470,7 @@ TABLE = (
         takes="q",
         returns="The named tuple (w, dw_dq): (...) and (..., n).",
         record=f"{POINTS}:POSITION_MANIPULABILITY",
+        closed_loops=False,
         raises=(("numpy.linalg.LinAlgError", "J loses rank at some state, and ``with_status`` is False."),),
         result="Manipulability",
         status=True,
@@ -1337,6 +1361,10 @@ def exists(function: ModelFunction, spec: RobotSpec) -> bool:
     if function.needs is Needs.FRICTION_STATE and not any(surface.has_state for surface in friction_of(spec)):
         return False
     if function.needs is Needs.FLOATING_BASE and not spec.floating_base:
+        return False
+    if spec.loops and not function.closed_loops:
+        return False
+    if function.needs is Needs.LOOPS and not spec.loops:
         return False
     if not function.suits(spec.n):
         return False

@@ -30,6 +30,7 @@ import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
 from rrrgen.base.errors import InternalError
+from rrrgen.derive.parameters.loop_dependencies import Dependency, loop_dependencies
 from rrrgen.derive.recursions.following_joints import Turning, UnitAngles
 from rrrgen.derive.recursions.link_frames import (
     Chain,
@@ -75,20 +76,9 @@ LARGEST_FACTOR = 1e3
 below 100; an angle of 1.5708 instead of pi/2 gives 3e5."""
 
 
-@dataclass(frozen=True)
-class Dependency:
-    """A linear relation: the regressor column of ``parameter`` is a combination of other columns.
-
-    ``combination`` maps the other parameters to their factors; it is empty if the column is zero.
-    """
-
-    parameter: Parameter
-    combination: dict[Parameter, sp.Expr]
-
-
 def sampled_rows(model: RobotModel, parameters: list[Parameter], seed: int, states: int) -> list[list[int]]:
     """The rows of the regressor for ``parameters`` at ``states`` random rational states, in the finite field."""
-    constants = ResidueConstants(seed)
+    constants = ResidueConstants(seed, model.nominal if model.closures else None)
     rows: list[list[int]] = []
     for _ in range(states):
         chain, _slides = residue_chain(model, constants)
@@ -108,6 +98,8 @@ def find_dependencies(
     """
     if not candidates:
         return []
+    if model.closures:
+        return loop_dependencies(model, candidates, partial(sampled_rows, model), seed)
     dependencies = _from_the_left(model, ring, candidates, seed)
     # an exchange multiplies the volume that the remaining columns span by its factor, so none comes back
     while exchange := _largest_factor(model, dependencies):

@@ -32,6 +32,7 @@ from rrrgen.derive.recursions.linear_algebra import (
     Vector,
     add,
     cross,
+    dot,
     product,
     rotate_z,
     rotate_z_back,
@@ -140,22 +141,28 @@ class Composition:
     j or a joint between j and the base. The matrices have one row and column for each entry of q (n,), also in a
     mechanism whose chain has further joints that follow those of q.
 
-    If the chain was composed with a ``factor`` (:func:`compose`), every velocity in it is that multiple of the true
-    one.
+    The chain moves at joint velocities ``dq`` (n,). If it was composed with a ``factor`` (:func:`compose`), every
+    velocity in it is that multiple of the true one.
     """
 
     chain: Chain
+    dq: Sequence[Any]
+    factor: int
     bodies: tuple[CompositeBody, ...]
     shifted_wrenches: tuple[dict[int, ShiftedWrench], ...]
 
     def mass_matrix(self) -> Matrix:
         """The mass matrix M(q), shape (n, n), kg m^2 (kg, kg m for prismatic joints), without drive inertia."""
+        return self.chain.form(self._over_joints())
+
+    def _over_joints(self) -> Matrix:
+        """The mass matrix over the rates of all joints, those that follow others included."""
         n = self.chain.n
         M: Matrix = [[0] * n for _ in range(n)]
         for j, row in enumerate(self.shifted_wrenches):
             for i, shifted in row.items():
                 M[i][j] = M[j][i] = joint_force(self.chain, i, shifted.F, shifted.N)
-        return self.chain.form(M)
+        return M
 
     def coriolis_matrix(self) -> Matrix:
         """The Coriolis matrix C(q, dq), shape (n, n), from the Christoffel symbols, N m s (N s for prismatic joints).
@@ -163,7 +170,8 @@ class Composition:
         It satisfies c = C dq for the Coriolis and centrifugal torques c, and dM/dt - 2 C is skew-symmetric. C is linear
         in the velocities: a chain that was composed with a ``factor`` gives ``factor`` times C.
         """
-        return self.chain.form(self.forces_of_rates()[0])
+        reduced = self.chain.form(self.forces_of_rates()[0])
+        return reduced if self.chain.loops is None else self._with_loops(reduced)
 
     def forces_of_rates(self) -> tuple[Matrix, list[Vector]]:
         """C over all joints (n, n), and the wrench (6,) of the field dJ_j/dt of each joint j on the base.
@@ -188,6 +196,15 @@ class Composition:
                     C[j][i] = x * shifted.F[0] + y * shifted.F[1]
         return C, on_base
 
+    def _with_loops(self, C: Matrix) -> Matrix:
+        """The Coriolis matrix ``C`` (n, n) over q, with the part ``W' M dW/dt`` that closed loops add."""
+        M, columns = self._over_joints(), range(len(C))
+        rates = [
+            scale(self.factor, self.chain.joint_second_rates(self.dq, [int(j == k) for j in columns])) for k in columns
+        ]
+        added = [self.chain.forces([dot(row, each) for row in M]) for each in rates]
+        return [[C[i][k] + added[k][i] for k in columns] for i in columns]
+
 
 def compose(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia], factor: int = 1) -> Composition:
     """The composite bodies of ``chain`` at joint velocities ``dq`` (n,), rad/s (m/s), scaled by ``factor``.
@@ -207,9 +224,8 @@ def compose(chain: Chain, dq: Sequence[Any], inertias: Sequence[PseudoInertia], 
         CompositeBody(J, dyad, scale(factor, [velocity.block_omega[1], -velocity.block_omega[0], 0]))
         for J, dyad, velocity in zip(composites(chain, inertias), dyads, motion, strict=True)
     )
-    return Composition(
-        chain, bodies, tuple(_shifted_wrenches(chain, j, body, joint_offsets) for j, body in enumerate(bodies))
-    )
+    wrenches = tuple(_shifted_wrenches(chain, j, body, joint_offsets) for j, body in enumerate(bodies))
+    return Composition(chain, dq, factor, bodies, wrenches)
 
 
 def joint_force(chain: Chain, i: int, F: Vector, N: Vector) -> Any:

@@ -56,12 +56,12 @@ class UnitAngles:
     """The angles of the blocks of ``model`` as whole multiples of independent angles; ``count`` is their number."""
 
     def __init__(self, model: RobotModel) -> None:
-        self._units: dict[int, list[tuple[Fraction, int]]] = {k: [] for k in range(model.n)}
+        self._units: dict[int, list[tuple[Fraction, int]]] = {k: [] for k in range(model.n)}  # not of closed loops
         if model.coupling is None:
             self.count = model.n
             return
         self.count = 0
-        factors = {(k, _fraction(f)) for turning in block_turnings(model) for k, f in turning}
+        factors = {(k, _fraction(f)) for turning in block_turnings(model) for k, f in turning if k < model.n}
         for k, factor in sorted(factors, key=lambda each: (each[0], each[1].denominator, abs(each[1]), each[1])):
             units = self._units[k]
             for j, (unit, place) in enumerate(units):
@@ -91,7 +91,7 @@ class UnitAngles:
         s: Any = 0
         for k, factor in turning:
             place, times = self._multiple(k, factor)
-            ck, sk = _multiple_angle(*unit(place), times)
+            ck, sk = multiple_angle(*unit(place), times)
             c, s = c * ck - s * sk, s * ck + c * sk
         return c, s
 
@@ -110,10 +110,10 @@ def _fraction(factor: sp.Expr) -> Fraction:
     return Fraction(int(factor.p), int(factor.q))
 
 
-def _multiple_angle(c: Any, s: Any, times: int) -> tuple[Any, Any]:
+def multiple_angle(c: Any, s: Any, times: int) -> tuple[Any, Any]:
     """Cosine and sine of ``times`` times an angle."""
     if times < 0:
-        return _multiple_angle(c, -s, -times)
+        return multiple_angle(c, -s, -times)
     total: tuple[Any, Any] = (1, 0)
     for _ in range(times):
         total = (total[0] * c - total[1] * s, total[1] * c + total[0] * s)

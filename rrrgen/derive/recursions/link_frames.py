@@ -13,20 +13,30 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from random import Random
 from typing import Any
 
+import mpmath
 import sympy as sp
 
-from rrrgen.base.errors import DerivationError
-from rrrgen.derive.recursions.following_joints import Turning, UnitAngles, block_turnings, over_coordinates, over_joints
+from rrrgen.base.errors import DerivationError, InternalError
+from rrrgen.derive.recursions.following_joints import (
+    Turning,
+    UnitAngles,
+    block_turnings,
+    multiple_angle,
+    over_coordinates,
+    over_joints,
+)
 from rrrgen.derive.recursions.linear_algebra import Matrix, Vector
+from rrrgen.derive.recursions.loops import Arithmetic, SolvedLoops
 from rrrgen.program import Builder, Port, Role, Value
 from rrrgen.program.builder import Number, plain
 from rrrgen.program.finite_field import PRIME, Residue, square_root
 from rrrgen.program.polynomials import root_factors
 from rrrgen.robot.model import RobotModel, cosine_sine
+from rrrgen.robot.model.loops import Form
 
 HALF_PI = sp.pi / 2
 
@@ -75,6 +85,7 @@ class Chain:
     """All joints, the tip, the user's link frames, and gravity in the base frame.
 
     ``tip_link`` carries the tip; ``coupling`` is S of ``y = S q``, None where the displacements y of the joints are q.
+    With closed ``loops``, ``y = S x`` with the coordinates x = (q, those of the loops), whose rates are ``[1; W] dq``.
     ``base`` is the motion of a floating base, whose body is the first link; None for a base at rest.
     """
 
@@ -85,6 +96,7 @@ class Chain:
     tip_link: int
     coupling: Matrix | None = None
     base: BaseMotion | None = None
+    loops: SolvedLoops | None = None
 
     @property
     def n(self) -> int:
@@ -106,11 +118,24 @@ class Chain:
 
     def joint_rates(self, rates: Sequence[Any]) -> Sequence[Any]:
         """``S rates``: the rates of all joints (n,) from the rates of q."""
-        return over_joints(self.coupling, rates)
+        return over_joints(self.coupling, rates if self.loops is None else self.loops.rates(rates))
+
+    def joint_accelerations(self, dq: Sequence[Any], ddq: Sequence[Any]) -> Sequence[Any]:
+        """The accelerations of all joints (n,) from rates and accelerations of q; loops add ``S [0; dW/dt dq]``."""
+        if self.loops is None:
+            return over_joints(self.coupling, ddq)
+        both = zip(self.loops.rates(ddq), self.loops.second(dq, dq), strict=True)
+        return over_joints(self.coupling, [linear + quadratic for linear, quadratic in both])
+
+    def joint_second_rates(self, dq: Sequence[Any], rates: Sequence[Any]) -> Sequence[Any]:
+        """``S [0; dW/dt rates]`` (n,), with the derivative of W along ``dq``; of a robot with closed loops."""
+        assert self.loops is not None
+        return over_joints(self.coupling, self.loops.second(dq, rates))
 
     def forces(self, forces: Sequence[Any]) -> list[Any]:
         """``S' forces``: the generalized forces on q from those on all joints (n,)."""
-        return over_coordinates(self.coupling, forces)
+        on_coordinates = over_coordinates(self.coupling, forces)
+        return on_coordinates if self.loops is None else self.loops.forces(on_coordinates)
 
     def form(self, matrix: Matrix) -> Matrix:
         """``S' matrix S``: the matrix of a quadratic form, such as M, converted from the rates of all joints to dq."""
@@ -131,12 +156,13 @@ def build_chain(
     trig: Trig,
     q: Sequence[Any],
     gravity: Sequence[Any] | None = None,
+    arithmetic: Arithmetic | None = None,
 ) -> Chain:
     """The chain of ``model`` in one kind of scalar.
 
     ``constant`` converts exact constants, ``trig`` gives the cosine and sine of block angles, ``q`` (n,) the
     displacements of prismatic joints (m), ``gravity`` (3,) the acceleration of gravity (m/s^2) in the base frame, by
-    default the constant of the robot file.
+    default the constant of the robot file. ``arithmetic`` solves closed loops, if there are any.
     """
 
     def placement(R: sp.MatrixBase, p: sp.MatrixBase) -> Placement:
@@ -146,12 +172,22 @@ def build_chain(
     coupling = None
     if model.coupling is not None:
         coupling = [[constant(factor) for factor in row] for row in model.coupling[: len(model.joints)]]
-    slides = over_joints(coupling, q)
+    loops = None
+    if model.closures:
+        if arithmetic is None:
+            raise InternalError("closed loops are solved in numbers that have square roots")
+        loops = SolvedLoops(model.closures, q, partial(_through_loops, trig), arithmetic)
+    slides = over_joints(coupling, [*q, *[0] * (model.coordinates - model.n)] if loops else q)
     joints = []
     for i, (joint, turning, angle) in enumerate(
         zip(model.joints, block_turnings(model), block_angles(model), strict=True)
     ):
-        c, s = trig(turning, angle) if turning or angle != 0 else (1, 0)
+        if loops is not None:
+            c, s = _through_loops(
+                trig, loops, tuple(dict(turning).get(k, sp.S.Zero) for k in range(model.coordinates)), angle
+            )
+        else:
+            c, s = trig(turning, angle) if turning or angle != 0 else (1, 0)
         X = placement(joint.before.R, joint.before.p)
         slide = 0 if joint.revolute else slides[i]
         joints.append(ChainJoint(joint.revolute, joint.parallel, X.R, X.p, c, s, slide, joint.parent))
@@ -162,7 +198,22 @@ def build_chain(
         gravity=[constant(g) for g in model.spec.gravity] if gravity is None else list(gravity),
         tip_link=model.tip_link,
         coupling=coupling,
+        loops=loops,
     )
+
+
+def _through_loops(trig: Trig, loops: SolvedLoops, form: Form, angle: sp.Expr) -> tuple[Any, Any]:
+    """Cosine and sine of the angle ``form . x + angle``, x the coordinates of a robot with closed ``loops``.
+
+    ``trig`` knows the angles of q, ``loops`` those of the loops that are solved.
+    """
+    known = tuple((k, factor) for k, factor in enumerate(form[: loops.n]) if factor != 0)
+    c, s = trig(known, angle) if known or angle != 0 else (1, 0)
+    for k, factor in enumerate(form[loops.n :], loops.n):
+        if factor != 0:
+            ck, sk = multiple_angle(*loops.angles[k], int(factor))
+            c, s = c * ck - s * sk, s * ck + c * sk
+    return c, s
 
 
 def moving(chain: Chain, draw: Callable[[], Any]) -> Chain:
@@ -269,7 +320,10 @@ def program_chain(
         s = builder.label(builder.sin(total), f"s{label}")
         return rotate_quarters(quarters, c, s)
 
-    return build_chain(model, constant, trig, q, gravity)
+    def at_least(x: Any, y: Any) -> Any:
+        return builder.neg(builder.min(builder.neg(x), builder.neg(y)))
+
+    return build_chain(model, constant, trig, q, gravity, Arithmetic(constant, builder.sqrt, at_least))
 
 
 # -- finite field ----------------------------------------------------------------------------------------------------
@@ -279,11 +333,13 @@ class ResidueConstants:
     """Maps exact constants to the finite field.
 
     Rationals, and square roots that exist in the field, map exactly. A named parameter or another irrational number
-    maps to a random element, always the same one: it stands for a generic value.
+    maps to a random element, always the same one: it stands for a generic value. ``nominal`` replaces named parameters
+    by numbers before.
     """
 
-    def __init__(self, seed: int) -> None:
+    def __init__(self, seed: int, nominal: Callable[[sp.Expr], sp.Expr] | None = None) -> None:
         self._random = Random(seed)
+        self._nominal = nominal
         self._known: dict[sp.Expr, Residue] = {}
 
     def draw(self) -> Residue:
@@ -298,6 +354,8 @@ class ResidueConstants:
 
     def __call__(self, expression: sp.Expr) -> Residue | int:
         """The element of the finite field that represents ``expression``."""
+        if self._nominal is not None and expression.free_symbols:
+            expression = self._nominal(expression)
         if expression.is_Rational:
             value = plain(Fraction(int(expression.p), int(expression.q)))
             return value if type(value) is int else Residue.of(value)
@@ -326,11 +384,58 @@ class ResidueConstants:
         return self._known[expression]
 
 
+PRECISE = 60
+"""Digits of :func:`precise_chain`."""
+
+
+def precise_chain(model: RobotModel, q: Sequence[Any]) -> Chain:
+    """The chain at the positions ``q`` (n,) in floating-point numbers of many digits, at nominal parameters.
+
+    The precision of mpmath is that of the caller, which sets it to :data:`PRECISE`.
+    """
+    known: dict[sp.Expr, Any] = {}
+
+    def constant(expression: sp.Expr) -> Any:
+        if expression not in known:
+            value = model.nominal(expression).doit()
+            known[expression] = int(value) if value.is_Integer else mpmath.mpf(value.evalf(PRECISE))
+        return known[expression]
+
+    def trig(turning: Turning, angle: sp.Expr) -> tuple[Any, Any]:
+        total = sum((constant(factor) * q[k] for k, factor in turning), constant(angle))
+        return mpmath.cos(total), mpmath.sin(total)
+
+    def at_least(x: Any, y: Any) -> Any:
+        return max(x * mpmath.mpf(1), y * mpmath.mpf(1))  # a constant may be a fraction, which is not compared
+
+    return build_chain(model, constant, trig, q, None, Arithmetic(constant, mpmath.sqrt, at_least))
+
+
+class NoRootError(ArithmeticError):
+    """An element of the finite field has no square root: half of them have none."""
+
+
+def _residue_root(x: Any) -> Residue:
+    root = square_root(Residue.of(x).value)
+    if root is None:
+        raise NoRootError
+    return Residue(root)
+
+
 def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain, list[Residue]]:
     """The chain at a random configuration in the finite field, and the joint displacements of that configuration.
 
-    Gravity is random too where it is an input of the functions.
+    Gravity is random too where it is an input of the functions. Configurations at which a closed loop has no position
+    in the field are drawn again.
     """
+    while True:
+        try:
+            return _residue_chain(model, constants)
+        except NoRootError:
+            continue
+
+
+def _residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain, list[Residue]]:
     q = [constants.draw() for _ in range(model.n)]
     angles: dict[int, tuple[Residue, Residue]] = {}
     units = UnitAngles(model)
@@ -349,7 +454,7 @@ def residue_chain(model: RobotModel, constants: ResidueConstants) -> tuple[Chain
         return rotate_quarters(quarters, c * cosine - s * sine, s * cosine + c * sine)
 
     gravity = [constants.draw() for _ in range(3)] if model.spec.gravity_input else None
-    chain = build_chain(model, constants, trig, q, gravity)
+    chain = build_chain(model, constants, trig, q, gravity, Arithmetic(constants, _residue_root, lambda x, y: x))
     return (moving(chain, constants.draw) if model.spec.floating_base else chain), q
 
 

@@ -85,7 +85,7 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: 
 
     ``in_link_frame`` (n,) chooses the frame of each link (:func:`choose_frames`).
     """
-    rates, accelerations = chain.joint_rates(dq), chain.joint_rates(ddq)
+    rates, accelerations = chain.joint_rates(dq), chain.joint_accelerations(dq, ddq)
     motions: list[LinkMotion] = []
     absolute: list[tuple[_BlockEntry, Any, Any]] = []
     base = _base_motion(chain)

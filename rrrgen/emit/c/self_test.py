@@ -24,7 +24,6 @@ from rrrgen.robot.model.inertial_parameters import standard_parameters
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
-    from rrrgen.robot.spec import RobotSpec
 
 Table = list[list[float]]
 """Values of an input at several states, one row per state."""
@@ -101,7 +100,7 @@ def selftest(
 
     ``checks`` test functions that have headers of their own, such as the inverse kinematics.
     """
-    states = _states(model.spec)
+    states = _states(model)
     parameters = _parameters(model)
     golden = _golden(model.programs, states, parameters)
     tables = {name: _rows(values) for name, values in states.items()}
@@ -129,22 +128,35 @@ def selftest(
     return {f"{dialect.prefix}_selftest.c": text}
 
 
-def _states(spec: RobotSpec) -> dict[str, Table]:
+def _states(model: DerivedModel) -> dict[str, Table]:
     """The states of the self-test: rest and motion at zero, right angles, half turns (singular for most), random ones.
 
-    All numbers are multiples of 1/64, which are exact in float and double.
+    All numbers are multiples of 1/64, which are exact in float and double. Closed loops are assembled at all states.
     """
+    spec = model.spec
     n = spec.n
     span = [3.0 if joint.is_revolute else 0.5 for joint in spec.joints]
     turn = [101 / 64 if joint.is_revolute else 0.25 for joint in spec.joints]  # 101/64 is close to pi/2
     scattered = _scattered(4, 4 * n)
     places = [[round(64 * x * most) / 64 for x, most in zip(row, span, strict=False)] for row in scattered]
     q = [[0.0] * n, [0.0] * n, turn, [2 * x for x in turn], *places]
+    if spec.loops:
+        q = _assembled(model.programs["closed_loops"], span, len(q))
     moving = [_scattered(1, 3 * n, seed)[0] for seed in (5, 6, 7)]
     others = [[0.0] * (3 * n), *moving, *(row[n:] for row in scattered)]
     others = [[round(128 * x) / 64 for x in row] for row in others]  # up to 2 rad/s and rad/s^2
     parts = {name: [row[k * n : (k + 1) * n] for row in others] for k, name in enumerate(STATES[1:])}
     return {"q": q, **parts}
+
+
+def _assembled(closed_loops: Program, span: Sequence[float], count: int) -> Table:
+    """Random positions at which closed loops are farthest from their dead points."""
+    drawn = [
+        [round(64 * x * most) / 64 for x, most in zip(row, span, strict=True)] for row in _scattered(512, len(span))
+    ]
+    sines = [min(evaluate_floats(closed_loops, row)[2]) for row in drawn]
+    best = sorted(range(len(drawn)), key=lambda k: -sines[k])
+    return [drawn[k] for k in best[:count]]
 
 
 def _scattered(rows: int, columns: int, seed: int = 1) -> Table:

@@ -16,6 +16,7 @@ from rrrgen.base.small_matrices import singular_values
 from rrrgen.emit.html.sketch import zero_pose
 from rrrgen.ik.geometry.chain import numeric_chain
 from rrrgen.program import evaluate_floats
+from rrrgen.robot.model.mechanism import refuse_loops
 
 if TYPE_CHECKING:
     from rrrgen.base.arrays import Array
@@ -126,6 +127,7 @@ def scene(spec: RobotSpec, forward_kinematics: Program | None = None) -> dict[st
     and the factors of q in its displacement, and ``poses`` lists of configurations ``q`` of equal tip pose with the
     names of their branches, if its ``forward_kinematics`` are given. Those of a chain are found by the page itself.
     """
+    refuse_loops(spec, "the drawing")
     base, stages, _ = zero_pose(spec)
     along = stages if spec.mechanism is None else [stages[i] for i in spec.mechanism.path(spec.tip_row)]
     corners = [point for stage in along for point in stage.path]

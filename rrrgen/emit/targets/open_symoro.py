@@ -16,7 +16,8 @@ import sympy as sp
 from rrrgen.emit.notes import unused_entries
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.robot.file.writer import number_text
-from rrrgen.robot.model.canonical_frames import NO_TWIST, Twist, dh_rows, normal_form, rotation_x
+from rrrgen.robot.model.canonical_frames import NO_TWIST, Twist, dh_rows
+from rrrgen.robot.model.exact_transforms import normal_form, rotation_x
 from rrrgen.robot.spec import FrictionSpec, JointSpec, LinkSpec, RobotSpec
 
 MOMENTS = ("MX", "MY", "MZ")

@@ -11,6 +11,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.robot.model.canonical_frames import dh_rows
 from rrrgen.robot.model.inertial_parameters import standard_parameters
+from rrrgen.robot.model.mechanism import refuse_loops
 from rrrgen.robot.spec import FixedTransform, JointSpec, RobotSpec
 
 _ROUND_OFF = 1e-15  # of entries of rotation matrices of right angles
@@ -61,6 +62,7 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
 
     Raises DerivationError for a joint that has a drive and moves otherwise than with it: its position is no coordinate.
     """
+    refuse_loops(spec, "a tree of rigid bodies with couplings")
     base = _matrix(spec, spec.base)
     bodies: list[NumericBody] = []
     behind: list[Array] = []

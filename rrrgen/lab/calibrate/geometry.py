@@ -18,6 +18,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.robot.model.canonical_frames import dh_rows
+from rrrgen.robot.model.mechanism import refuse_loops
 from rrrgen.robot.spec import FixedTransform, RobotSpec
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -391,6 +392,7 @@ def geometry_of_table(spec: RobotSpec) -> Geometry:
     if spec.has_placements:
         message = "calibration takes no rows with gamma or b: write each as a fixed row with theta: gamma and d: b"
         raise DerivationError(f"{spec.name}: {message}")
+    refuse_loops(spec, "the calibration")
     path, every = path_to_tip(spec), dh_rows(spec, nominal=True)
     table = [every[i] for i in path]
     rows = np.zeros((len(table), 5))

@@ -56,6 +56,7 @@ ROBOT = (
     ),
     Key("joints", "rows", "one Denavit-Hartenberg row per joint", True, section="joint", length=MAX_JOINTS),
     Key("tip", "name", "joint whose link carries the tool; needed where the joints branch"),
+    Key("loops", "transforms", "closed loops by name, each of two passive joints and a pin", section="loop"),
     Key("tool", "mapping", "fixed transform after the last link frame", section="transform"),
     Key("tools", "transforms", "other tools by name; `robot.yaml@name` has that tool", section="transform"),
     Key(
@@ -226,6 +227,25 @@ TIP = (
     Key("row", "name", "joint whose link carries this tip", True),
     Key("tool", "mapping", "fixed transform from its link frame to the tip", section="transform"),
 )
+LOOP = (
+    Key("passive", "pair", "the two joints without drive that the loop moves", True),
+    Key(
+        "pins",
+        "points",
+        "the two links that a pin joins, or base, each with its place in that link frame",
+        True,
+        quantity="length",
+        file_units=True,
+    ),
+    Key(
+        "assembly",
+        "choice",
+        "+1: the pin between the passive links lies left of the line from the outer pin of the first to that of the "
+        "second, -1: right, seen against the axis of the first",
+        True,
+        ("1", "+1", "-1"),
+    ),
+)
 BASIS = (
     Key("products", "choice", "sign of Ixy, Ixz, Iyz in the expressions", True, ("tensor", "positive")),
     Key("parameters", "basis", "the expressions", True),
@@ -245,6 +265,7 @@ SECTIONS: dict[str, tuple[Key, ...]] = {
     "transform": TRANSFORM,
     "floating": FLOATING,
     "tip": TIP,
+    "loop": LOOP,
     "basis": BASIS,
     "fit": FIT,
 }

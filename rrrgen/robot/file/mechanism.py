@@ -2,6 +2,7 @@
 
 Keys of a row: ``follows`` gives its displacement as a sum of multiples of joint positions, none for a fixed row;
 ``parent`` names the joint whose link carries it. The file's key ``tip`` names the joint whose link carries the tool.
+Passive joints of closed loops have no drive either and may be followed (:mod:`rrrgen.robot.file.loops`).
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from rrrgen.base.yamltext.fields import read_entries
 from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.robot.file.fields import BASE
 from rrrgen.robot.file.quantities import Scope, read_value
-from rrrgen.robot.spec import JointSpec, Limits, MechanismSpec
+from rrrgen.robot.spec import JointSpec, Limits, LoopSpec, MechanismSpec
 
 Factors = dict[str, sp.Expr]
 
@@ -24,34 +25,49 @@ _OF_DRIVES = ("friction", "drive")
 
 
 def read_mechanism(
-    node: Node, tip: Node | None, joints: Row[JointSpec | None], scope: Scope
+    node: Node, tip: Node | None, joints: Row[JointSpec | None], scope: Scope, loops: Row[LoopSpec] = ()
 ) -> tuple[tuple[JointSpec, ...], MechanismSpec | None]:
     """Read the driven joints, whose positions are q, and the mechanism (None for a chain of driven joints).
 
     ``node`` is the list of joints and ``tip`` the value of the file's key ``tip``. ``joints`` are the rows as read
-    before; the sign of a row goes into the matrix of the mechanism.
+    before, ``loops`` the closed loops; the sign of a row goes into the matrix of the mechanism.
     """
     rows = tuple(joint for joint in joints if joint is not None)
     items = node.items if isinstance(node, SequenceNode) else []
     keys = [_keys_of(item) for item in items]
-    stated = tip is not None or any(key in each for each in keys for key in ("follows", "parent", "gamma", "b"))
+    stated = (
+        tip is not None
+        or bool(loops)
+        or any(key in each for each in keys for key in ("follows", "parent", "gamma", "b"))
+    )
     if not stated or len(rows) != len(items):
         return rows, None
     names = [row.name for row in rows]
     parents = [_read_parent(each.get("parent"), i, names, scope) for i, each in enumerate(keys)]
     follows = [_read_follows(each.get("follows"), row, scope) for each, row in zip(keys, rows, strict=True)]
-    driven = [row.name for row, factors in zip(rows, follows, strict=True) if factors is None or row.name in factors]
+    passive = [names[row] for loop in loops for row in loop.passive]
+    driven = [
+        row.name
+        for row, factors in zip(rows, follows, strict=True)
+        if row.name not in passive and (factors is None or row.name in factors)
+    ]
     matrix = []
     for row, factors, each in zip(rows, follows, keys, strict=True):
         factors = {row.name: sp.S.One} if factors is None else factors
-        _check_followed(each, row, factors, driven, rows, scope)
-        matrix.append(tuple(row.sign * factors.get(name, sp.S.Zero) for name in driven))
+        if row.name in passive:
+            _check_passive(each, row.name, scope)
+        else:
+            _check_followed(each, row, factors, driven, passive, rows, scope)
+        matrix.append(tuple(row.sign * factors.get(name, sp.S.Zero) for name in (*driven, *passive)))
     if scope.faults.errors:
         return rows, None
     tip_row = _read_tip(node, tip, parents, names, scope)
     _check_rank(node, matrix, driven, scope)
     plain = tuple(replace(row, sign=1) for row in rows)
-    return mechanism_of_rows(plain, tuple(parents), tip_row, matrix, [names.index(name) for name in driven])
+    counted, mechanism = mechanism_of_rows(
+        plain, tuple(parents), tip_row, matrix, [names.index(name) for name in driven]
+    )
+    return counted, replace(mechanism, loops=tuple(loops))
 
 
 def on_floating_base(
@@ -144,24 +160,44 @@ def _read_follows(entry: tuple[ScalarNode, Node] | None, row: JointSpec, scope: 
     return factors
 
 
+def _check_passive(keys: dict[str, tuple[ScalarNode, Node]], name: str, scope: Scope) -> None:
+    """Check that a row that a closed loop moves states nothing of a joint with a drive."""
+    hint = "drop it, or take the joint out of the loop's passive ones"
+    for section in ("follows", "limits", *_OF_DRIVES):
+        if section in keys:
+            scope.faults.error(keys[section][0], f"joint '{name}' is passive in a loop and has no {section}", hint)
+
+
 def _check_followed(
     keys: dict[str, tuple[ScalarNode, Node]],
     row: JointSpec,
     factors: Factors,
     driven: list[str],
+    passive: list[str],
     rows: Row[JointSpec],
     scope: Scope,
 ) -> None:
-    """Check a row with ``follows``: it names driven joints and has no drive, friction, or limits but its range.
+    """Check a row with ``follows``: it names driven or ``passive`` joints and has no drive, no friction, only a range.
 
-    ``keys`` are the keys of the row in the file, ``factors`` those of the joints that it follows, by name.
+    ``keys`` are the keys of the row in the file, ``factors`` those of the joints that it follows, by name. It follows
+    passive joints by whole multiples, since only cosine and sine of their angles are known, and then has no range.
     """
     if "follows" not in keys:
         return
-    for name, (key, _) in (read_entries(keys["follows"][1], "follows", scope.faults) or {}).items():
-        if name in driven:
+    allowed = [*driven, *passive]
+    for name, (key, value) in (read_entries(keys["follows"][1], "follows", scope.faults) or {}).items():
+        if name in passive and row.is_revolute and name in factors and not factors[name].is_Integer:
+            hint = f"'{name}' is passive in a loop, which gives cosine and sine of its angle only"
+            scope.faults.error(value, f"the factor of {name} in follows of joint '{row.name}' is no integer", hint)
+        if name in passive and not row.is_revolute:
+            hint = f"the angle of '{name}', which is passive in a loop, is known by its cosine and sine only"
+            scope.faults.error(key, f"the prismatic joint '{row.name}' cannot follow '{name}'", hint)
+        if name in passive and "limits" in keys:
+            hint = f"it follows '{name}', which is passive in a loop"
+            scope.faults.error(keys["limits"][0], f"joint '{row.name}' has no limits", hint)
+        if name in allowed:
             continue
-        hint = " ".join(part for part in (did_you_mean(name, driven), f"allowed are {', '.join(driven)}") if part)
+        hint = " ".join(part for part in (did_you_mean(name, allowed), f"allowed are {', '.join(allowed)}") if part)
         itself = next((each for each in rows if each.name == name), None)
         why = "follows others itself" if itself is not None else "is no joint"
         scope.faults.error(key, f"joint '{row.name}' follows '{name}', which {why}", hint)
@@ -197,7 +233,7 @@ def _read_tip(node: Node, tip: Node | None, parents: list[int], names: list[str]
 def _check_rank(node: Node, matrix: list[tuple[sp.Expr, ...]], driven: list[str], scope: Scope) -> None:
     if not driven:
         scope.faults.error(node, "every joint follows another one", "at least one joint has a drive of its own")
-    elif sp.Matrix(matrix).rank() < len(driven):
+    elif sp.Matrix(matrix).rank() < len(matrix[0]):
         hint = "each joint without follows, or that names itself there, has a drive; drop one or change a factor"
         scope.faults.error(node, f"the positions of {', '.join(driven)} do not follow from those of the joints", hint)
 

@@ -30,9 +30,12 @@ from rrrgen.robot.file.drives import read_drives
 from rrrgen.robot.file.fields import FIT, HASH_DIGITS, MAX_FITS, ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robot.file.joints import read_joints, refuse_placements
 from rrrgen.robot.file.links import read_floating_base, read_links
+from rrrgen.robot.file.loops import read_loops
 from rrrgen.robot.file.mechanism import fixed_rows, on_floating_base, read_mechanism
 from rrrgen.robot.file.parameter_basis import read_basis
 from rrrgen.robot.file.quantities import Scope, read_parameters, read_value, read_vector
+from rrrgen.robot.model import build_model
+from rrrgen.robot.model.loops import LoopError
 from rrrgen.robot.robots import bundled_names, bundled_path, installed_path
 from rrrgen.robot.spec import Convention, FitSpec, FixedTransform, JointSpec, LinkSpec, RobotSpec, TipSpec, name_fault
 
@@ -299,9 +302,11 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     tools = read_tools(values["tools"], scope) if "tools" in values else {}
     counted: tuple[JointSpec | None, ...] = tuple(joints)
     mechanism = None
-    if "joints" in values and all(joint is not None for joint in joints):
-        counted, mechanism = read_mechanism(values["joints"], values.get("tip"), joints, scope)
     names = [joint.name for joint in joints if joint is not None]
+    loops = read_loops(values["loops"], names, scope) if "loops" in values and len(names) == len(joints) else {}
+    if "joints" in values and all(joint is not None for joint in joints):
+        closed = [loop for _, loop in loops.values()]
+        counted, mechanism = read_mechanism(values["joints"], values.get("tip"), joints, scope, closed)
     tips = read_tips(values["tips"], name, names, list(tools), scope) if "tips" in values else {}
     if tips and mechanism is None and not faults.errors:
         hint = "tip: NAME; the joint whose link carries the tool while none of the tips is chosen"
@@ -322,7 +327,7 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     description, source = (read_text(values[k], k, faults) if k in values else "" for k in ("description", "source"))
     if faults.errors or gravity is None or base is None or tool is None:
         return None
-    return RobotSpec(
+    spec = RobotSpec(
         name=name,
         convention=cast(Convention, convention),
         gravity=gravity,
@@ -348,6 +353,18 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
         mechanism=mechanism,
         floating_base=floating is not None,
     )
+    _check_loops(spec, {name: key for name, (key, _) in loops.items()}, faults)
+    return spec
+
+
+def _check_loops(spec: RobotSpec, keys: dict[str, ScalarNode], faults: FaultList) -> None:
+    """Report a loop of ``spec`` that cannot be solved, at its key of the section ``loops``."""
+    if not spec.loops:
+        return
+    try:
+        build_model(spec)
+    except LoopError as error:
+        faults.error(keys[error.name], f"loop '{error.name}': {error.message}", error.hint)
 
 
 def _refuse_beside_floating_base(values: dict[str, Node], scope: Scope) -> None:
@@ -355,6 +372,7 @@ def _refuse_beside_floating_base(values: dict[str, Node], scope: Scope) -> None:
     hints = {
         "base": "the frame of the base is that of its body: place the first rows by their parameters",
         "basis": "leave it out: the compiler chooses the base parameters of a floating base",
+        "loops": "put the mechanism on a fixed base, or let its rows follow each other: follows",
     }
     for key, hint in hints.items():
         if key in values:

@@ -37,6 +37,7 @@ _TITLES = {
     "transform": "`base` and `tool`",
     "floating": "`floating_base`",
     "tip": "One of `tips`",
+    "loop": "One of `loops`",
     "basis": "`basis`",
     "fit": "One row of `provenance`",
 }
@@ -51,6 +52,8 @@ _VALUES = {
     "basis": "list of expressions",
     "count": "whole number",
     "texts": "list of texts",
+    "pair": "list of 2 names",
+    "points": "name: list of 3",
 }
 
 
@@ -84,7 +87,7 @@ def _value_text(key: Key) -> str:
 
 def _unit(key: Key) -> str:
     """The table cell with the SI units of a value (for both joint types), and whether ``units`` sets bare ones."""
-    if key.kind not in ("value", "vector"):
+    if key.kind not in ("value", "vector", "points"):
         return ""
     units = [QUANTITIES[key.quantity].si_unit]
     if key.prismatic:
@@ -144,7 +147,8 @@ def _value_schema(key: Key) -> dict[str, Any]:
         case "name":
             return {"type": "string", "pattern": IDENTIFIER}
         case "choice":
-            return {"enum": list(key.choices)}
+            numbers = [int(word) for word in key.choices if word.lstrip("+-").isdigit()]  # YAML reads them as such
+            return {"enum": [*key.choices, *dict.fromkeys(numbers)]}
         case "choices":
             return {"type": "array", "uniqueItems": True, "items": {"enum": list(key.choices)}}
         case "value":
@@ -168,6 +172,12 @@ def _value_schema(key: Key) -> dict[str, Any]:
             return {"type": "object", "propertyNames": {"pattern": IDENTIFIER}, "additionalProperties": section}
         case "names":
             return {"type": "object", "propertyNames": {"pattern": IDENTIFIER}, "additionalProperties": expression}
+        case "pair":
+            item = {"type": "string", "pattern": IDENTIFIER}
+            return {"type": "array", "minItems": 2, "maxItems": 2, "uniqueItems": True, "items": item}
+        case "points":
+            points = {"propertyNames": {"pattern": IDENTIFIER}, "additionalProperties": _vector(expression)}
+            return {"type": "object", "minProperties": 2, "maxProperties": 2, **points}
         case "count":
             return {"type": "integer", "minimum": 0}
         case "texts":

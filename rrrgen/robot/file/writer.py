@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import sympy as sp
 
@@ -56,6 +56,7 @@ def dumps(spec: RobotSpec) -> str:
         lines += printer.joint(*_row(spec, i))
     if spec.mechanism is not None:
         lines.append(f"tip: {spec.rows[spec.mechanism.tip].name}")
+    lines += printer.loops(spec)
     lines += printer.transform("tool", spec.tool)
     lines += printer.tools(spec.tools)
     lines += printer.tips(spec.tips)
@@ -243,6 +244,18 @@ class _Printer:
             lines += [f"  {line}" for line in entries]
         return lines
 
+    def loops(self, spec: RobotSpec) -> list[str]:
+        """The section ``loops``; no lines for a robot without closed loops."""
+        lines = ["loops:"] if spec.loops else []
+        for loop in spec.loops:
+            first, second = (spec.rows[row].name for row in loop.passive)
+            places = [", ".join(self.value(v, "length") for v in place) for _, place in loop.pins]
+            ends = [BASE if row < 0 else spec.rows[row].name for row, _ in loop.pins]
+            pins = ", ".join(f"{end}: [{place}]" for end, place in zip(ends, places, strict=True))
+            lines += [f"  {loop.name}:", f"    passive: [{first}, {second}]", f"    pins: {{{pins}}}"]
+            lines.append(f"    assembly: {loop.assembly:+d}")
+        return lines
+
     def transform(self, name: str, transform: FixedTransform) -> list[str]:
         if transform == FixedTransform():
             return []
@@ -262,10 +275,13 @@ def _row(spec: RobotSpec, i: int) -> tuple[JointSpec, str, dict[str, sp.Expr] | 
     if mechanism is None:
         return row, "", None
     counted = {joint.name: joint for joint in spec.joints}
+    coordinates = (*counted, *(spec.rows[row].name for row in mechanism.passive))
     before = mechanism.parents[i]
     first = int(spec.floating_base)  # the row before it is the body of a floating base
     parent = "" if before == i - 1 else BASE if before < first else mechanism.rows[before].name
-    follows = {name: factor for name, factor in zip(counted, mechanism.matrix[i], strict=True) if factor != 0}
+    follows = {name: factor for name, factor in zip(coordinates, mechanism.matrix[i], strict=True) if factor != 0}
+    if i in mechanism.passive:
+        return replace(row, sign=int(follows[row.name])), parent, None
     return counted.get(row.name, row), parent, None if follows == {row.name: 1} else follows
 
 

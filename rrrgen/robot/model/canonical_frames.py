@@ -22,6 +22,15 @@ from typing import NamedTuple
 
 import sympy as sp
 
+from rrrgen.robot.model.exact_transforms import (
+    IDENTITY,
+    JointModel,
+    RigidTransform,
+    normal_form,
+    rotation_x,
+    rotation_z,
+)
+from rrrgen.robot.model.loops import Closure, LoopGeometry
 from rrrgen.robot.spec import FixedTransform, RobotSpec
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -96,76 +105,6 @@ def dh_rows(spec: RobotSpec, *, nominal: bool = False) -> tuple[DHRow, ...]:
 # The robot in canonical frames
 # ------------------------------------------------------------------------------------------------------------------
 
-IDENTITY = sp.eye(3)
-
-
-@dataclass(frozen=True)
-class RigidTransform:
-    """A constant homogeneous transform with exact entries: rotation ``R`` (3, 3) and translation ``p`` (3, 1) in m."""
-
-    R: sp.ImmutableMatrix
-    p: sp.ImmutableMatrix
-
-    def __matmul__(self, other: RigidTransform) -> RigidTransform:
-        return RigidTransform(
-            sp.ImmutableMatrix((self.R * other.R).applyfunc(normal_form)),
-            sp.ImmutableMatrix((self.R * other.p + self.p).applyfunc(normal_form)),
-        )
-
-    @staticmethod
-    def of(R: sp.MatrixBase = IDENTITY, p: tuple[sp.Expr, ...] = (0, 0, 0)) -> RigidTransform:
-        """The transform with rotation ``R`` and translation ``p`` (m); identity by default."""
-        return RigidTransform(sp.ImmutableMatrix(R), sp.ImmutableMatrix(3, 1, list(p)))
-
-
-def normal_form(expression: sp.Expr) -> sp.Expr:
-    """Expand ``expression`` and write even powers of sines by cosines, so that terms which cancel vanish."""
-    expanded = sp.expand(expression)
-    powers = {
-        power: (1 - sp.cos(power.base.args[0]) ** 2) ** (power.exp // 2) * power.base ** (power.exp % 2)
-        for power in expanded.atoms(sp.Pow)
-        if isinstance(power.base, sp.sin) and power.exp.is_Integer and power.exp > 1
-    }
-    return sp.expand(expanded.xreplace(powers)) if powers else expanded
-
-
-def cosine_sine(angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-    """The exact cosine and sine of ``angle`` (rad).
-
-    Values with at most one square root are evaluated, as for 45 degrees; others stay cos(angle) and sin(angle).
-    """
-    c, s = sp.cos(angle), sp.sin(angle)
-    if all((value**2).is_Rational or (value**2).base.func in (sp.cos, sp.sin) for value in (c, s)):
-        return c, s
-    held = sp.UnevaluatedExpr(angle)
-    return sp.cos(held), sp.sin(held)
-
-
-def rotation_x(angle: sp.Expr) -> sp.Matrix:
-    """The rotation matrix Rx(angle), angle in rad."""
-    c, s = cosine_sine(angle)
-    return sp.Matrix([[1, 0, 0], [0, c, -s], [0, s, c]])
-
-
-def rotation_z(angle: sp.Expr) -> sp.Matrix:
-    """The rotation matrix Rz(angle), angle in rad."""
-    c, s = cosine_sine(angle)
-    return sp.Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-
-
-@dataclass(frozen=True)
-class JointModel:
-    """Joint i: the constant transform X_i ``before`` it, its type, and the constant ``theta`` (rad) of its angle."""
-
-    name: str
-    revolute: bool
-    before: RigidTransform
-    theta: sp.Expr
-    parallel: bool
-    """Whether the axis has the same direction as that of the joint before, so that R_i = 1."""
-    parent: int
-    """The number of the joint before (from 0), whose link carries this one; -1 for the base."""
-
 
 @dataclass(frozen=True)
 class RobotModel:
@@ -173,7 +112,8 @@ class RobotModel:
 
     ``tip`` is X_tip, ``link_frames[i]`` the constant transform from ``P_i`` to the user's link frame ``D_i``.
     ``tip_link`` is the link that carries the tool. ``coupling`` (links, n) gives the displacements of the joints,
-    ``y = coupling q``; None where they are q.
+    ``y = coupling q``; None where they are q. With closed loops, ``closures``, it has further columns, for the
+    coordinates of the loops (:mod:`rrrgen.robot.model.loops`): ``y = coupling x``.
     """
 
     spec: RobotSpec
@@ -182,6 +122,7 @@ class RobotModel:
     link_frames: tuple[RigidTransform, ...]
     tip_link: int
     coupling: tuple[tuple[sp.Expr, ...], ...] | None = None
+    closures: tuple[Closure, ...] = ()
     _nominal: dict[sp.Expr, sp.Expr] = field(default_factory=dict, compare=False, repr=False)
 
     def nominal(self, expression: sp.Expr) -> sp.Expr:
@@ -199,6 +140,11 @@ class RobotModel:
     def n(self) -> int:
         """Length of q: the number of joints, without those that follow others."""
         return self.spec.n
+
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates x: the joints, and two for every closed loop."""
+        return self.n + 2 * len(self.closures)
 
     @property
     def links(self) -> int:
@@ -252,16 +198,23 @@ def build_model(spec: RobotSpec) -> RobotModel:
         constants[i] = (moved[parent] @ constants[i] if parent >= 0 else constants[i]) @ back[i]
     tip_link = spec.tip_row
     link_frames = tuple(forth @ frame for forth, frame in zip(moved, frames, strict=True))
+    joints = tuple(
+        JointModel(joint.name, joint.is_revolute, X, theta, flag, parent)
+        for joint, X, theta, flag, parent in zip(spec.rows, constants, angles, parallel, spec.parents, strict=True)
+    )
+    coupling = _coupling(spec)
+    closures: tuple[Closure, ...] = ()
+    if spec.loops:
+        loops = LoopGeometry(spec, joints, link_frames)
+        coupling, closures = loops.coupling, loops.closures
     return RobotModel(
         spec=spec,
-        joints=tuple(
-            JointModel(joint.name, joint.is_revolute, X, theta, flag, parent)
-            for joint, X, theta, flag, parent in zip(spec.rows, constants, angles, parallel, spec.parents, strict=True)
-        ),
+        joints=joints,
         tip=link_frames[tip_link] @ _fixed(spec.tool),
         link_frames=link_frames,
         tip_link=tip_link,
-        coupling=_coupling(spec),
+        coupling=coupling,
+        closures=closures,
     )
 
 

@@ -10,7 +10,7 @@ import sympy as sp
 
 from rrrgen.base.errors import DerivationError, InternalError
 from rrrgen.robot.model.drives import weighted_sum
-from rrrgen.robot.spec import FixedTransform, JointSpec, Limits, MechanismSpec, RobotSpec
+from rrrgen.robot.spec import FixedTransform, JointSpec, Limits, LoopSpec, MechanismSpec, RobotSpec
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,13 @@ class FollowerLimits:
     upper: float | None
 
 
+def refuse_loops(spec: RobotSpec, what: str) -> None:
+    """Raise DerivationError for a robot with closed loops; ``what`` is what does not exist for it."""
+    if spec.loops:
+        names = ", ".join(loop.name for loop in spec.loops)
+        raise DerivationError(f"{spec.name}: {what} does not exist with closed loops ({names})")
+
+
 def follower_limits(spec: RobotSpec) -> tuple[FollowerLimits, ...]:
     """The ranges of all rows that follow several joints; empty for a serial chain."""
     if spec.mechanism is None:
@@ -35,7 +42,7 @@ def follower_limits(spec: RobotSpec) -> tuple[FollowerLimits, ...]:
         several = sum(factor != 0 for factor in factors) > 1
         lower, upper = (None if v is None else float(v) for v in (row.limits.lower, row.limits.upper))
         if several and (lower is not None or upper is not None):
-            found.append(FollowerLimits(row.name, tuple(map(float, factors)), lower, upper))
+            found.append(FollowerLimits(row.name, tuple(map(float, factors[: spec.n])), lower, upper))
     return tuple(found)
 
 
@@ -82,6 +89,7 @@ def coupling_to_tip(spec: RobotSpec) -> sp.Matrix:
     """The matrix (rows, n) that maps q to the displacements of the joints of :func:`chain_to_tip`."""
     if spec.mechanism is None:
         return sp.eye(spec.n)
+    refuse_loops(spec, "a constant coupling of the tip")
     return sp.Matrix([list(spec.mechanism.matrix[i]) for i in spec.mechanism.path(spec.mechanism.tip)])
 
 
@@ -107,6 +115,7 @@ def tip_arm(spec: RobotSpec, tip: str) -> TipArm:
     Raises DerivationError where no joint moves the tip alone, or where shared joints stand behind such ones.
     """
     one = spec.at_tip(tip)
+    refuse_loops(spec, f"an arm of its own at the tip {tip}")
     if one.mechanism is None:
         raise InternalError("a robot with named tips has a mechanism")
     S, path = one.mechanism.matrix, one.mechanism.path(one.tip_row)
@@ -146,7 +155,8 @@ def mechanism_equations(spec: RobotSpec) -> list[str]:
     """Describe each row of a mechanism and each named tip by a clause: parent and motion with q. Empty for a chain."""
     if spec.mechanism is None:
         return []
-    names = [joint.name for joint in spec.joints]
+    passive = [spec.rows[row].name for row in spec.mechanism.passive]
+    names = [joint.name for joint in spec.joints] + passive
     found = []
     for row, parent, factors in zip(spec.rows, spec.parents, spec.mechanism.matrix, strict=True):
         carrier = spec.rows[parent].name if parent >= 0 else "base"
@@ -154,14 +164,19 @@ def mechanism_equations(spec: RobotSpec) -> list[str]:
             found.append(f"{row.name} is the floating base")
             continue
         moved = weighted_sum(names, [str(value) for value in factors])
-        found.append(f"{row.name} on {carrier}" + ("" if moved == row.name else f", {row.name} = {moved}"))
+        free = " without a drive" if row.name in passive else "" if moved == row.name else f", {row.name} = {moved}"
+        found.append(f"{row.name} on {carrier}{free}")
+    for loop in spec.loops:
+        ends = " and ".join("base" if row < 0 else spec.rows[row].name for row, _ in loop.pins)
+        moved = " and ".join(spec.rows[row].name for row in loop.passive)
+        found.append(f"loop {loop.name}: a pin of {ends} moves {moved}, assembly {loop.assembly:+d}")
     return [*found, *(f"tip {name} on {tip.row}" for name, tip in spec.tips.items())]
 
 
 def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:
     """Plain data about a mechanism: every row with its parent, and the exact matrix S of ``y = S q`` as text.
 
-    None for a serial chain.
+    With closed loops S has columns for their passive rows behind those of q. None for a serial chain.
     """
     if spec.mechanism is None:
         return None
@@ -171,4 +186,11 @@ def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:
         "tip": spec.rows[spec.tip_row].name,
         **({"tips": {name: tip.row for name, tip in spec.tips.items()}} if spec.tips else {}),
         "matrix": [[str(value) for value in factors] for factors in spec.mechanism.matrix],
+        **({"loops": [_loop_data(spec, loop) for loop in spec.loops]} if spec.loops else {}),
     }
+
+
+def _loop_data(spec: RobotSpec, loop: LoopSpec) -> dict[str, Any]:
+    pins = {"base" if row < 0 else spec.rows[row].name: [str(v) for v in place] for row, place in loop.pins}
+    passive = [spec.rows[row].name for row in loop.passive]
+    return {"name": loop.name, "passive": passive, "pins": pins, "assembly": loop.assembly}

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from rrrgen.runtime.functions.calls import Array, Calls
 from rrrgen.runtime.results import (
     AdaptiveStep,
+    ClosedLoops,
     Contact,
     ControlStep,
     DynamicsTerms,
@@ -596,6 +597,30 @@ class TableFunctions(Calls):
             The named tuple (kinetic, potential), each (...), J.
         """
 
+    @overload
+    def closed_loops(self, q: ArrayLike, *, with_status: Literal[False] = ...) -> ClosedLoops:
+        """Passive joints of closed loops: their angles and rates ``W dq``, and whether the loops can be assembled.
+
+        At a dead point, where the sine is zero, the passive joints have no rates. All functions stay finite there: a
+        sine below 1e-6, also that of a loop that cannot be assembled, counts as 1e-6.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
+
+        Returns:
+            The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, (..., p, 2),
+            the matrix of their rates, (..., p, n), and the sine of the angle between the two bars of every loop, (...,
+            k). The status, (...), is 0; 1 where a loop is near a dead point, 2 where one cannot be assembled.
+
+        Raises:
+            numpy.linalg.LinAlgError: a sine is below 1e-3 at some state, and ``with_status`` is False.
+            ValueError: a loop cannot be assembled at some state, and ``with_status`` is False.
+        """
+    @overload
+    def closed_loops(self, q: ArrayLike, *, with_status: Literal[True]) -> tuple[ClosedLoops, Array]: ...
+    @overload
+    def closed_loops(self, q: ArrayLike, *, with_status: bool) -> ClosedLoops | tuple[ClosedLoops, Array]: ...
     def link_velocities(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """Velocities of all link frames in the base frame, ``[v_i; omega_i] = J_i(q) dq``.
 
@@ -2805,8 +2830,7 @@ class TableFunctions(Calls):
         *,
         Ia: ArrayLike | None = None,
     ) -> FloatingForces:
-        """Wrench on the floating base and joint torques, without friction, from gyroscope and accelerometer of the
-        base.
+        """Wrench on the floating base and joint torques, without friction, from the gyroscope and accelerometer on it.
 
         As :meth:`floating_inverse_dynamics`, with ``accelerometer = dv/dt + omega x v - R' g``: neither orientation,
         velocity nor gravity enter otherwise.

@@ -7,6 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from rrrgen.verify.references.closed_loops import ClosedLoops
+from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, NumericRobot, centre_and_tensor, without_mass
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -59,6 +61,42 @@ def _mujoco(chain: NumericRobot, phi: Array) -> Reference:
 def _toolbox(chain: NumericRobot, phi: Array) -> Reference:
     return ToolboxReference(chain, phi)
 
+
+class ClosedReference:
+    """A robot with closed loops: the open tree in a library, reduced by W of a numerical solution of the loops.
+
+    ``library`` makes the reference of the tree; ``phi`` (links, 10) are the standard parameters.
+    """
+
+    def __init__(self, library: Library, chain: NumericRobot, phi: Array) -> None:
+        tree = chain.opened()
+        self._tree, self._drive_inertia = library(tree, phi), chain.drive_inertia
+        self._loops = ClosedLoops(chain, NewtonEuler(tree, phi))
+        self.name = self._tree.name
+
+    def _at(self, q: Array) -> tuple[Array, Array]:
+        """The positions x (n + p,) of the tree, and the matrix (n + p, n) of their rates."""
+        x = self._loops.solve(q[None])[0]
+        return x[0], np.concatenate([np.eye(len(q)), self._loops.passive_rates(x)[0]])
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """The torques tau (n,) of the driven joints."""
+        x, C = self._at(q)
+        ddx = C @ ddq
+        ddx[len(q) :] += self._loops.passive_accelerations(x[None], (C @ dq)[None])[0]
+        return np.asarray(C.T @ self._tree.inverse_dynamics(x, C @ dq, ddx) + self._drive_inertia @ ddq)
+
+    def mass_matrix(self, q: Array) -> Array:
+        """The mass matrix M (n, n)."""
+        x, C = self._at(q)
+        return np.asarray(C.T @ self._tree.mass_matrix(x) @ C + self._drive_inertia)
+
+    def forward_kinematics(self, q: Array) -> Array:
+        """The pose (4, 4) of the tip in the base frame."""
+        return self._tree.forward_kinematics(self._at(q)[0])
+
+
+Library = Callable[[NumericRobot, Array], Reference]
 
 LIBRARIES: dict[str, Callable[[NumericRobot, Array], Reference]] = {
     "Pinocchio": _pinocchio,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rrrgen.verify.references.closed_loops import ClosedLoops
 from rrrgen.verify.references.numeric_robot import Array, NumericRobot, inertia_tensor
 
 FUNCTIONS_OF_POSITION = ("forward_kinematics", "link_frames", "jacobian", "link_jacobians")
@@ -56,9 +57,10 @@ class _Outward:
     """The outward pass, one entry per link, in the axes of the link frame at its origin.
 
     ``R``, ``p``: pose in the frame of the link before. ``w``, ``v``: angular and linear velocity. ``wd``, ``vd``:
-    angular and linear part of the spatial acceleration.
+    angular and linear part of the spatial acceleration. ``coupling`` maps dq to the rates of all rows.
     """
 
+    coupling: Array
     R: list[Array]
     p: list[Array]
     w: list[Array]
@@ -97,7 +99,8 @@ def still_base(count: int, twist: Array | None = None) -> BaseState:
 class NewtonEuler:
     """Kinematics and dynamics of a chain with standard parameters ``phi`` (links, 10); states are batches (N, n).
 
-    The chain may branch. Its displacements are ``coupling q``, with the constant matrix ``coupling`` of the chain.
+    The chain may branch. Its displacements are ``coupling q``, with the constant matrix ``coupling`` of the chain. With
+    closed loops they are those of the open tree at positions at which the loops are closed, found numerically.
     """
 
     name = "Newton-Euler (built in)"
@@ -107,7 +110,10 @@ class NewtonEuler:
         self.phi = phi
         self._tensors = [inertia_tensor(row) for row in phi]
         self._around = chain.around_joints()
-        self._axes = [self._axis(i) for i in range(chain.links)]
+        self.axes = [self._axis(i) for i in range(chain.links)]
+        self.loops: ClosedLoops | None = None
+        if chain.loops:
+            self.loops = ClosedLoops(chain, NewtonEuler(chain.opened(), phi))
 
     def _axis(self, i: int) -> tuple[Array, Array]:
         """Motion subspace of joint i in link frame i: (angular, linear), constant."""
@@ -115,10 +121,21 @@ class NewtonEuler:
         z, arm = after[:3, :3].T @ [0.0, 0.0, 1.0], after[:3, :3].T @ after[:3, 3]
         return (z, _cross(z, arm)) if self.chain.revolute[i] else (np.zeros(3), z)
 
+    def _positions(self, q: Array) -> Array:
+        """The positions of all rows that follow none (N, .): q, and those of passive rows of closed loops."""
+        return q if self.loops is None else self.loops.solve(q)[0]
+
+    def _coupling(self, q: Array) -> Array:
+        """The matrix from dq to the rates of all rows, (links, n), or (N, links, n) with closed loops."""
+        if self.loops is None:
+            return self.chain.coupling
+        S, n = self.chain.coupling, self.chain.n
+        return np.asarray(S[:, :n] + S[:, n:] @ self.loops.passive_rates(self._positions(q)))
+
     def _steps(self, q: Array) -> list[Array]:
         """DH transforms A_i(y_i) (N, 4, 4), one per row, with ``y = coupling q``; ``q`` is (N, n)."""
         steps = []
-        y = q @ self.chain.coupling.T
+        y = self._positions(q) @ self.chain.coupling.T
         for i, (before, after) in enumerate(self._around):
             motion = np.tile(np.eye(4), (len(q), 1, 1))
             if self.chain.revolute[i]:
@@ -145,25 +162,45 @@ class NewtonEuler:
         """The Jacobian J (N, 6, n) of the tip in the base frame, linear rows first."""
         frames = self.link_frames(q)
         tip = (frames[:, self.chain.tip] @ self.chain.tool)[:, :3, 3]
-        return self._point_jacobian(frames, self.chain.tip, tip)
+        return self.point_jacobian(frames, q, self.chain.tip, tip)
 
     def link_jacobians(self, q: Array) -> Array:
         """The Jacobians J_i (N, n, 6, n) of the origins of the link frames in the base frame, linear rows first."""
         frames = self.link_frames(q)
-        each = [self._point_jacobian(frames, i, frames[:, i, :3, 3]) for i in range(self.chain.links)]
+        each = [self.point_jacobian(frames, q, i, frames[:, i, :3, 3]) for i in range(self.chain.links)]
         return np.stack(each, axis=1)
 
-    def _point_jacobian(self, frames: Array, link: int, point: Array) -> Array:
-        """The Jacobian J (N, 6, n) of a point (N, 3) that is fixed to ``link``, in the base frame."""
+    def point_jacobian(self, frames: Array, q: Array, link: int, point: Array) -> Array:
+        """The Jacobian J (N, 6, n) of a point (N, 3) that is fixed to ``link``, in the base frame.
+
+        ``frames`` are the link frames at ``q``; the base is link -1.
+        """
         J = np.zeros((len(point), 6, self.chain.links))
         i = link
         while i >= 0:
-            angular, linear = self._axes[i]
+            angular, linear = self.axes[i]
             R, origin = frames[:, i, :3, :3], frames[:, i, :3, 3]
             J[:, 3:, i] = R @ angular
             J[:, :3, i] = R @ linear + _cross(J[:, 3:, i], point - origin)
             i = self.chain.parents[i]
-        return np.asarray(J @ self.chain.coupling)
+        return np.asarray(J @ self._coupling(q))
+
+    def point_acceleration(self, q: Array, dq: Array, link: int, place: Array) -> Array:
+        """The acceleration (N, 3), in the base frame and for ddq = 0, of the ``place`` (3,) in the frame of ``link``.
+
+        The base is link -1.
+        """
+        if link < 0:
+            return np.zeros((len(q), 3))
+        return self._acceleration(q, self._outward(q, dq, np.zeros_like(dq), np.zeros(3)), link, place)[:, :3]
+
+    def _acceleration(self, q: Array, out: _Outward, link: int, place: Array) -> Array:
+        """The acceleration (N, 6) of ``link`` at ``place`` in its frame, in the base frame, linear rows first."""
+        w, wd = out.w[link], out.wd[link]
+        r = np.broadcast_to(place, w.shape)
+        linear = out.vd[link] + _cross(w, out.v[link]) + _cross(wd, r) + _cross(w, _cross(w, r))
+        R = self.link_frames(q)[:, link, :3, :3]
+        return np.concatenate([np.einsum("nij,nj->ni", R, linear), np.einsum("nij,nj->ni", R, wd)], axis=1)
 
     def jacobian_dot_dq(self, q: Array, dq: Array) -> Array:
         """The vector dJ/dt dq (N, 6): the acceleration of the tip in the base frame for ddq = 0, linear rows first."""
@@ -171,12 +208,7 @@ class NewtonEuler:
 
     def _tip_acceleration(self, q: Array, out: _Outward) -> Array:
         """The acceleration (N, 6) of the tip in the base frame, linear rows first."""
-        tip = self.chain.tip
-        w, wd = out.w[tip], out.wd[tip]
-        r = np.broadcast_to(self.chain.tool[:3, 3], w.shape)
-        linear = out.vd[tip] + _cross(w, out.v[tip]) + _cross(wd, r) + _cross(w, _cross(w, r))
-        R = self.link_frames(q)[:, tip, :3, :3]
-        return np.concatenate([np.einsum("nij,nj->ni", R, linear), np.einsum("nij,nj->ni", R, wd)], axis=1)
+        return self._acceleration(q, out, self.chain.tip, self.chain.tool[:3, 3])
 
     def floating_jacobian(self, q: Array) -> Array:
         """The Jacobian J (N, 6, 6 + n) of the tip over the twist of a floating base and dq, linear rows first.
@@ -220,14 +252,19 @@ class NewtonEuler:
             weight = np.einsum("nji,j->ni", rotations(floating.orientation), gravity)
             v, w = floating.twist[:, :3], floating.twist[:, 3:]
             start = (w, v, floating.twist_rate[:, 3:], floating.twist_rate[:, :3] - weight)
-        dy, ddy = dq @ self.chain.coupling.T, ddq @ self.chain.coupling.T
-        out = _Outward([], [], [], [], [], [])
+        C = self._coupling(q)
+        dy, ddy = ((C @ rates[:, :, None])[:, :, 0] for rates in (dq, ddq))
+        if self.loops is not None:
+            x, n = self._positions(q), self.chain.n
+            dx = np.concatenate([dq, (self.loops.passive_rates(x) @ dq[:, :, None])[:, :, 0]], axis=1)
+            ddy = ddy + self.loops.passive_accelerations(x, dx) @ self.chain.coupling[:, n:].T
+        out = _Outward(C, [], [], [], [], [], [])
         for i, step in enumerate(self._steps(q)):
             last = self.chain.parents[i]
             w, v, wd, vd = start if last < 0 else (out.w[last], out.v[last], out.wd[last], out.vd[last])
             R, p = step[:, :3, :3], step[:, :3, 3]
             back = np.swapaxes(R, 1, 2)
-            angular, linear = self._axes[i]
+            angular, linear = self.axes[i]
             rate, acceleration = dy[:, i : i + 1], ddy[:, i : i + 1]
             v, vd = v + _cross(w, p), vd + _cross(wd, p)
             w, v, wd, vd = (np.einsum("nij,nj->ni", back, x) for x in (w, v, wd, vd))
@@ -258,14 +295,14 @@ class NewtonEuler:
             momentum, spin = m * v + _cross(w, h), w @ inertia + _cross(h, v)
             force = force + m * vd + _cross(wd, h) + _cross(w, momentum)
             moment = moment + wd @ inertia + _cross(h, vd) + _cross(w, spin) + _cross(v, momentum)
-            angular, linear = self._axes[i]
+            angular, linear = self.axes[i]
             joints[:, i] = moment @ angular + force @ linear
             before = self.chain.parents[i]
             if before >= 0:
                 force = np.einsum("nij,nj->ni", out.R[i], force)
                 forces[before] = forces[before] + force
                 moments[before] += np.einsum("nij,nj->ni", out.R[i], moment) + _cross(out.p[i], force)
-        torques = np.asarray(ddq @ self.chain.drive_inertia + joints @ self.chain.coupling)
+        torques = np.asarray(ddq @ self.chain.drive_inertia + (joints[:, None] @ out.coupling)[:, 0])
         return np.concatenate([force, moment], axis=1), torques
 
     def floating_regressor(self, q: Array, dq: Array, ddq: Array, base: BaseState) -> Array:
@@ -308,13 +345,13 @@ class NewtonEuler:
             moment[:, :, 4:] = _tensor_rows(out.wd[j]) + W @ _tensor_rows(out.w[j])
             i = j
             while i >= 0:
-                angular, linear = self._axes[i]
+                angular, linear = self.axes[i]
                 Y[:, i, 10 * j : 10 * j + 10] = np.einsum("i,nik->nk", angular, moment)
                 Y[:, i, 10 * j : 10 * j + 10] += np.einsum("i,nik->nk", linear, force)
                 force = out.R[i] @ force
                 moment = out.R[i] @ moment + _cross_matrix(out.p[i]) @ force
                 i = self.chain.parents[i]
-        return np.asarray(np.einsum("ik,nij->nkj", self.chain.coupling, Y))
+        return np.asarray(np.swapaxes(out.coupling, -1, -2) @ Y)
 
     def mass_matrix(self, q: Array) -> Array:
         """The mass matrix M (N, n, n); column k is the torque for unit acceleration of joint k at rest, no gravity."""

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from rrrgen.robot.spec import FixedTransform, RobotSpec
+from rrrgen.robot.spec import FixedTransform, LoopSpec, RobotSpec
 
 Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NumericLoop:
+    """A closed loop: its two ``passive`` rows, two ``pins`` (row, -1 for the base, and place (3,), m), its assembly."""
+
+    passive: tuple[int, int]
+    pins: tuple[tuple[int, Array], tuple[int, Array]]
+    assembly: int
 
 
 @dataclass(frozen=True)
@@ -20,7 +29,8 @@ class NumericRobot:
     diagonal, unless drives are coupled. ``parents`` are the links that carry the rows (-1: the base), ``tip`` is the
     link that carries the tool. ``coupling`` (links, n) maps q to the displacements of the rows; it is a diagonal of the
     signs of the joints unless they follow others. ``angles`` (n,) says which entries of q are angles. ``gamma`` and
-    ``b`` (links,), rad and m, place branches on the links that carry them.
+    ``b`` (links,), rad and m, place branches on the links that carry them. With closed ``loops``, ``coupling`` has
+    further columns for the displacements of their passive rows.
     """
 
     name: str
@@ -40,11 +50,18 @@ class NumericRobot:
     angles: tuple[bool, ...]
     gamma: Array
     b: Array
+    loops: tuple[NumericLoop, ...] = ()
 
     @property
     def n(self) -> int:
         """Number n of joint positions q."""
-        return int(self.coupling.shape[1])
+        return int(self.coupling.shape[1]) - 2 * len(self.loops)
+
+    def opened(self) -> NumericRobot:
+        """The tree without the pins of its loops, whose passive rows have positions of their own; without drives."""
+        count = self.coupling.shape[1]
+        passive = tuple(self.revolute[row] for loop in self.loops for row in loop.passive)
+        return replace(self, loops=(), angles=(*self.angles, *passive), drive_inertia=np.zeros((count, count)))
 
     @property
     def links(self) -> int:
@@ -123,7 +140,13 @@ def chain_of(spec: RobotSpec) -> NumericRobot:
         angles=tuple(joint.is_revolute for joint in spec.joints),
         gamma=np.array([gamma for gamma, _ in spec.placements()]),
         b=np.array([b for _, b in spec.placements()]),
+        loops=tuple(_loop(spec, loop) for loop in spec.loops),
     )
+
+
+def _loop(spec: RobotSpec, loop: LoopSpec) -> NumericLoop:
+    first, second = ((row, np.array([float(spec.nominal(v)) for v in place])) for row, place in loop.pins)
+    return NumericLoop(loop.passive, (first, second), loop.assembly)
 
 
 def _coupling(spec: RobotSpec) -> Array:

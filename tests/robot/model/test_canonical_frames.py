@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from oracles import newton_euler as oracle
 from oracles.random_robots import robots_with_states, to_yaml
 from rrrgen.robot.file import bundled_names, load_spec, loads_spec
-from rrrgen.robot.model.canonical_frames import IDENTITY, RobotModel, build_model, cosine_sine, normal_form
+from rrrgen.robot.model.canonical_frames import RobotModel, build_model
+from rrrgen.robot.model.exact_transforms import IDENTITY, cosine_sine, normal_form
 
 ROUND_OFF = 1e-12  # relative: a product of some twenty rotations and lengths of the order of one
 

@@ -1,0 +1,174 @@
+"""Linear dependencies between the columns of the regressor of a robot with closed loops.
+
+Positions in a loop contain square roots of functions of q, so that the factors of the relations are not computed over
+polynomials. Which columns depend on which is found by the echelon form over the finite field, exactly. The factors are
+computed in numbers of 60 digits. If such a number is a fraction of few digits, or one times a square root of the
+geometry, and its image in the field is that of the echelon form, then the factor is exactly this one; other factors, of
+cosines of arbitrary constant angles, are written with 40 digits. Named parameters have their nominal values. Every
+relation is confirmed at independent states in the field or, for decimals, in numbers of 60 digits.
+
+Both signs of a root belong to one irreducible equation, so the relations hold for both ways to assemble a loop. A
+parallelogram, whose equation is reducible, is refused where the robot file is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations
+from random import Random
+from typing import Any
+
+import mpmath
+import sympy as sp
+
+from rrrgen.base.errors import DerivationError, InternalError
+from rrrgen.derive.recursions.link_frames import PRECISE, Chain, ResidueConstants, exact_constants, precise_chain
+from rrrgen.derive.recursions.regressor import Parameter, regressor
+from rrrgen.program.finite_field import PRIME, Residue, row_echelon
+from rrrgen.robot.model import RobotModel
+
+FURTHER_STATES = 3
+"""States beyond one for each column: while columns are missing, a further state at random adds to the rank."""
+
+DRAWS = 500
+"""Largest number of random positions among which one must be found at which all loops can be assembled."""
+
+REACH = 3.2
+"""Positions without limits are drawn between minus and plus this, rad or m."""
+
+CLEAR = 1e-3
+"""Least square of the sine between two bars at the positions that are drawn."""
+
+LARGEST_DENOMINATOR = 10**20
+"""Largest denominator of a factor that counts as a fraction: one random number in 10^10 is that near to one."""
+
+SAME = mpmath.mpf(10) ** -35
+"""Largest relative error of a relation in numbers of 60 digits, away from dead points."""
+
+DIGITS = 40
+"""Digits of factors that are no fractions."""
+
+
+@dataclass(frozen=True)
+class Dependency:
+    """A linear relation: the regressor column of ``parameter`` is a combination of other columns.
+
+    ``combination`` maps the other parameters to their factors; it is empty if the column is zero.
+    """
+
+    parameter: Parameter
+    combination: dict[Parameter, sp.Expr]
+
+
+Rows = Callable[[list[Parameter], int, int], list[list[int]]]
+"""(columns, seed, number of states) -> rows of the regressor in the finite field."""
+
+
+def loop_dependencies(model: RobotModel, candidates: list[Parameter], rows: Rows, seed: int) -> list[Dependency]:
+    """Find the ``candidates`` whose column depends linearly on the columns before it, with the relation.
+
+    Raises DerivationError if a loop cannot be assembled anywhere.
+    """
+    states = len(candidates) + FURTHER_STATES
+    echelon, pivots = row_echelon(rows(candidates, seed, states))
+    kept = [candidates[p] for p in pivots]
+    dependent = [column for column in range(len(candidates)) if column not in pivots]
+    with mpmath.workdps(PRECISE):
+        random = Random(seed)
+        values = _solved(model, kept, [candidates[column] for column in dependent], random)
+        roots = list(_roots(model))
+        found, decimal = [], []
+        for column, own in zip(dependent, values, strict=True):
+            images = [row[column] for row in echelon]
+            factors = {
+                k: _factor(value, image, roots) for k, value, image in zip(kept, own, images, strict=True) if image
+            }
+            found.append(Dependency(candidates[column], {k: factor for k, (factor, _) in factors.items()}))
+            if not all(exact for _, exact in factors.values()):
+                decimal.append(found[-1])
+        _confirm_decimals(model, candidates, decimal, random)
+    exact = [each for each in found if each not in decimal]
+    _confirm_exactly(candidates, exact, rows(candidates, seed + 1, FURTHER_STATES))
+    return found
+
+
+def _solved(model: RobotModel, kept: list[Parameter], dependent: list[Parameter], random: Random) -> list[list[Any]]:
+    """For each of the columns ``dependent`` the factors of the columns ``kept``, from states at random."""
+    count = len(kept)
+    if not count:
+        return [[] for _ in dependent]
+    rows: list[list[Any]] = []
+    for _ in range(count + FURTHER_STATES):
+        rows += _regressor(model, [*kept, *dependent], random)
+    A = mpmath.matrix([row[:count] for row in rows])
+    inverse = mpmath.inverse(A.T * A)
+    return [list(inverse * (A.T * mpmath.matrix([row[count + k] for row in rows]))) for k in range(len(dependent))]
+
+
+def _regressor(model: RobotModel, columns: list[Parameter], random: Random) -> list[list[Any]]:
+    """Rows of the regressor at a random state at which all loops are assembled, away from their dead points."""
+    chain = _assembled(model, random)
+    dq, ddq = ([mpmath.mpf(random.uniform(-1, 1)) for _ in range(model.n)] for _ in range(2))
+    return regressor(chain, dq, ddq, columns)
+
+
+def _roots(model: RobotModel) -> Iterator[tuple[sp.Expr, Any, int]]:
+    """The number 1, the square roots in the geometry and their products in pairs, each with value and image."""
+    _, _, roots = exact_constants(model, [v for c in model.closures for s in c.segments for v in s.place])
+    constants = ResidueConstants(0)
+    pairs = [x * y for x, y in combinations(roots, 2)]
+    for root in (sp.S.One, *roots, *pairs):
+        yield root, mpmath.mpf(root.evalf(PRECISE)), Residue.of(constants(root)).value
+
+
+def _factor(value: Any, image: int, roots: Sequence[tuple[sp.Expr, Any, int]]) -> tuple[sp.Expr, bool]:
+    """The factor with this ``value``, and whether it is exact: ``image`` is that of the exact one in the field."""
+    for root, size, its_image in roots:
+        fraction = _exact(value / size).limit_denominator(LARGEST_DENOMINATOR)
+        if Residue.of(fraction).value * its_image % PRIME == image:
+            return sp.Rational(fraction.numerator, fraction.denominator) * root, True
+    return sp.Rational(mpmath.nstr(value, DIGITS)), False
+
+
+def _exact(value: Any) -> Fraction:
+    """The binary number ``value`` as a fraction."""
+    sign, mantissa, exponent, _ = value._mpf_
+    return Fraction(-int(mantissa) if sign else int(mantissa)) * Fraction(2) ** int(exponent)
+
+
+def _confirm_exactly(candidates: list[Parameter], found: list[Dependency], rows: list[list[int]]) -> None:
+    """Raise InternalError unless every relation holds in the ``rows`` of all columns at further states in the field."""
+    constants = ResidueConstants(0)
+    place = {parameter: k for k, parameter in enumerate(candidates)}
+    for dependency in found:
+        images = {place[k]: Residue.of(constants(v)) for k, v in dependency.combination.items()}
+        for row in rows:
+            rest = Residue(row[place[dependency.parameter]]) - sum((f * row[k] for k, f in images.items()), Residue(0))
+            if rest.value:
+                raise InternalError(f"a relation found for {dependency.parameter} does not hold in general")
+
+
+def _confirm_decimals(model: RobotModel, candidates: list[Parameter], found: list[Dependency], random: Random) -> None:
+    """Raise InternalError unless every relation holds at states that were not used to find it, in 60 digits."""
+    place = {parameter: k for k, parameter in enumerate(candidates)}
+    for _ in range(FURTHER_STATES if found else 0):
+        for row in _regressor(model, candidates, random):
+            for dependency in found:
+                factors = {place[k]: mpmath.mpf(v.evalf(PRECISE)) for k, v in dependency.combination.items()}
+                rest = row[place[dependency.parameter]] - sum(row[k] * v for k, v in factors.items())
+                if abs(rest) > SAME * (1 + max(map(abs, row))):
+                    raise InternalError(f"a relation found for {dependency.parameter} does not hold in general")
+
+
+def _assembled(model: RobotModel, random: Random) -> Chain:
+    """The chain at random positions at which all loops are assembled, away from their dead points."""
+    lower, upper = ([getattr(joint.limits, end) for joint in model.spec.joints] for end in ("lower", "upper"))
+    ends = [(-REACH if a is None else a, REACH if b is None else b) for a, b in zip(lower, upper, strict=True)]
+    for _ in range(DRAWS):
+        chain = precise_chain(model, [mpmath.mpf(random.uniform(*each)) for each in ends])
+        if chain.loops is not None and all(dyad.margin > dyad.whole * CLEAR for dyad in chain.loops.dyads):
+            return chain
+    names = ", ".join(loop.name for loop in model.spec.loops)
+    raise DerivationError(f"{model.spec.name}: no positions within the limits at which {names} can be assembled")

@@ -1,0 +1,277 @@
+"""Closed loops of dyads: cosines and sines of the passive links, and their rates, in one kind of scalar.
+
+A dyad is two bars between points that are known without them, with the vector d from the first to the second. With
+r, s the bars as vectors of lengths A, B, and ``d_perp`` the vector d turned by a quarter turn, ``r + s = d`` gives
+
+    m = (A^2 - B^2 + d.d)/2,   h = assembly sqrt(A^2 d.d - m^2),   r = (m d + h d_perp)/d.d,   s = d - r,
+
+and ``r x s = -h``: the sine of the angle between the bars is -h/(A B). Rates of the angles of the bars follow from the
+derivative of the closure, with the further reciprocal 1/h. Where the sine is zero, at a dead point, no rate exists;
+below :data:`SMALLEST_SINE` that sine is used instead, so that values stay finite, and a status tells
+(:data:`DEAD_POINT`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+import sympy as sp
+
+from rrrgen.derive.recursions.linear_algebra import is_number
+from rrrgen.robot.model.loops import Closure, Form, Segment
+
+DEAD_POINT = Fraction(1, 1000)
+"""Sine of the angle between the two bars of a dyad below which the status reports a dead point: rates of the passive
+links grow with its reciprocal, and their relative errors with its square."""
+
+SMALLEST_SINE = Fraction(1, 1000000)
+"""Sine that takes the place of smaller ones, also where the loop cannot be assembled."""
+
+Plane = tuple[Any, Any]
+"""A vector in the plane of a loop."""
+
+PlaneTrig = Callable[[Form, sp.Expr], Plane]
+"""(linear form in x, constant angle) -> (cosine, sine) of the angle that they add up to."""
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """What a dyad needs beyond ``+ - *`` and division in one kind of scalar.
+
+    ``constant`` converts exact constants, ``root(x)`` is a square root, ``at_least(x, y)`` the larger of both.
+    """
+
+    constant: Callable[[sp.Expr], Any]
+    root: Callable[[Any], Any]
+    at_least: Callable[[Any, Any], Any]
+
+
+@dataclass(frozen=True)
+class _Vector:
+    """A segment at one configuration: the ``vector``, and ``along``, its derivative by the displacement in it."""
+
+    segment: Segment
+    vector: Plane
+    along: Plane
+
+
+class Dyad:
+    """One solved loop: ``angles`` are cosine and sine of its two coordinates.
+
+    ``discriminant`` is the square of h, negative where the loop cannot be assembled, ``whole`` the product of the
+    squared lengths of both bars, and ``margin`` what the former exceeds that at the limit of dead points by.
+    """
+
+    def __init__(self, closure: Closure, trig: PlaneTrig, slide: Callable[[Form], Any], use: Arithmetic) -> None:
+        self.closure, self._use = closure, use
+        first, second = closure.coordinates
+        bars, lengths, known = [], [], []
+        for k in (first, second):
+            own = [s for s in closure.segments if s.turning[k] == 1]
+            rest = [_evaluated(_without(s, k), trig, slide, use) for s in own]
+            bars.append(rest)
+            lengths.append(_sum(one.vector for one in rest))
+        for one in closure.segments:
+            if one.turning[first] == 0 and one.turning[second] == 0:
+                known.append(_evaluated(one, trig, slide, use))
+        x, y = _sum(one.vector for one in known)
+        d = -x, -y
+        squares = [_dot(v, v) for v in lengths]
+        distance = _dot(d, d)
+        m = (squares[0] - squares[1] + distance) * Fraction(1, 2)
+        self.whole = whole = squares[0] * squares[1]
+        self.discriminant = squares[0] * distance - m * m
+        self.margin = self.discriminant - whole * (DEAD_POINT * DEAD_POINT)
+        least = SMALLEST_SINE * SMALLEST_SINE
+        h = use.root(use.at_least(self.discriminant, whole * least))
+        h = h if closure.assembly > 0 else -h
+        per_distance = _reciprocal(use.at_least(distance, squares[0] * least))
+        along, across = m * per_distance, h * per_distance
+        r = _rotated(along, across, d)
+        s = d[0] - r[0], d[1] - r[1]
+        self._bars = r, s
+        self.angles = {
+            k: _angle(v, bar, square)
+            for k, v, bar, square in zip(closure.coordinates, lengths, self._bars, squares, strict=True)
+        }
+        self._per_h = _reciprocal(h)
+        self._vectors = known
+        for k, rest in zip((first, second), bars, strict=True):
+            self._vectors += [_turned(one, self.angles[k], k) for one in rest]
+
+    def rates(self, moved: Plane) -> tuple[Any, Any]:
+        """The rates of both coordinates at which the velocity (2,) of the pin from other motion vanishes.
+
+        ``moved`` is that velocity turned back by a quarter turn: for a vector v that turns at unit rate, v itself.
+        """
+        r, s = self._bars
+        return _cross(moved, s) * self._per_h, _cross(r, moved) * self._per_h
+
+    def by(self, k: int) -> Plane:
+        """The velocity of the pin for a unit rate of coordinate ``k``, turned back by a quarter turn."""
+        total: Plane = (0, 0)
+        for one in self._vectors:
+            total = _plus(total, _scaled(self._use.constant(one.segment.turning[k]), one.vector))
+            x, y = _scaled(self._use.constant(one.segment.slide[k]), one.along)
+            total = _plus(total, (y, _minus(x)))
+        return total
+
+    def second(self, one: Sequence[Any], other: Sequence[Any]) -> Plane:
+        """The acceleration of the pin that is bilinear in two rates of x, turned back by a quarter turn.
+
+        For equal rates it is the acceleration for zero second derivatives of x.
+        """
+        total: Plane = (0, 0)
+        for each in self._vectors:
+            W, V = (self._form(each.segment.turning, rates) for rates in (one, other))
+            slide, other_slide = (self._form(each.segment.slide, rates) for rates in (one, other))
+            # its acceleration -W V v + (W other_slide + V slide) z x e, turned back by a quarter turn
+            x, y = _scaled(W * V, each.vector)
+            total = _plus(total, (_minus(y), x))
+            total = _plus(total, _scaled(W * other_slide + V * slide, each.along))
+        return total
+
+    def _form(self, form: Form, rates: Sequence[Any]) -> Any:
+        return linear(form, rates, self._use.constant)
+
+
+class SolvedLoops:
+    """All loops of a robot at the positions ``q`` (n,), in the order in which they depend on each other.
+
+    ``trig`` gives cosine and sine of angles that are linear forms in the coordinates. ``W`` (coordinates - n, n) are
+    the derivatives of the coordinates behind q by q.
+    """
+
+    def __init__(
+        self,
+        closures: Sequence[Closure],
+        q: Sequence[Any],
+        trig: Callable[[SolvedLoops, Form, sp.Expr], Plane],
+        use: Arithmetic,
+    ) -> None:
+        self.n, self._use = len(q), use
+        self.dyads: list[Dyad] = []
+        self.angles: dict[int, Plane] = {}
+        coordinates = self.n + 2 * len(closures)
+        columns: list[list[Any]] = [[0] * coordinates for _ in q]
+        slide = partial(linear, values=[*q, *[0] * (2 * len(closures))], constant=use.constant)
+        for closure in closures:
+            dyad = Dyad(closure, partial(trig, self), slide, use)
+            for j, column in enumerate(columns):
+                self._follow(dyad, column, dyad.by(j))
+            self.dyads.append(dyad)
+            self.angles |= dyad.angles
+        self.W = [[column[k] for column in columns] for k in range(self.n, coordinates)]
+
+    def _follow(self, dyad: Dyad, column: list[Any], moved: Plane) -> None:
+        """Set the rates of one dyad in ``column`` (coordinates,), in which those of the loops before it stand.
+
+        ``moved`` is the motion of its pin without these (:meth:`Dyad.rates`).
+        """
+        for k in range(self.n, len(column)):
+            moved = _plus(moved, _scaled(column[k], dyad.by(k)))
+        for k, rate in zip(dyad.closure.coordinates, dyad.rates(moved), strict=True):
+            column[k] = rate
+
+    def rates(self, dq: Sequence[Any]) -> list[Any]:
+        """The rates (coordinates,) of x from those of q (n,)."""
+        return [*dq, *(_dot_known(row, dq) for row in self.W)]
+
+    def second(self, one: Sequence[Any], other: Sequence[Any]) -> list[Any]:
+        """The second derivatives (coordinates,) of x that are bilinear in two rates of q, (n,) each."""
+        found: list[Any] = [0] * (self.n + len(self.W))
+        if not any(all(is_number(rate, 0) for rate in rates) for rates in (one, other)):
+            both = self.rates(one), self.rates(other)
+            for dyad in self.dyads:
+                self._follow(dyad, found, dyad.second(*both))
+        return found
+
+    def forces(self, forces: Sequence[Any]) -> list[Any]:
+        """The generalized forces on q (n,) from those on the coordinates x."""
+        passive = forces[self.n :]
+        return [own + _dot_known([row[j] for row in self.W], passive) for j, own in enumerate(forces[: self.n])]
+
+
+def _dot_known(weights: Sequence[Any], values: Sequence[Any]) -> Any:
+    """The scalar product, without multiplications by the numbers 0."""
+    total: Any = 0
+    for weight, value in zip(weights, values, strict=True):
+        if not is_number(weight, 0) and not is_number(value, 0):
+            total = total + weight * value
+    return total
+
+
+def linear(form: Form, values: Sequence[Any], constant: Callable[[sp.Expr], Any]) -> Any:
+    """The linear ``form`` of ``values``, without multiplications by 0 and 1."""
+    total: Any = 0
+    for factor, value in zip(form, values, strict=True):
+        if factor != 0 and not is_number(value, 0):
+            total = total + (value if factor == 1 else -value if factor == -1 else constant(factor) * value)
+    return total
+
+
+def _without(one: Segment, k: int) -> Segment:
+    """The segment in the frame of the bar whose coordinate is ``k``."""
+    return replace(one, turning=tuple(sp.S.Zero if j == k else v for j, v in enumerate(one.turning)))
+
+
+def _evaluated(one: Segment, trig: PlaneTrig, slide: Callable[[Form], Any], use: Arithmetic) -> _Vector:
+    c, s = trig(one.turning, one.angle)
+    place = use.constant(one.place[0]), use.constant(one.place[1])
+    direction = use.constant(one.direction[0]), use.constant(one.direction[1])
+    if any(one.direction):
+        place = _plus(place, _scaled(slide(one.slide), direction))
+    if one.sign < 0:
+        place, direction = (_minus(place[0]), _minus(place[1])), (_minus(direction[0]), _minus(direction[1]))
+    return _Vector(one, _rotated(c, s, place), _rotated(c, s, direction))
+
+
+def _turned(one: _Vector, angle: Plane, k: int) -> _Vector:
+    """The vector ``one`` of the frame of a bar, turned by the ``angle`` of the bar, coordinate ``k``."""
+    turning = tuple(sp.S.One if j == k else v for j, v in enumerate(one.segment.turning))
+    return _Vector(replace(one.segment, turning=turning), _rotated(*angle, one.vector), _rotated(*angle, one.along))
+
+
+def _angle(bar: Plane, turned: Plane, square: Any) -> Plane:
+    """Cosine and sine of the angle from ``bar`` to ``turned``, vectors of equal length with this ``square``."""
+    along = _scaled(_reciprocal(square), bar)
+    return _dot(along, turned), _cross(along, turned)
+
+
+def _reciprocal(x: Any) -> Any:
+    return Fraction(1) / x if isinstance(x, int) else 1 / x  # a quotient of two numbers stays exact
+
+
+def _sum(vectors: Any) -> Plane:
+    total: Plane = (0, 0)
+    for vector in vectors:
+        total = _plus(total, vector)
+    return total
+
+
+def _plus(x: Plane, y: Plane) -> Plane:
+    return x[0] + y[0], x[1] + y[1]
+
+
+def _scaled(factor: Any, x: Plane) -> Plane:
+    return (0, 0) if is_number(factor, 0) else (factor * x[0], factor * x[1])
+
+
+def _minus(x: Any) -> Any:
+    return 0 if is_number(x, 0) else -x
+
+
+def _dot(x: Plane, y: Plane) -> Any:
+    return x[0] * y[0] + x[1] * y[1]
+
+
+def _cross(x: Plane, y: Plane) -> Any:
+    return x[0] * y[1] - x[1] * y[0]
+
+
+def _rotated(c: Any, s: Any, x: Plane) -> Plane:
+    return c * x[0] - s * x[1], s * x[0] + c * x[1]

@@ -1,0 +1,321 @@
+"""Closed loops in exact numbers: the vectors that close each loop, and coordinates in which they are simple.
+
+A loop lies in a plane across the axes of its revolute joints. The tree of rows leads from a common link to the pin in
+two ways; the difference of both ways, a sum of vectors that turn with the links, is zero in this plane:
+
+    sum over the segments of sign Rz(turning . x + angle) (place + (slide . x) direction) = 0.
+
+The coordinates x are the positions q of the driven joints and two coordinates of every loop. That of a passive revolute
+row is the angle of its link in the plane, without the constant angles of the table, not the angle at its joint: a
+dyad has cosine and sine of that angle in closed form, and its rate needs no differences. That of a prismatic row is its
+displacement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import sympy as sp
+
+from rrrgen.base.errors import DerivationError
+from rrrgen.robot.model.exact_transforms import IDENTITY, JointModel, RigidTransform, normal_form
+from rrrgen.robot.spec import LoopSpec, RobotSpec
+
+Form = tuple[sp.Expr, ...]
+"""The factors of a linear form in the coordinates x."""
+
+SAME_LENGTH = 1e-9
+"""Relative difference below which two sides of a loop count as equal."""
+
+
+class LoopError(DerivationError):
+    """The loop called ``name`` cannot be solved; ``hint`` says what to do."""
+
+    def __init__(self, name: str, message: str, hint: str) -> None:
+        super().__init__(f"loop '{name}': {message}; {hint}")
+        self.name, self.message, self.hint = name, message, hint
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One vector of a closure: ``sign Rz(turning . x + angle) (place + (slide . x) direction)``.
+
+    ``angle`` in rad, ``place`` (2,) in m, ``direction`` (2,) of unit length or zero.
+    """
+
+    sign: int
+    turning: Form
+    angle: sp.Expr
+    place: tuple[sp.Expr, sp.Expr]
+    slide: Form
+    direction: tuple[sp.Expr, sp.Expr]
+
+
+@dataclass(frozen=True)
+class Closure:
+    """A loop as its ``segments``, whose sum is zero, and the numbers in x of its two ``coordinates``.
+
+    ``assembly`` is +1 where the pin between the two passive links lies left of the line from the outer pin of the first
+    to that of the second, seen against the axis of the plane, otherwise -1.
+    """
+
+    name: str
+    coordinates: tuple[int, int]
+    assembly: int
+    segments: tuple[Segment, ...]
+
+
+@dataclass(frozen=True)
+class _Orientation:
+    """The orientation ``Rz(turning . x + angle) C`` of a link in the plane of a loop."""
+
+    turning: Form
+    angle: sp.Expr
+    C: sp.ImmutableMatrix
+
+
+class LoopGeometry:
+    """The loops of ``spec``, whose canonical frames are ``joints`` and ``link_frames``.
+
+    ``closures`` are the loops, each behind those that its known links depend on. ``coupling`` (links, coordinates) maps
+    the coordinates x to the displacements of all joints. Raises LoopError for a loop that is no planar dyad.
+    """
+
+    def __init__(self, spec: RobotSpec, joints: Sequence[JointModel], link_frames: Sequence[RigidTransform]) -> None:
+        assert spec.mechanism is not None
+        self._spec, self._joints, self._link_frames = spec, joints, link_frames
+        self._mechanism = spec.mechanism
+        self._width = spec.n + len(self._mechanism.passive)
+        self._known: dict[int, Form | None] = {}
+        self._base = RigidTransform(
+            sp.ImmutableMatrix(3, 3, list(spec.base.rotation)), sp.ImmutableMatrix(list(spec.base.translation))
+        )
+        found = [self._closure(k) for k in range(len(self._mechanism.loops))]
+        self.coupling = tuple(self._displacement(i) for i in range(len(joints)))
+        self.closures = self._in_order(found)
+
+    # -- displacements over the coordinates --------------------------------------------------------------------------
+
+    def _unit(self, k: int) -> Form:
+        return tuple(sp.Integer(j == k) for j in range(self._width))
+
+    def _displacement(self, i: int) -> Form:
+        """The displacement of joint i as a linear form in x."""
+        if i not in self._known:
+            self._known[i] = None
+            passive = self._mechanism.passive
+            total: Form = (sp.S.Zero,) * self._width
+            for k, factor in enumerate(self._mechanism.matrix[i]):
+                if factor == 0:
+                    continue
+                j = k - self._spec.n
+                if j < 0:
+                    total = _plus(total, self._unit(k), factor)
+                elif passive[j] == i:
+                    total = _plus(total, self._of_passive(j), sp.S.One)
+                else:  # a row that follows a passive one
+                    own = self._mechanism.matrix[passive[j]][k]
+                    total = _plus(total, self._displacement(passive[j]), factor * own)
+            self._known[i] = total
+        found = self._known[i]
+        if found is None:
+            loop = self._mechanism.loops[0]
+            raise LoopError(loop.name, "its links depend on each other through the rows that follow them", _ORDER)
+        return found
+
+    def _of_passive(self, j: int) -> Form:
+        """The displacement of passive row number j: its angle in the plane minus that of the link before it."""
+        facing, before = self._carrier(self._mechanism.loops[j // 2], self._mechanism.passive[j])
+        return _plus(tuple(facing * v for v in self._unit(self._spec.n + j)), before.turning, sp.Integer(-facing))
+
+    def _carrier(self, loop: LoopSpec, row: int) -> tuple[int, _Orientation]:
+        """The sense of the axis of a passive ``row`` across the plane of its loop, and the link that carries it."""
+        if not self._joints[row].revolute:
+            raise LoopError(
+                loop.name, f"the passive row '{self._joints[row].name}' is prismatic", "both passive rows are revolute"
+            )
+        branches, _ = self._branches(loop)
+        branch = next((rows for rows in branches if row in rows), None)
+        if branch is None:
+            name = self._joints[row].name
+            hint = "pin links that the passive rows move, one behind the other or one on each side"
+            raise LoopError(loop.name, f"'{name}' does not move one of the pinned links against the other", hint)
+        before = self._orientation(loop, branch[: branch.index(row)])
+        return self._facing(loop, before.C * self._joints[row].before.R, row), before
+
+    # -- the plane of a loop -----------------------------------------------------------------------------------------
+
+    def _branches(self, loop: LoopSpec) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], int]:
+        """The rows from the link that both ways have in common (excluded) to both pinned links, and that link."""
+        first, second = (self._mechanism.path(row) if row >= 0 else () for row, _ in loop.pins)
+        common = 0
+        while common < min(len(first), len(second)) and first[common] == second[common]:
+            common += 1
+        return (first[common:], second[common:]), first[common - 1] if common else -1
+
+    def _start(self, loop: LoopSpec) -> _Orientation:
+        """The orientation of the common link: that of its block of parallel axes where these are across the plane.
+
+        Otherwise the plane is turned with the first revolute row behind it.
+        """
+        branches, root = self._branches(loop)
+        zero: Form = (sp.S.Zero,) * self._width
+        for branch in branches:
+            G = IDENTITY
+            for i in branch:
+                G = sp.ImmutableMatrix((G * self._joints[i].before.R).applyfunc(normal_form))
+                if not self._joints[i].revolute:
+                    continue
+                if root >= 0 and G[:, 2] == IDENTITY[:, 2]:
+                    return self._in_block(root)
+                return _Orientation(zero, sp.S.Zero, sp.ImmutableMatrix(G.T))
+        raise LoopError(loop.name, "it has no revolute row", "a loop turns about at least one axis")
+
+    def _in_block(self, root: int) -> _Orientation:
+        """The orientation of link ``root`` in the block of parallel axes that it belongs to."""
+        turning, angle, i = (sp.S.Zero,) * self._width, sp.S.Zero, root
+        while True:
+            joint = self._joints[i]
+            if joint.revolute:
+                turning, angle = _plus(turning, self._displacement(i), sp.S.One), angle + joint.theta
+            if not joint.parallel:
+                return _Orientation(turning, angle, IDENTITY)
+            i = joint.parent
+
+    def _facing(self, loop: LoopSpec, C: sp.MatrixBase, row: int) -> int:
+        """The sense of the axis of revolute joint ``row``, +1 or -1, across the plane; ``C`` is its orientation."""
+        axis = [normal_form(v) for v in C[:, 2]]
+        if axis[:2] != [0, 0] or axis[2] not in (1, -1):
+            hint = "the axes of all its revolute rows are parallel"
+            raise LoopError(loop.name, f"the axis of '{self._joints[row].name}' is not across its plane", hint)
+        return int(axis[2])
+
+    def _orientation(self, loop: LoopSpec, rows: Sequence[int]) -> _Orientation:
+        """The orientation of the link behind ``rows``, which begin at the common link."""
+        at = self._start(loop)
+        for i in rows:
+            at = self._turned(loop, at, i)
+        return at
+
+    def _turned(self, loop: LoopSpec, at: _Orientation, i: int) -> _Orientation:
+        joint = self._joints[i]
+        C = sp.ImmutableMatrix((at.C * joint.before.R).applyfunc(normal_form))
+        if not joint.revolute:
+            return replace(at, C=C)
+        facing = self._facing(loop, C, i)
+        turning = _plus(at.turning, self._displacement(i), sp.Integer(facing))
+        return _Orientation(turning, at.angle + facing * joint.theta, C)
+
+    # -- closures ----------------------------------------------------------------------------------------------------
+
+    def _closure(self, k: int) -> Closure:
+        loop = self._mechanism.loops[k]
+        branches, _ = self._branches(loop)
+        (facing, _), _ = (self._carrier(loop, row) for row in loop.passive)
+        segments: list[Segment] = []
+        for sign, branch, (row, point) in zip((1, -1), branches, loop.pins, strict=True):
+            at = self._start(loop)
+            for i in branch:
+                segments += self._way(loop, sign, at, i)
+                at = self._turned(loop, at, i)
+            frame = self._link_frames[row] if row >= 0 else self._base
+            segments.append(self._segment(sign, at, at.C * (frame.R * sp.Matrix(point) + frame.p)))
+        coordinates = (self._spec.n + 2 * k, self._spec.n + 2 * k + 1)
+        closure = Closure(loop.name, coordinates, facing * loop.assembly, tuple(_merged(segments)))
+        _check_dyad(closure)
+        _refuse_parallelogram(self._spec, closure)
+        return closure
+
+    def _way(self, loop: LoopSpec, sign: int, at: _Orientation, i: int) -> list[Segment]:
+        """The segments from the link oriented ``at`` to the origin of joint ``i`` on it."""
+        joint = self._joints[i]
+        found = [self._segment(sign, at, at.C * joint.before.p)]
+        if not joint.revolute:
+            x, y, z = (normal_form(v) for v in (at.C * joint.before.R)[:, 2])
+            if z != 0 and (x, y) != (0, 0):
+                hint = "a prismatic row slides in the plane or across it"
+                raise LoopError(loop.name, f"the axis of '{joint.name}' is inclined to its plane", hint)
+            found.append(Segment(sign, at.turning, at.angle, (sp.S.Zero, sp.S.Zero), self._displacement(i), (x, y)))
+        return found
+
+    def _segment(self, sign: int, at: _Orientation, vector: sp.MatrixBase) -> Segment:
+        zero = sp.S.Zero
+        x, y, _ = (normal_form(v) for v in vector)  # an offset along the axis of the pin does not matter
+        return Segment(sign, at.turning, at.angle, (x, y), (zero,) * self._width, (zero, zero))
+
+    def _in_order(self, closures: Sequence[Closure]) -> tuple[Closure, ...]:
+        """The ``closures``, each behind those whose coordinates occur in it."""
+        waiting, known, ordered = list(closures), set(range(self._spec.n)), list[Closure]()
+        while waiting:
+            ready = next((c for c in waiting if coordinates_of(c) <= known | {*c.coordinates}), None)
+            if ready is None:
+                raise LoopError(waiting[0].name, f"it and {waiting[-1].name} need each other", _ORDER)
+            waiting.remove(ready)
+            known |= {*ready.coordinates}
+            ordered.append(ready)
+        return tuple(ordered)
+
+
+_ORDER = "loops are solved one after the other, each from joints whose positions are known"
+
+
+def coordinates_of(closure: Closure) -> set[int]:
+    """The numbers of all coordinates that occur in ``closure``."""
+    forms = [form for s in closure.segments for form in (s.turning, s.slide)]
+    return {k for form in forms for k, factor in enumerate(form) if factor != 0}
+
+
+def _plus(x: Form, y: Form, factor: sp.Expr) -> Form:
+    return tuple(a + factor * b for a, b in zip(x, y, strict=True))
+
+
+def _merged(segments: Sequence[Segment]) -> list[Segment]:
+    """The ``segments`` without zero ones; constant vectors that turn by equal angles are added."""
+    sums: dict[tuple[Form, sp.Expr], Segment] = {}
+    slides = []
+    for one in segments:
+        if any(one.direction):
+            slides.append(one)
+            continue
+        x, y = (one.sign * v for v in one.place)
+        key = one.turning, one.angle
+        if key in sums:
+            x, y = (normal_form(u + v) for u, v in zip((x, y), sums[key].place, strict=True))
+        sums[key] = replace(one, sign=1, place=(x, y))
+    return [one for one in sums.values() if one.place != (0, 0)] + [one for one in slides if any(one.slide)]
+
+
+def _check_dyad(closure: Closure) -> None:
+    """Raise LoopError unless the two passive links are bars between points that are known without them."""
+    a, b = closure.coordinates
+    bars = [False, False]
+    for one in closure.segments:
+        turned = one.turning[a], one.turning[b]
+        if turned not in ((0, 0), (1, 0), (0, 1)) or one.slide[a] != 0 or one.slide[b] != 0:
+            raise LoopError(closure.name, "a row that follows a passive one lies inside it", _ORDER)
+        bars = [found or one.turning[k] == 1 for found, k in zip(bars, (a, b), strict=True)]
+    if not all(bars):
+        hint = "both passive links are bars between their joint and the pin, or the joint of the other one"
+        raise LoopError(closure.name, "a passive link has no length in it", hint)
+
+
+def _refuse_parallelogram(spec: RobotSpec, closure: Closure) -> None:
+    """Raise LoopError for sides that are equal in pairs: the dyad then moves by sums of the driven angles.
+
+    The square root of its equation is rational there, so that its sign has no meaning of its own, and the base
+    parameters of both ways to assemble it differ.
+    """
+    a, b = closure.coordinates
+    sides: dict[Form, complex] = {}
+    for one in closure.segments:
+        if any(one.direction):
+            return
+        turned = complex(*(float(spec.nominal(v)) for v in one.place)) * np.exp(1j * float(spec.nominal(one.angle)))
+        sides[one.turning] = sides.get(one.turning, 0) + turned
+    bars = sorted(sum(abs(v) for form, v in sides.items() if form[k] == 1) for k in (a, b))
+    known = sorted(abs(v) for form, v in sides.items() if form[a] == 0 and form[b] == 0)
+    if len(sides) == 4 and np.allclose(bars, known, rtol=SAME_LENGTH, atol=0):
+        hint = "drop the loop and let its passive rows follow the driven ones: follows: {crank: 1, arm: -1}"
+        raise LoopError(closure.name, "it is a parallelogram, whose opposite sides are equal", hint)

@@ -1,0 +1,158 @@
+"""Closed loops solved by Newton's method from many starts, over batches of states, as a reference.
+
+Nothing here knows of dyads: unknown are all passive displacements at once, equations are the distances of the pins
+across the axis of the loop, and of the solutions found that one is taken whose middle pin lies on the right side.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.verify.references.numeric_robot import Array, NumericLoop, NumericRobot
+
+if TYPE_CHECKING:
+    from rrrgen.verify.references.newton_euler import NewtonEuler
+
+ITERATIONS = 25
+STARTS = 60
+CLOSED = 1e-13
+"""Distance (m) below which a pin is closed; one further step brings it to round-off."""
+
+LONGEST_STEP = 1.0
+"""Longest step of Newton's method, rad or m."""
+
+REMEMBERED = 64
+"""Number of batches whose solutions are kept: every function of a reference asks for them again."""
+
+
+class ClosedLoops:
+    """The loops of ``chain``; ``tree`` is the same robot without its pins, with a position for every passive row."""
+
+    def __init__(self, chain: NumericRobot, tree: NewtonEuler) -> None:
+        self._chain, self._tree = chain, tree
+        self._n, self._passive = chain.n, [row for loop in chain.loops for row in loop.passive]
+        self._known: dict[bytes, tuple[Array, NDArray[np.bool_]]] = {}
+        self._pivots = [np.linalg.inv(after)[:3, 3] for _, after in chain.around_joints()]
+
+    def solve(self, q: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Positions x (N, n + p) of all rows with a position of their own, and which states (N,) were solved."""
+        key = q.tobytes()
+        if key not in self._known:
+            if len(self._known) >= REMEMBERED:
+                self._known.clear()
+            self._known[key] = self._solve(q)
+        x, solved = self._known[key]
+        return x.copy(), solved.copy()
+
+    def _solve(self, q: Array) -> tuple[Array, NDArray[np.bool_]]:
+        rng = np.random.default_rng(0)
+        x = np.concatenate([q, np.zeros((len(q), len(self._passive)))], axis=1)
+        waiting = np.arange(len(q))
+        for _ in range(STARTS):
+            trial = x[waiting]
+            trial[:, self._n :] = rng.uniform(-np.pi, np.pi, (len(waiting), len(self._passive)))
+            closed = self._refine(trial)
+            closed[closed] &= self._on_the_right_side(trial[closed])
+            x[waiting[closed]] = trial[closed]
+            waiting = waiting[~closed]
+            if not len(waiting):
+                break
+        solved = np.ones(len(q), dtype=bool)
+        solved[waiting] = False
+        return x, solved
+
+    def _refine(self, x: Array) -> NDArray[np.bool_]:
+        """Newton's method on the passive part of ``x``, in place; returns which states are closed."""
+        closed, active = np.zeros(len(x), dtype=bool), np.arange(len(x))
+        for _ in range(ITERATIONS):
+            gap, J = self._equations(x[active])
+            singular = np.abs(np.linalg.det(J[:, :, self._n :])) < 1e-12
+            J[singular, :, self._n :] += np.eye(len(self._passive))
+            step = np.linalg.solve(J[:, :, self._n :], gap[:, :, None])[:, :, 0]
+            x[active, self._n :] -= np.clip(step, -LONGEST_STEP, LONGEST_STEP)
+            met = np.abs(gap).max(axis=1) < CLOSED
+            closed[active[met]] = True
+            active = active[~met]
+            if not len(active):
+                break
+        return closed
+
+    def _equations(self, x: Array) -> tuple[Array, Array]:
+        """The gaps (N, 2 k) of the pins of all k loops across their axes, and their Jacobian (N, 2 k, n + p)."""
+        frames = self._tree.link_frames(x)
+        gaps, rows = [], []
+        for loop in self._chain.loops:
+            across = self._across(loop, frames)
+            ends = self._ends(loop, frames)
+            J = [self._tree.point_jacobian(frames, x, *end)[:, :3] for end in ends]
+            gaps.append(np.einsum("nij,nj->ni", across, ends[0][1] - ends[1][1]))
+            rows.append(across @ (J[0] - J[1]))
+        return np.concatenate(gaps, axis=1), np.concatenate(rows, axis=1)
+
+    def _axis(self, row: int, frames: Array) -> Array:
+        return np.asarray(frames[:, row, :3, :3] @ self._tree.axes[row][0])
+
+    def _across(self, loop: NumericLoop, frames: Array) -> Array:
+        """Two orthogonal unit vectors (N, 2, 3) across the axis of a loop."""
+        axis = self._axis(loop.passive[0], frames)
+        aside = np.eye(3)[np.argmin(np.abs(axis), axis=1)]
+        first = np.cross(axis, aside)
+        first /= np.linalg.norm(first, axis=1, keepdims=True)
+        return np.stack([first, np.cross(axis, first)], axis=1)
+
+    def _pin(self, row: int, place: NDArray[Any], frames: Array) -> Array:
+        T = self._chain.base if row < 0 else frames[:, row]
+        found = T[..., :3, :3] @ place + T[..., :3, 3]
+        return np.asarray(np.broadcast_to(found, (len(frames), 3)), dtype=np.float64)
+
+    def _ends(self, loop: NumericLoop, frames: Array) -> tuple[tuple[int, Array], tuple[int, Array]]:
+        """Both ends of the pin of a loop: rows and points (N, 3), the second moved along the axis beside the first."""
+        (first, at), (second, there) = ((row, self._pin(row, place, frames)) for row, place in loop.pins)
+        axis = self._axis(loop.passive[0], frames)
+        along = np.einsum("ni,ni->n", axis, at - there)
+        return (first, at), (second, there + along[:, None] * axis)
+
+    def _in_link(self, row: int, point: Array, frames: Array) -> Array:
+        """A point (N, 3) of the base frame in the frame of the link ``row``."""
+        R, p = frames[:, row, :3, :3], frames[:, row, :3, 3]
+        return np.asarray(np.einsum("nji,nj->ni", R, point - p))
+
+    def _corners(self, loop: NumericLoop, frames: Array) -> tuple[Array, Array, Array]:
+        """The outer pin of the first passive link, the pin between both, the outer pin of the second, (N, 3) each."""
+        first, second = (self._pin(row, self._pivots[row], frames) for row in loop.passive)
+        (_, closing), _ = self._ends(loop, frames)
+        behind = loop.passive[0] in self._chain.path(loop.passive[1])
+        return (first, second, closing) if behind else (first, closing, second)
+
+    def sines(self, x: Array) -> Array:
+        """The sines (N, k) of the angles between the two bars of every loop, positive on the right side."""
+        frames = self._tree.link_frames(x)
+        found = []
+        for loop in self._chain.loops:
+            a, b, c = (np.einsum("nij,nj->ni", self._across(loop, frames), p) for p in self._corners(loop, frames))
+            one, other = b - a, c - b
+            turn = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+            lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
+            found.append(-loop.assembly * turn / lengths)  # the middle pin on the left turns right
+        return np.stack(found, axis=1)
+
+    def _on_the_right_side(self, x: Array) -> NDArray[np.bool_]:
+        return np.asarray(np.all(self.sines(x) > 0.0, axis=1))
+
+    def passive_rates(self, x: Array) -> Array:
+        """The matrix W (N, p, n) of the rates of the passive rows over those of q."""
+        _, J = self._equations(x)
+        return np.asarray(-np.linalg.solve(J[:, :, self._n :], J[:, :, : self._n]))
+
+    def passive_accelerations(self, x: Array, dx: Array) -> Array:
+        """The accelerations (N, p) of the passive rows for ddq = 0, from those of the pins of the open tree."""
+        frames, (_, J) = self._tree.link_frames(x), self._equations(x)
+        moved = []
+        for loop in self._chain.loops:
+            places = ((row, self._in_link(row, p, frames)) for row, p in self._ends(loop, frames))
+            first, second = (self._tree.point_acceleration(x, dx, row, place) for row, place in places)
+            moved.append(np.einsum("nij,nj->ni", self._across(loop, frames), first - second))
+        return np.asarray(-np.linalg.solve(J[:, :, self._n :], np.concatenate(moved, axis=1)[:, :, None])[:, :, 0])

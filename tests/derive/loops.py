@@ -1,0 +1,83 @@
+"""Robot files with closed loops: a four-bar, a five-bar, and loops whose links stand on other loops."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+PALLETISER = Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "unequal.yaml"
+
+_HEAD = "schema: rrrgen/1\nname: {name}\nconvention: {convention}\nunits: {{angle: deg, length: m}}\n"
+_LINK = "  - {{mass: {0}, com: [0.{0}, 0.02, 0.01], inertia: {{about: com, xx: 0.0{0}1, yy: 0.0{0}2, zz: 0.0{0}2}}}}\n"
+
+
+def links(count: int) -> str:
+    """The section ``links`` with so many links."""
+    return "links:\n" + "".join(_LINK.format(k) for k in range(1, count + 1))
+
+
+FOUR_BAR = (
+    _HEAD.format(name="four_bar", convention="modified")
+    + """\
+gravity: [0, -9.81, 0]
+joints:
+  - {name: crank, type: revolute, alpha: 0, a: 0, d: 0}
+  - {name: rod, type: revolute, alpha: 0, a: 0.2, d: 0}
+  - {name: rocker, type: revolute, alpha: 0, a: 0.5, d: 0, parent: base}
+loops:
+  bars:
+    passive: [rod, rocker]
+    pins: {rod: [0.6, 0, 0], rocker: [0.4, 0, 0]}
+    assembly: +1
+tip: rod
+tool: {translation: [0.3, 0.2, 0]}
+"""
+    + links(3)
+)
+"""A crank of 0.2 m that turns fully, a rod of 0.6 m and a rocker of 0.4 m on a base of 0.5 m, in a vertical plane."""
+
+FIVE_BAR = (
+    _HEAD.format(name="five_bar", convention="standard")
+    + """\
+gravity: [0, -9.81, 0]
+joints:
+  - {name: arm, type: revolute, alpha: 0, a: 0.3, d: 0}
+  - {name: forearm, type: revolute, alpha: 0, a: 0.5, d: 0}
+  - {name: crank, type: revolute, alpha: 0, a: 0.2, d: 0.05, theta: 30, parent: base, drive: {inertia: 0.1}}
+  - {name: rod, type: revolute, alpha: 0, a: 0.35, d: 0}
+loops:
+  bars:
+    passive: [forearm, rod]
+    pins: {forearm: [-0.65, 0, 0], rod: [0, 0, 0]}
+    assembly: -1
+tip: forearm
+"""
+    + links(4)
+)
+"""Two drives on one axis, as in a palletiser without column, in a vertical plane."""
+
+STACKED = (
+    _HEAD.format(name="stacked", convention="modified")
+    + """\
+gravity: [1, -2, -9.81]
+joints:
+  - {name: yaw, type: revolute, alpha: 0, a: 0, d: 0.2}
+  - {name: crank, type: revolute, alpha: 90, a: 0.05, d: 0.02}
+  - {name: rod, type: revolute, alpha: 0, a: 0.2, d: 0, sign: -1}
+  - {name: rocker, type: revolute, alpha: 90, a: 0.55, d: 0, theta: 20, parent: yaw}
+  - {name: second, type: revolute, alpha: 0, a: 0.3, d: 0.01}
+  - {name: link, type: revolute, alpha: 0, a: 0.5, d: 0, parent: crank}
+  - {name: leaf, type: revolute, alpha: 30, a: 0.1, d: 0, parent: second, follows: {second: 2, crank: -1}}
+loops:
+  upper:
+    passive: [second, link]
+    pins: {link: [0.45, 0.1, 0], second: [0.4, 0, 0]}
+    assembly: -1
+  lower:
+    passive: [rod, rocker]
+    pins: {rod: [0.6, 0, 0], rocker: [0.4, 0.05, 0]}
+    assembly: +1
+tip: leaf
+"""
+    + links(7)
+)
+"""A four-bar on a column, and a second loop between its rocker and an arm on its crank; a leaf follows the second."""

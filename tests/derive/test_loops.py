@@ -1,0 +1,201 @@
+"""Closed loops of dyads: positions, torques, base parameters and dead points against independent oracles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy as sp
+
+import rrrgen
+from derive.loops import FIVE_BAR, FOUR_BAR, PALLETISER, STACKED
+from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.derive import closed_form, prepare, record
+from rrrgen.derive.functions.table import FUNCTIONS, recorders
+from rrrgen.derive.optimizer import Optimizer
+from rrrgen.exporting import export_robot
+from rrrgen.ik.classify import plan
+from rrrgen.program import count_operations
+from rrrgen.program.evaluation import evaluate
+from rrrgen.robot.file import load_spec, loads_spec
+from rrrgen.verify import verify
+from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
+from rrrgen.verify.subject import draw_states
+
+FILES = {"four_bar": FOUR_BAR, "five_bar": FIVE_BAR, "stacked": STACKED}
+COUPLED = PALLETISER.with_name("robot.yaml")
+
+
+@pytest.fixture(scope="module")
+def four_bar():
+    return rrrgen.compile(loads_spec(FOUR_BAR), backend="numpy")
+
+
+def rank(spec):
+    """The rank of the stacked standard regressor of the numerical reference, over the states of ``draw_states``."""
+    chain = chain_of(spec)
+    s = draw_states(chain, 8 * chain.links, np.random.default_rng(3))
+    Y = NewtonEuler(chain, np.zeros((chain.links, 10))).standard_regressor(s.q, s.dq, s.ddq)
+    Y = Y.reshape(-1, 10 * chain.links)
+    lengths = np.linalg.norm(Y, axis=0)
+    sizes = np.linalg.svd((Y / np.maximum(lengths, 1e-9))[:, lengths > 1e-9], compute_uv=False)
+    return np.sum(sizes > 1e-9 * sizes[0])
+
+
+@pytest.mark.parametrize(("name", "count"), [("four_bar", 8), ("five_bar", 11), ("stacked", None)])
+def test_the_number_of_base_parameters_is_the_rank_of_the_regressor(name, count):
+    spec = loads_spec(FILES[name])
+    found = len(prepare(spec).compiler_basis.names)
+    assert found == rank(spec)
+    assert count in (None, found)
+
+
+@pytest.mark.parametrize(("name", "most"), [("four_bar", 132), ("five_bar", 169)])
+def test_operations_of_inverse_dynamics_stay_low(name, most):
+    """At most 5 % more than a prototype of the same recursions had for loops of these shapes."""
+    recorded = record(prepare(loads_spec(FILES[name])), [FUNCTIONS["inverse_dynamics"]])
+    assert count_operations(Optimizer()(recorded).programs["inverse_dynamics"]).total <= 1.05 * most
+
+
+def test_every_function_of_a_four_bar_agrees_with_newtons_method(four_bar):
+    report = verify(four_bar, samples=6, seed=1)
+    assert report.ok, report
+    assert {row.function for row in report.rows} >= {"closed_loops: W", "inverse_dynamics", "jacobian_dot_dq"}
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize(
+    "spec", [loads_spec(FIVE_BAR), loads_spec(STACKED), load_spec(PALLETISER)], ids=lambda s: s.name
+)
+def test_every_function_of_further_loops_agrees_with_newtons_method(spec):
+    report = verify(rrrgen.compile(spec, backend="numpy"), samples=6, seed=1)
+    assert report.ok, report
+
+
+def test_torques_of_a_stacked_loop_agree_with_the_reference():
+    spec = loads_spec(STACKED)
+    chain = chain_of(spec)
+    reference = NewtonEuler(chain, nominal_parameters(spec))
+    s = draw_states(chain, 10, np.random.default_rng(2))
+    tau = reference.inverse_dynamics(s.q, s.dq, s.ddq)
+    program = recorded(spec, "inverse_dynamics")
+    beta = beta_of(spec)
+    found = np.array([evaluate(program, *state, beta)[0] for state in zip(s.q, s.dq, s.ddq, strict=True)])
+    assert np.abs(found - tau).max() < 1e-11 * np.abs(tau).max()
+
+
+def recorded(spec, name):
+    return recorders(name)[0](prepare(spec).recording())
+
+
+def beta_of(spec):
+    derivation = prepare(spec)
+    K = np.array([[float(spec.nominal(v)) for v in row] for row in derivation.compiler_basis.projection])
+    return K @ nominal_parameters(spec).ravel()
+
+
+def test_a_loop_with_nearly_equal_sides_moves_as_the_parallelogram():
+    """Sides off by 1e-6 m: torques differ from those of the constant coupling by about as much."""
+    text = PALLETISER.read_text(encoding="utf-8").replace("a: 900", "a: 945.001").replace("-1345", "-1325.001")
+    near, equal = loads_spec(text), load_spec(COUPLED)
+    rng = np.random.default_rng(0)
+    closed, coupled = (recorded(spec, "inverse_dynamics") for spec in (near, equal))
+    beta, beta_coupled = beta_of(near), beta_of(equal)
+    Ia = [joint.drive.inertia for joint in near.joints]
+    for q in rng.uniform([-2, -0.4, 0.3, -1], [2, 0.8, 1.2, 1], (10, 4)):
+        dq, ddq = rng.normal(size=(2, 4))
+        found = evaluate(closed, q, dq, ddq, [*beta, *Ia])[0]
+        expected = evaluate(coupled, q, dq, ddq, [*beta_coupled, *Ia])[0]
+        assert np.abs(np.array(found) - expected).max() < 1e-5 * np.abs(expected).max()
+
+
+def test_both_assemblies_are_mirror_images(four_bar):
+    other = rrrgen.compile(loads_spec(FOUR_BAR.replace("+1", "-1")), backend="numpy")
+    q = np.linspace(-3, 3, 7)[:, None]
+    (passive, W, sine), (mirrored, its_W, its_sine) = four_bar.closed_loops(q), other.closed_loops(-q)
+    np.testing.assert_allclose(passive * [1, -1], mirrored, atol=1e-12)
+    np.testing.assert_allclose(W, its_W, atol=1e-12)
+    np.testing.assert_allclose(sine, its_sine, atol=1e-12)
+
+
+# -- dead points ----------------------------------------------------------------------------------------------------
+
+
+DEAD = FOUR_BAR.replace("rocker: [0.4, 0, 0]", "rocker: [0.05, 0, 0]")
+"""The crank reaches dead points, where rod and rocker are aligned, and positions where they do not meet."""
+
+
+@pytest.fixture(scope="module")
+def dead():
+    return rrrgen.compile(loads_spec(DEAD), backend="numpy")
+
+
+def test_the_status_tells_dead_points_and_positions_that_cannot_be_assembled(dead):
+    # rod and rocker aligned: the pin of the crank is 0.65 m or 0.55 m from that of the base
+    limit = np.arccos((0.2**2 + 0.5**2 - 0.65**2) / (2 * 0.2 * 0.5))
+    q = np.array([[limit - 1e-2], [limit - 1e-9], [limit + 1e-2]])
+    (_, W, _), status = dead.closed_loops(q, with_status=True)
+    assert list(status) == [0, 1, 2]
+    assert np.all(np.isfinite(W))
+    with pytest.raises(np.linalg.LinAlgError, match="dead point"):
+        dead.closed_loops(q[1])
+    with pytest.raises(ValueError, match="cannot be assembled"):
+        dead.closed_loops(q[2])
+
+
+def test_nothing_is_nan_at_dead_points_and_beyond(dead):
+    q = np.linspace(-np.pi, np.pi, 401)[:, None]
+    assert np.all(np.isfinite(dead.inverse_dynamics(q, q, q)))
+    assert np.all(np.isfinite(dead.jacobian(q)))
+    assert np.all(np.isfinite(dead.forward_kinematics(q)))
+    assert np.all(np.isfinite(dead.inverse_dynamics_derivatives(q, q, q).dtau_dq))
+
+
+# -- exact numbers, and what is refused -----------------------------------------------------------------------------
+
+
+def test_factors_of_micrometres_are_exact_fractions():
+    precise = (
+        FOUR_BAR.replace("a: 0.5,", "a: 0.500123,").replace("a: 0.2,", "a: 0.199877,").replace("[0.4,", "[0.400001,")
+    )
+    dependencies = prepare(loads_spec(precise)).compiler_basis.dependencies
+    factors = [factor for each in dependencies for factor in each.combination.values()]
+    assert all(factor.is_Rational and factor.q < 10**13 for factor in factors)
+    assert max(factor.q for factor in factors) > 10**5
+
+
+def test_factors_with_square_roots_of_the_geometry_are_exact():
+    spec = loads_spec(FOUR_BAR.replace("rocker: [0.4, 0, 0]", "rocker: [0.2*sqrt(3), 0.2, 0]"))
+    basis = prepare(spec).compiler_basis
+    factors = {factor for each in basis.dependencies for factor in each.combination.values()}
+    assert len(basis.names) == rank(spec) == 8
+    assert any(factor.has(sp.sqrt(3)) for factor in factors)
+
+
+def test_factors_with_any_other_number_are_decimals():
+    spec = loads_spec(FOUR_BAR.replace("rocker: [0.4, 0, 0]", "rocker: [0.4*cos(0.3), 0.4*sin(0.3), 0]"))
+    basis = prepare(spec).compiler_basis
+    assert len(basis.names) == 8
+    assert max(factor.q for each in basis.dependencies for factor in each.combination.values()) > 10**20
+
+
+def test_a_loop_that_can_nowhere_be_assembled_is_refused():
+    with pytest.raises(DerivationError, match="no positions within the limits at which bars can be assembled"):
+        prepare(loads_spec(FOUR_BAR.replace("rod: [0.6", "rod: [3")))
+
+
+def test_what_does_not_exist_with_loops_is_refused_with_the_reason():
+    spec = loads_spec(FOUR_BAR)
+    assert "closed loops" in plan(spec).reason
+    with pytest.raises(DerivationError, match="closed loops"):
+        closed_form(spec, "mass_matrix")
+    for target in ("urdf", "mjcf"):
+        with pytest.raises(DerivationError, match="closed loops"):
+            export_robot(spec, target)
+
+
+def test_a_parallelogram_is_refused_and_follows_is_proposed():
+    text = PALLETISER.read_text(encoding="utf-8").replace("a: 900", "a: 945").replace("-1345", "-1325")
+    with pytest.raises(InputError, match="parallelogram") as refused:
+        loads_spec(text)
+    assert "follows" in str(refused.value)
