@@ -1,6 +1,6 @@
 """The table of all model functions, by group and in the order of emission.
 
-The group "model" is always emitted, and with it, behind all other groups, the groups "floating" and "friction". The
+The group "model" is always emitted, and with it, behind all other groups, "loops", "floating" and "friction". The
 functions of the other groups are needed by some users only, and are derived and emitted on request.
 """
 
@@ -341,7 +341,7 @@ TABLE = (
     ),
     ModelFunction(
         "closed_loops",
-        "model",
+        "loops",
         "Passive joints of closed loops: their angles and rates ``W dq``, and whether the loops can be assembled.",
         takes="q",
         returns="The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, "
@@ -1318,6 +1318,7 @@ GROUPS = {
     " multipliers of the solver as weights, so that n matrices become one.",
     "tensors": "All second derivatives of inverse dynamics, unweighted, for robots of at most eight joints: their"
     " number grows with n^3.",
+    "loops": "Closed loops: the joints without a drive, which the loops move, and their dead points.",
     "floating": "Dynamics on a floating base: its twist [v; omega] and the rates of the components of the twist are in"
     " base axes; the wrench on it, force and moment, is about its origin. The functions of the other groups hold the"
     " base still.",
@@ -1329,7 +1330,7 @@ ARGUMENT_ORDER = 2
 """Version of the order of arguments in emitted code. It is raised with every change of an order, since C accepts many
 old calls: pointers look alike. In version 1 parameters of the robot file stood before gains, width and period."""
 
-ALWAYS = ("model", "floating", "friction")
+ALWAYS = ("model", "loops", "floating", "friction")
 """The groups that every model has."""
 
 
