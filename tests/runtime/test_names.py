@@ -105,7 +105,8 @@ def test_casadi_functions(name):
 
 
 def test_several_results_are_named_tuples():
-    named = {f.name: f.result for f in TABLE if f.status and f.result}  # their methods return Any
+    overloaded = {f.name for f in TABLE if f.status} | {"inverse_dynamics_derivatives"}  # their methods return Any
+    named = {f.name: f.result for f in TABLE if f.name in overloaded and f.result}
     tuples = {name: getattr(rrrgen.runtime.results, result)._fields for name, result in named.items()}
     tuples["manipulability"] = tuples["position_manipulability"] = rrrgen.runtime.results.Manipulability._fields
     assert {"computed_torque", "contact", "slotine_li"} < tuples.keys()
