@@ -43,7 +43,9 @@ def test_gains_of_the_filter_are_those_of_the_tuning_and_the_period(rrr, tmp_pat
         rrr.controller(parts=["estimator"])
 
 
-@pytest.mark.parametrize("robot", ARMS, ids=["rrr", "Own6", "panda"])
+@pytest.mark.parametrize(
+    "robot", [*ARMS[:2], pytest.param(ARMS[2], marks=pytest.mark.sweep)], ids=["rrr", "Own6", "panda"]
+)
 def test_proposed_dampings_are_stable_when_sampled(robot):
     from rrrgen.controller.proposals import proposals
     from rrrgen.controller.table import GROUPS, unit_of

@@ -84,7 +84,7 @@ def test_whole_functions_have_the_values_of_the_programs(robot, name):
 @pytest.mark.parametrize(
     ("name", "function", "entry"),
     [
-        ("puma560", "mass_matrix", (2, 1)),
+        pytest.param("puma560", "mass_matrix", (2, 1), marks=pytest.mark.sweep),
         ("puma560", "gravity", (1,)),
         ("panda", "jacobian", (2, 3)),
         ("panda", "mass_matrix", (6, 6)),

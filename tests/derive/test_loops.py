@@ -42,7 +42,9 @@ def rank(spec):
     return np.sum(sizes > 1e-9 * sizes[0])
 
 
-@pytest.mark.parametrize(("name", "count"), [("four_bar", 8), ("five_bar", 11), ("stacked", None)])
+@pytest.mark.parametrize(
+    ("name", "count"), [("four_bar", 8), ("five_bar", 11), pytest.param("stacked", None, marks=pytest.mark.sweep)]
+)
 def test_the_number_of_base_parameters_is_the_rank_of_the_regressor(name, count):
     spec = loads_spec(FILES[name])
     found = len(prepare(spec).compiler_basis.names)
@@ -72,6 +74,7 @@ def test_every_function_of_further_loops_agrees_with_newtons_method(spec):
     assert report.ok, report
 
 
+@pytest.mark.sweep
 def test_torques_of_a_stacked_loop_agree_with_the_reference():
     spec = loads_spec(STACKED)
     chain = chain_of(spec)

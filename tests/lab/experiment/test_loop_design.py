@@ -186,6 +186,7 @@ def test_simulate_exits_with_one_where_the_loop_oscillates(demo, trajectory, tmp
     assert content["tracking"]["ok"] is False
 
 
+@pytest.mark.sweep
 def test_every_second_row_of_a_recording_tells_the_same_friction(demo, trajectory, tmp_path) -> None:
     """Of a loop that oscillated, these rows put every friction value 3 to 5 of its deviations off."""
     robot, text = tmp_path / "rubbing.yaml", demo.read_text()

@@ -241,6 +241,7 @@ def test_one_joint_has_neither_gain_nor_zero_of_its_own():
     assert value_of(estimated(model, late, "delay"), "delay", ALL)[0] == pytest.approx(0.02, abs=1e-3)
 
 
+@pytest.mark.sweep
 def test_slides_have_gains_and_the_zero_that_their_load_tells():
     model = rrrgen.compile(with_friction("stanford"), backend="numpy")
     friction = np.full(12, 0.5)
