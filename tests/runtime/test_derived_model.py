@@ -14,7 +14,7 @@ from rrrgen.base.cache import cache_directory, keep
 from rrrgen.derive import derive_model, derive_once, derived_model
 from rrrgen.derive.derived_model import dumps, loads
 from rrrgen.robot.file import load_spec
-from rrrgen.robot.model.canonical_frames import cosine_sine
+from rrrgen.robot.model.exact_transforms import cosine_sine
 
 
 @pytest.fixture
