@@ -11,7 +11,6 @@ import numpy as np
 import sympy as sp
 
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
-from rrrgen.runtime.floating_base import integrate
 from rrrgen.verify.identities import check_refusal, is_definite
 from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, BaseState, NewtonEuler
@@ -139,6 +138,14 @@ def draw_base(count: int, rng: np.random.Generator) -> BaseState:
     return BaseState(orientation, rng.uniform(-SPEED, SPEED, (count, 6)), rng.uniform(-LIFT, LIFT, (count, 6)))
 
 
+def turned(orientation: Array, rotation: Array) -> Array:
+    """The quaternion (..., 4), x, y, z, w, of a base turned by the rotation vector (..., 3), rad, in its own axes."""
+    angle = np.linalg.norm(rotation, axis=-1, keepdims=True)
+    u, w = 0.5 * np.sinc(angle / (2.0 * np.pi)) * rotation, np.cos(0.5 * angle)
+    v, s = orientation[..., :3], orientation[..., 3:]
+    return np.concatenate([s * u + w * v + np.cross(v, u), s * w - np.sum(v * u, axis=-1, keepdims=True)], axis=-1)
+
+
 def check_floating_base(
     model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
 ) -> None:
@@ -214,7 +221,7 @@ def _check_floating_derivatives(
     def forces(moved: Array, faster: Array) -> Array:
         """Wrench and torques (m, N, 6 + n) after changes (m, 6 + n) of pose and q, and of twist and dq."""
         x, u = moved[:, None], faster[:, None]
-        orientation = integrate(np.zeros(3), base.orientation, x[..., :6]).orientation
+        orientation = turned(base.orientation, x[..., 3:6])
         parts = np.broadcast_arrays(s.q + x[..., 6:], s.dq + u[..., 6:], s.ddq)
         of_base = np.broadcast_arrays(base.twist + u[..., :6], base.twist_rate)
         q, dq, ddq, *moving = (part.reshape(-1, part.shape[-1]) for part in (*parts, orientation, *of_base))

@@ -13,10 +13,11 @@ displacement.
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
 import sympy as sp
 
 from rrrgen.base.errors import DerivationError
@@ -312,10 +313,10 @@ def _refuse_parallelogram(spec: RobotSpec, closure: Closure) -> None:
     for one in closure.segments:
         if any(one.direction):
             return
-        turned = complex(*(float(spec.nominal(v)) for v in one.place)) * np.exp(1j * float(spec.nominal(one.angle)))
+        turned = complex(*(float(spec.nominal(v)) for v in one.place)) * cmath.rect(1, float(spec.nominal(one.angle)))
         sides[one.turning] = sides.get(one.turning, 0) + turned
     bars = sorted(sum(abs(v) for form, v in sides.items() if form[k] == 1) for k in (a, b))
     known = sorted(abs(v) for form, v in sides.items() if form[a] == 0 and form[b] == 0)
-    if len(sides) == 4 and np.allclose(bars, known, rtol=SAME_LENGTH, atol=0):
+    if len(sides) == 4 and all(math.isclose(*pair, rel_tol=SAME_LENGTH) for pair in zip(bars, known, strict=True)):
         hint = "drop the loop and let its passive rows follow the driven ones: follows: {crank: 1, arm: -1}"
         raise LoopError(closure.name, "it is a parallelogram, whose opposite sides are equal", hint)
