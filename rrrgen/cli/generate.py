@@ -445,11 +445,13 @@ def generate(
     spec = with_solver(read_with_warnings(robot), method)
 
     def proven(model: DerivedModel) -> Rounding:
+        if not bounds:
+            return {}
         from rrrgen.evidence.boxes import Ranges
         from rrrgen.evidence.certificate import rounding_entries
         from rrrgen.evidence.statements import statements
 
-        return statements(model.programs, rounding_entries(model, trig, Ranges(), tell=tell), real) if bounds else {}
+        return statements(model.programs, rounding_entries(model, trig, Ranges(), tell=tell), real)
 
     with progress_bar() as tell:
         model, files = emitted(

@@ -21,7 +21,13 @@ def fields(node: MappingNode, section: str) -> Iterator[tuple[str, str, Place]]:
         key = table[name.text]
         inner = "basis" if key.name == "basis" else key.section
         rows = value.items if isinstance(value, SequenceNode) else [value]
-        for row in [each for _, each in value.entries] if key.kind == "transforms" else rows if inner else []:
+        for row in (
+            [each for _, each in value.entries if not isinstance(each, SequenceNode)]
+            if key.kind == "transforms"
+            else rows
+            if inner
+            else []
+        ):
             yield from fields(row, inner)
 
 
