@@ -19,7 +19,7 @@ def fields(node: MappingNode, section: str) -> Iterator[tuple[str, str, Place]]:
     for name, value in node.entries:
         yield section, name.text, name.place
         key = table[name.text]
-        inner = "basis" if key.name == "basis" else key.section
+        inner = {"basis": "basis", "pins": ""}.get(key.name, key.section)  # pins are named by the user's joints
         rows = value.items if isinstance(value, SequenceNode) else [value]
         for row in (
             [each for _, each in value.entries if not isinstance(each, SequenceNode)]
