@@ -86,7 +86,11 @@ def largest_errors(
 def errors_at(
     program: Program, states: Sequence[Array], precision: Precision, compiled: Evaluator | None = None
 ) -> NDArray[np.float64]:
-    """The errors (outputs, states) of all output elements at ``states``, one array (states, size) per input port."""
+    """The errors (outputs, states) of all output elements at ``states``, one array (states, size) per input port.
+
+    A difference within the spacing of the wider format is no error: the bound of a constant, its exact distance from
+    its literal, may be smaller.
+    """
     wide = np.longdouble if precision is DOUBLE else np.float64
     order = [index for row in program.results for index in row]
     count = len(states[0]) if states else 1
@@ -98,8 +102,8 @@ def errors_at(
     exact = _evaluated(program, states, precision, wide)
     errors = []
     for found, index in zip(rounded, order, strict=True):
-        difference: Array = found.astype(wide) - exact[index]
-        errors.append(np.broadcast_to(np.abs(difference).astype(np.float64), (count,)))
+        difference = np.abs(found.astype(wide) - exact[index]) - np.finfo(wide).eps * np.abs(exact[index])
+        errors.append(np.broadcast_to(np.maximum(difference, 0.0).astype(np.float64), (count,)))
     return np.stack(errors)
 
 

@@ -56,8 +56,8 @@ def rounding_rows(
 
     The box is that of the robot file's limits and ``ranges``; half of the states have their rates at its corners. The
     difference of a row is the largest error found over its bound, of all output elements, so the tolerance is 1 but for
-    the resolution of the figures. Errors
-    are those of the compiled code where the model is compiled, and else of the same operations in NumPy.
+    the resolution of the figures. Errors are those of the compiled code where the model is compiled, and else of the
+    same operations in NumPy.
 
     Returns the rows, and what has no bound with the reason.
     """

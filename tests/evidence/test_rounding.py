@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from rrrgen.derive import derive_once
 from rrrgen.evidence import rounding
-from rrrgen.evidence.boxes import Ranges, box_of
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, rounding_bounds
 from rrrgen.evidence.sampling import errors_at, largest_errors
 from rrrgen.evidence.vectors import exact_outputs
@@ -178,6 +178,16 @@ def test_functions_of_the_rrr_hold_and_are_not_loose(rrr, function):
         errors = largest_errors(program, box, precision, 3000, 1)
         assert (errors <= flat * SLACK).all()
         assert flat.max() <= 8.0 * errors.max()
+
+
+def test_a_constant_nearer_to_its_literal_than_the_wider_format_resolves_is_no_violation():
+    """Its bound is its exact distance from the literal, here less than half of the spacing of long double."""
+    constant = Fraction(0.3) + Fraction(16, 10**21)
+    program = program_of(lambda b, q, x: [constant])
+    bounds = rounding_bounds(program, unit_box())
+    ranges = {name: PortRange(*map(tuple, ends), "test") for name, ends in unit_box().items()}
+    assert bounds.double[0][0] == pytest.approx(1.6e-20)
+    assert largest_errors(program, ranges, DOUBLE, 10, 1)[0] <= bounds.double[0][0] * SLACK
 
 
 def test_bounds_hold_against_fifty_digits(rrr):
