@@ -340,27 +340,6 @@ TABLE = (
         of_tip=True,
     ),
     ModelFunction(
-        "closed_loops",
-        "loops",
-        "Passive joints of closed loops: their angles and rates ``W dq``, and whether the loops can be assembled.",
-        takes="q",
-        returns="The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, "
-        "(..., p, 2), the matrix of their rates, (..., p, n), and the sine of the angle between the two bars of "
-        "every loop, (..., k). The status, (...), is 0; 1 where a loop is near a dead point, 2 where one cannot be "
-        "assembled.",
-        record=f"{LOOPS}:closed_loops",
-        details="At a dead point, where the sine is zero, the passive joints have no rates. All functions stay finite "
-        "there: a sine below 1e-6, also that of a loop that cannot be assembled, counts as 1e-6.",
-        raises=(
-            ("numpy.linalg.LinAlgError", "a sine is below 1e-3 at some state, and ``with_status`` is False."),
-            ("ValueError", "a loop cannot be assembled at some state, and ``with_status`` is False."),
-        ),
-        result="ClosedLoops",
-        status=True,
-        needs=Needs.LOOPS,
-        absent="the robot file states no loops",
-    ),
-    ModelFunction(
         "link_velocities",
         "points",
         "Velocities of all link frames in the base frame, ``[v_i; omega_i] = J_i(q) dq``.",
@@ -1031,6 +1010,27 @@ TABLE = (
         differentiated=True,
         most_joints=8,
         absent="all second derivatives exist for at most eight joints; inverse_dynamics_hessian has their weighted sum",
+    ),
+    ModelFunction(
+        "closed_loops",
+        "loops",
+        "Passive joints of closed loops: their angles and rates ``W dq``, and whether the loops can be assembled.",
+        takes="q",
+        returns="The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, "
+        "(..., p, 2), the matrix of their rates, (..., p, n), and the sine of the angle between the two bars of "
+        "every loop, (..., k). The status, (...), is 0; 1 where a loop is near a dead point, 2 where one cannot be "
+        "assembled.",
+        record=f"{LOOPS}:closed_loops",
+        details="At a dead point, where the sine is zero, the passive joints have no rates. All functions stay finite "
+        "there: a sine below 1e-6, also that of a loop that cannot be assembled, counts as 1e-6.",
+        raises=(
+            ("numpy.linalg.LinAlgError", "a sine is below 1e-3 at some state, and ``with_status`` is False."),
+            ("ValueError", "a loop cannot be assembled at some state, and ``with_status`` is False."),
+        ),
+        result="ClosedLoops",
+        status=True,
+        needs=Needs.LOOPS,
+        absent="the robot file states no loops",
     ),
     ModelFunction(
         "floating_inverse_dynamics",

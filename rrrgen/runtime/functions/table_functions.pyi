@@ -597,30 +597,6 @@ class TableFunctions(Calls):
             The named tuple (kinetic, potential), each (...), J.
         """
 
-    @overload
-    def closed_loops(self, q: ArrayLike, *, with_status: Literal[False] = ...) -> ClosedLoops:
-        """Passive joints of closed loops: their angles and rates ``W dq``, and whether the loops can be assembled.
-
-        At a dead point, where the sine is zero, the passive joints have no rates. All functions stay finite there: a
-        sine below 1e-6, also that of a loop that cannot be assembled, counts as 1e-6.
-
-        Args:
-            q: joint positions, (..., n), rad or m.
-            with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
-
-        Returns:
-            The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, (..., p, 2),
-            the matrix of their rates, (..., p, n), and the sine of the angle between the two bars of every loop, (...,
-            k). The status, (...), is 0; 1 where a loop is near a dead point, 2 where one cannot be assembled.
-
-        Raises:
-            numpy.linalg.LinAlgError: a sine is below 1e-3 at some state, and ``with_status`` is False.
-            ValueError: a loop cannot be assembled at some state, and ``with_status`` is False.
-        """
-    @overload
-    def closed_loops(self, q: ArrayLike, *, with_status: Literal[True]) -> tuple[ClosedLoops, Array]: ...
-    @overload
-    def closed_loops(self, q: ArrayLike, *, with_status: bool) -> ClosedLoops | tuple[ClosedLoops, Array]: ...
     def link_velocities(self, q: ArrayLike, dq: ArrayLike) -> Array:
         """Velocities of all link frames in the base frame, ``[v_i; omega_i] = J_i(q) dq``.
 
@@ -2458,6 +2434,30 @@ class TableFunctions(Calls):
             i, j, k]`` is the derivative of tau_i by dq_j and q_k.
         """
 
+    @overload
+    def closed_loops(self, q: ArrayLike, *, with_status: Literal[False] = ...) -> ClosedLoops:
+        """Passive joints of closed loops: their angles and rates ``W dq``, and whether the loops can be assembled.
+
+        At a dead point, where the sine is zero, the passive joints have no rates. All functions stay finite there: a
+        sine below 1e-6, also that of a loop that cannot be assembled, counts as 1e-6.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
+
+        Returns:
+            The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, (..., p, 2),
+            the matrix of their rates, (..., p, n), and the sine of the angle between the two bars of every loop, (...,
+            k). The status, (...), is 0; 1 where a loop is near a dead point, 2 where one cannot be assembled.
+
+        Raises:
+            numpy.linalg.LinAlgError: a sine is below 1e-3 at some state, and ``with_status`` is False.
+            ValueError: a loop cannot be assembled at some state, and ``with_status`` is False.
+        """
+    @overload
+    def closed_loops(self, q: ArrayLike, *, with_status: Literal[True]) -> tuple[ClosedLoops, Array]: ...
+    @overload
+    def closed_loops(self, q: ArrayLike, *, with_status: bool) -> ClosedLoops | tuple[ClosedLoops, Array]: ...
     @overload
     def floating_inverse_dynamics(
         self,
