@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
@@ -14,9 +15,18 @@ from rrrgen.lab.closed_loop.controller import LoopController
 from rrrgen.lab.closed_loop.loop import CompiledLoop, LoopEquations, SimulatedLoop
 from rrrgen.lab.closed_loop.loop_recording import LoopRecording, assumptions, loop_recordings
 from rrrgen.lab.closed_loop.output_error import LoopFit, OutputErrorProblem, Parameters
-from rrrgen.lab.closed_loop.validation import LoopScore, Replay, as_json, loop_score, replayed
+from rrrgen.lab.closed_loop.validation import (
+    LOOP_ERRORS,
+    LoopScore,
+    Replay,
+    as_json,
+    loop_remainders,
+    loop_score,
+    replayed,
+)
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.estimate.regression import least_squares
+from rrrgen.lab.estimate.remainder import Remainder, remainder_notes, remainder_record
 from rrrgen.lab.estimate.tsqr import Rows, factor_blocks
 from rrrgen.lab.identify.bias import LIKE, BiasCheck, Paired, compare, position_difference
 from rrrgen.lab.identify.figures import MOST_POINTS, TorqueCurves, plot_torque_curves
@@ -100,7 +110,9 @@ class ClosedLoopEstimate:
     controller. ``start`` is the score of the inverse-dynamics estimate from which the fit started; ``fit``,
     ``held_out`` and ``test`` are those of the resulting model on the fitted samples, the samples left out, and separate
     recordings. ``bias`` compares inverse dynamics with instrumental variables from the simulated loop; None if the
-    simulated motion is too far from the recorded one. ``notes`` are sentences on what was assumed.
+    simulated motion is too far from the recorded one. ``notes`` are sentences on what was assumed. ``left`` is what
+    noise does not explain in the torques of samples that were not fitted, ``left_in_test`` the same in separate
+    recordings.
     """
 
     identification: Identification
@@ -116,13 +128,21 @@ class ClosedLoopEstimate:
     iterations: int
     bias: BiasCheck | None
     notes: tuple[str, ...] = ()
+    left: tuple[Remainder, ...] = ()
+    left_in_test: tuple[Remainder, ...] = ()
+
+    @property
+    def held_out_notes(self) -> tuple[str, ...]:
+        """Sentences on what noise leaves unexplained in samples, and recordings, that were not fitted."""
+        test = remainder_notes(self.left_in_test, f"{LOOP_ERRORS} in recordings not fitted")
+        return (*remainder_notes(self.left, LOOP_ERRORS), *test)
 
     def lines(self, joints: Sequence[str]) -> list[str]:
         """Lines of text for the report: the check of the controller and the scores of the model."""
         found = [self.replay.line(joints), *self.notes]
         found += [] if self.bias is None else self.bias.lines()
         found += [score.line(joints) for score in (self.start, self.fit, self.held_out, self.test) if score is not None]
-        return found
+        return [*found, *(f"note: {note}" for note in self.held_out_notes)]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for ``closed_loop.json``: the check of the controller and the scores of the model."""
@@ -134,6 +154,9 @@ class ClosedLoopEstimate:
             "fit": as_json(self.fit),
             "held_out": as_json(self.held_out),
             "test": as_json(self.test),
+            "held_out_notes": list(self.held_out_notes),
+            "held_out_remainder": remainder_record(self.left),
+            "test_remainder": remainder_record(self.left_in_test),
             "iterations": self.iterations,
             "bias": None if self.bias is None else self.bias.to_json(),
             "parameters": dict(zip(self.names, self.theta.tolist(), strict=True)),
@@ -187,15 +210,23 @@ def closed_loop_estimate(
     delivered = again.theta if again.consistent is None else again.consistent.theta
     theta = np.concatenate([delivered, np.exp(fit.z[parameters.count :])])
     first = np.concatenate([started, equations.shapes])
-    split = found.split
-    note = "in sample, before the fit"
-    start = loop_score(note, loop, first, own, lambda r: split.fitted(r.t, *r.span))[0]
-    ended, runs = loop_score("in sample", loop, theta, own, lambda r: split.fitted(r.t, *r.span))
-    out = loop_score("held out", loop, theta, own, lambda r: split.scored(r.t, *r.span))[0]
+    split, names = found.split, controller.names
+
+    def fitted(r: LoopRecording) -> NDArray[np.bool_]:
+        return split.fitted(r.t, *r.span)
+
+    def scored(r: LoopRecording) -> NDArray[np.bool_]:
+        return split.scored(r.t, *r.span)
+
+    def whole(r: LoopRecording) -> NDArray[np.bool_]:
+        return np.ones(len(r), bool)
+
+    start = loop_score("in sample, before the fit", loop, first, own, fitted)[0]
+    ended, runs = loop_score("in sample", loop, theta, own, fitted)
+    out = loop_score("held out", loop, theta, own, scored)[0]
     assert ended is not None
-    test = (
-        loop_score("recordings not fitted", loop, theta, unseen, lambda r: np.ones(len(r), bool))[0] if tests else None
-    )
+    test, unseen_runs = loop_score("recordings not fitted", loop, theta, unseen, whole) if tests else (None, [])
+    known = (runs, own, fitted)
     return ClosedLoopEstimate(
         identification=again,
         names=equations.names,
@@ -208,7 +239,9 @@ def closed_loop_estimate(
         recordings=own,
         runs=tuple(runs),
         iterations=fit.iterations,
-        bias=simulated_bias_check(found, own, runs, controller.names, options),
+        bias=simulated_bias_check(found, own, runs, names, options),
+        left=loop_remainders(runs, own, scored, names, known),
+        left_in_test=loop_remainders(unseen_runs, unseen, whole, names, known),
         notes=(*assumptions(own, "the recordings that are fitted"), *assumptions(unseen, "the test recordings")),
     )
 

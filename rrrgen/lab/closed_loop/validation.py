@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from rrrgen.lab.closed_loop.loop_recording import LoopRecording, assumptions, lo
 from rrrgen.lab.closed_loop.output_error import divergence
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.estimate.linear import solve
+from rrrgen.lab.estimate.remainder import Errors, Piece, Remainder, remainder_notes, remainder_record, remainders
 from rrrgen.lab.identify.friction_columns import stated_laws
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Recording
@@ -37,6 +38,7 @@ TAPS = 6  # last samples of position and reference that an error of the replay m
 RANK = 1e-12  # singular values of these samples below this share of the largest are zero
 FOLLOWS = 0.5  # share of an error, in squares, that follows from them above which the controller is another one
 SMALLEST = 0.003  # relative torque error below which this does not matter
+LOOP_ERRORS = "torque errors of the simulated loop"
 CLEARLY = 0.5  # another delay is reported only if its error is below this fraction of the error at the stated delay
 
 
@@ -201,6 +203,35 @@ def loop_score(
     ), runs
 
 
+def loop_remainders(
+    runs: Sequence[SimulatedLoop],
+    recordings: Sequence[LoopRecording],
+    chosen: Callable[[LoopRecording], NDArray[np.bool_]],
+    joints: Sequence[str],
+    fitted: tuple[Sequence[SimulatedLoop], Sequence[LoopRecording], Callable[[LoopRecording], NDArray[np.bool_]]]
+    | None = None,
+) -> tuple[Remainder, ...]:
+    """What noise does not explain in the torques of simulated ``runs``, for each of the ``joints``.
+
+    ``chosen`` gives the mask (N,) of the samples of a recording that were not fitted. ``fitted`` are the runs,
+    recordings and masks of the samples that were fitted, None where they are not known.
+    """
+    before = None if fitted is None else Errors.of(_loop_pieces(*fitted))
+    return remainders(Errors.of(_loop_pieces(runs, recordings, chosen)), before, joints)
+
+
+def _loop_pieces(
+    runs: Sequence[SimulatedLoop],
+    recordings: Sequence[LoopRecording],
+    chosen: Callable[[LoopRecording], NDArray[np.bool_]],
+) -> Iterator[Piece]:
+    for number, (run, recording) in enumerate(zip(runs, recordings, strict=True)):
+        at = slice(None, None, recording.stride)
+        use = (recording.scored & chosen(recording)[:, None])[at]
+        errors = np.where(use, (recording.tau - run.tau)[at], np.nan)
+        yield Piece(recording.t[at], recording.tau[at], errors, np.full(len(errors), number, np.int64))
+
+
 def as_json(score: LoopScore | None) -> dict[str, Any] | None:
     """Convert a score to plain data for JSON; None stays None."""
     return None if score is None else dict(vars(score))
@@ -216,16 +247,19 @@ class ClosedLoopValidation:
     """Result of a validation in closed loop.
 
     ``replay`` compares the controller's torques, computed from the measured motion, with the recorded ones; ``score``
-    holds the errors of the simulated loop. ``notes`` are sentences on what was assumed.
+    holds the errors of the simulated loop. ``notes`` are sentences on what was assumed, ``left`` is what noise does not
+    explain in the torques of the loop.
     """
 
     replay: Replay
     score: LoopScore
     notes: tuple[str, ...] = ()
+    left: tuple[Remainder, ...] = ()
 
     def lines(self, joints: Sequence[str]) -> list[str]:
         """Lines of text for the report: the check of the controller and the score of the loop."""
-        return [self.replay.line(joints), *self.notes, self.score.line(joints)]
+        left = remainder_notes(self.left, LOOP_ERRORS)
+        return [self.replay.line(joints), *self.notes, self.score.line(joints), *(f"note: {note}" for note in left)]
 
     def failures(self, relative_error: float) -> tuple[str, ...]:
         """Sentence that the relative torque error exceeds the limit ``relative_error``; empty if it does not."""
@@ -236,7 +270,12 @@ class ClosedLoopValidation:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON: the check of the controller and the score of the loop."""
-        return {"controller_error": list(self.replay.errors), "score": as_json(self.score)}
+        return {
+            "controller_error": list(self.replay.errors),
+            "score": as_json(self.score),
+            "held_out_notes": list(remainder_notes(self.left, LOOP_ERRORS)),
+            "held_out_remainder": remainder_record(self.left),
+        }
 
 
 def stated_equations(model: Any) -> tuple[LoopEquations, Array]:
@@ -279,9 +318,10 @@ def validate_loop(
             return np.ones(len(recording), bool)
         return split.scored(recording.t, *recording.span)
 
-    score, _ = loop_score(
+    score, runs = loop_score(
         "all samples" if split is None or split.kind == "none" else "held out", loop, theta, own, chosen
     )
     if score is None:
         raise InputError("no sample is left to score the simulated loop")
-    return ClosedLoopValidation(replayed(loop, own), score, tuple(assumptions(own, "the recordings")))
+    left = loop_remainders(runs, own, chosen, controller.names)
+    return ClosedLoopValidation(replayed(loop, own), score, tuple(assumptions(own, "the recordings")), left)

@@ -49,7 +49,7 @@ class Whiteness:
 
 def whiteness(residual: Array, lags: int = 20) -> Whiteness:
     """Test the whiteness of one ``residual`` (N,), NaN where missing, over ``lags``; its mean is not removed."""
-    sums, pairs = _products(np.asarray(residual, float), None, min(lags, max(1, len(residual) - 1)))
+    sums, pairs = lagged_products(np.asarray(residual, float), None, min(lags, max(1, len(residual) - 1)))
     return _whiteness(sums, pairs)
 
 
@@ -64,7 +64,7 @@ def residual_whiteness(blocks: Iterable[Rows], x: Array, lags: int = 20) -> tupl
         new = len(residual)
         if tail is not None and tail_segment is not None:
             residual, segment = np.vstack([tail, residual]), np.concatenate([tail_segment, segment])
-        parts = [_products(column, segment, lags, len(column) - new) for column in residual.T]
+        parts = [lagged_products(column, segment, lags, len(column) - new) for column in residual.T]
         step = np.stack([p[0] for p in parts]), np.stack([p[1] for p in parts])
         sums = step[0] if sums is None else sums + step[0]
         pairs = step[1] if pairs is None else pairs + step[1]
@@ -74,24 +74,26 @@ def residual_whiteness(blocks: Iterable[Rows], x: Array, lags: int = 20) -> tupl
     return tuple(_whiteness(s, c) for s, c in zip(sums, pairs, strict=True))
 
 
-def _products(
-    residual: Array, segment: NDArray[np.int64] | None, lags: int, old: int = 0
+def lagged_products(
+    residual: Array, segment: NDArray[np.int64] | None, lags: int, old: int = 0, apart: int = 1
 ) -> tuple[Array, NDArray[np.int64]]:
-    """Sums of ``r_k r_{k-l}`` over the samples k, for the lags l = 0..lags, and the numbers of pairs in each sum.
+    """Sums of ``r_k r_{k-l}`` over the samples k of ``residual`` (N,), and the numbers of pairs in each sum.
 
-    Samples k below ``old`` are skipped as the later one of a pair, because an earlier call has counted them. Pairs with
-    a missing sample, or across two stretches (``segment``), are left out.
+    The lags l are 0, 1, ..., ``lags`` times ``apart``. Samples k below ``old`` are skipped as the later one of a pair,
+    because an earlier call has counted them. Pairs with a missing sample (NaN), or across two stretches (``segment``,
+    (N,)), are left out.
     """
     present = np.isfinite(residual)
     r = np.where(present, residual, 0.0)
     sums, pairs = np.zeros(lags + 1), np.zeros(lags + 1, np.int64)
-    for lag in range(min(lags, len(r) - 1) + 1):
+    for step in range(min(lags, (len(r) - 1) // apart) + 1):
+        lag = step * apart
         first = max(old, lag)
         both = present[first:] & present[first - lag : len(r) - lag]
         if segment is not None:
             both = both & (segment[first:] == segment[first - lag : len(r) - lag])
-        sums[lag] = np.sum((r[first:] * r[first - lag : len(r) - lag])[both])
-        pairs[lag] = np.sum(both)
+        sums[step] = np.sum((r[first:] * r[first - lag : len(r) - lag])[both])
+        pairs[step] = np.sum(both)
     return sums, pairs
 
 

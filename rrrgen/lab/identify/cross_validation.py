@@ -19,13 +19,21 @@ from rrrgen.base.tables import text_table
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.estimate.linear import solve
 from rrrgen.lab.estimate.regression import RANK_TOLERANCE
+from rrrgen.lab.estimate.remainder import (
+    Errors,
+    Remainder,
+    all_errors,
+    remainder_notes,
+    remainder_record,
+    remainders,
+)
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_rows
 from rrrgen.lab.identify.factoring import Progress
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.identification import Options, identify
 from rrrgen.lab.identify.observations import Recording
 from rrrgen.lab.identify.regressor import RigidModel
-from rrrgen.lab.identify.scores import Score
+from rrrgen.lab.identify.scores import Score, row_errors
 
 # ------------------------------------------------------------------------------------------------------------------
 # Convergence of the estimated parameters with the number of samples, as in Fig. 14.12.
@@ -99,11 +107,13 @@ def _solved(R: Array) -> tuple[Array, float]:
 class CrossValidation:
     """Errors of cross-validation: ``parts[k]`` holds the score of each estimate on part k, which it was not fitted to.
 
-    ``joints`` are the joint names. The scored rows are filtered and selected as the fitted ones are.
+    ``joints`` are the joint names. The scored rows are filtered and selected as the fitted ones are. ``left`` is what
+    noise does not explain in the errors of all parts together.
     """
 
     joints: tuple[str, ...]
     parts: tuple[tuple[Score, ...], ...]
+    left: tuple[Remainder, ...] = ()
 
     def pooled(self, estimate: int) -> tuple[float, Array]:
         """Relative torque error of estimate number ``estimate`` over all parts, and that of every joint (n,)."""
@@ -132,7 +142,13 @@ class CrossValidation:
         found = [self.pooled(i) for i in range(len(names))]
         rows.append(("all", *(f"{100 * total:.3g} %" for total, _ in found)))
         rows += [(joint, *(f"{100 * each[j]:.3g} %" for _, each in found)) for j, joint in enumerate(self.joints)]
-        return [title, *text_table(rows, width, indent="", right=range(1, len(names) + 1))]
+        table = text_table(rows, width, indent="", right=range(1, len(names) + 1))
+        return [title, *table, *(f"note: {note}" for note in self.notes)]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what noise leaves unexplained in the parts left out."""
+        return remainder_notes(self.left, "torque errors of cross-validation")
 
     def to_json(self) -> dict[str, Any]:
         """Errors of all parts and joints as plain data."""
@@ -141,6 +157,8 @@ class CrossValidation:
             "parts": [[vars(score) for score in part] for part in self.parts],
             "relative_error": {name: total for name, (total, _) in zip(self.estimates, pooled, strict=True)},
             "joint_relative_error": {name: each for name, (_, each) in zip(self.estimates, pooled, strict=True)},
+            "notes": list(self.notes),
+            "remainder": remainder_record(self.left),
         }
 
 
@@ -163,6 +181,8 @@ def cross_validate(
         raise InputError("cross-validation holds out every part in turn: leave the split of the data away")
     plain = replace(options, correlated=False, essential=False, poses=2)
     found = []
+    fitted: list[Errors | None] = []
+    left_out: list[Errors | None] = []
     for part in range(1, parts + 1):
         if progress is not None:
             progress(part, parts, f"cross-validation, part {part} of {parts}")
@@ -172,4 +192,7 @@ def cross_validate(
             guard = f"guard bands of {result.split.guard:.3g} s"
             raise InputError(f"part {part} of {parts} has no rows beside {guard}: choose fewer parts")
         found.append(tuple(score for score in held_out if score.where == held_out[0].where))
-    return CrossValidation(tuple(recordings[0].joints), tuple(found))
+        fitted.append(row_errors(result.band.theta, result.blocks, result.tuning))
+        left_out.append(row_errors(result.band.theta, result.held_out_blocks, result.tuning))
+    joints = tuple(recordings[0].joints)
+    return CrossValidation(joints, tuple(found), remainders(all_errors(left_out), all_errors(fitted), joints))

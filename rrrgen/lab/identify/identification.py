@@ -34,6 +34,7 @@ from rrrgen.lab.estimate.regression import (
     robust_rows,
     weighted_least_squares,
 )
+from rrrgen.lab.estimate.remainder import Remainder
 from rrrgen.lab.estimate.statistics import Whiteness, correlation_lags, residual_whiteness
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_blocks
 from rrrgen.lab.identify.bandwidth import Tuning, reach, tune
@@ -63,7 +64,15 @@ from rrrgen.lab.identify.nuisance_estimate import Nuisances, estimate_nuisances,
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.lab.identify.parameters import Column, DriveTerms, explained_names, identified_units
 from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, RigidModel, parametrise, standstill
-from rrrgen.lab.identify.scores import Fingerprint, Score, TorqueBand, conformal_band, fingerprint, score_models
+from rrrgen.lab.identify.scores import (
+    Fingerprint,
+    Score,
+    TorqueBand,
+    conformal_band,
+    fingerprint,
+    left_in_rows,
+    score_models,
+)
 from rrrgen.robot.model.inertial_parameters import standard_names
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -264,6 +273,10 @@ class Identification:
     def names(self) -> tuple[str, ...]:
         """Names of the identifiable combinations."""
         return self.estimate.names
+
+    def left_in(self, joints: Sequence[str]) -> tuple[Remainder, ...]:
+        """What noise does not explain in held-out torques of the written model, for each of the ``joints`` (n,)."""
+        return left_in_rows(self.band.theta, self.blocks, self.held_out_blocks, joints, self.tuning)
 
     def corrected(self, recordings: Sequence[Recording]) -> Sequence[Recording]:
         """The ``recordings`` with the estimated zeros, gains and delays put right."""

@@ -11,6 +11,7 @@ import numpy as np
 from rrrgen.base.errors import DerivationError
 from rrrgen.base.tables import text_table
 from rrrgen.base.version import VERSION
+from rrrgen.lab.estimate.remainder import remainder_record
 from rrrgen.lab.estimate.statistics import confidence_factor
 from rrrgen.lab.identify.consistency import ConsistentEstimate
 from rrrgen.lab.identify.scores import held_out_notes
@@ -96,6 +97,7 @@ def as_record(found: Identification, joints: Sequence[str]) -> dict[str, Any]:
     """
     estimate = found.estimate
     covered = {name: found.band.coverage(blocks) for name, blocks in found.parts}
+    left = found.left_in(joints)
     header, rows = parameter_table(found)
     return {
         "method": estimate.method,
@@ -106,7 +108,8 @@ def as_record(found: Identification, joints: Sequence[str]) -> dict[str, Any]:
         "hardly_determined": list(found.hardly_determined),
         "torque_band": {k: None if each is None else (each.share, each.parameters) for k, each in covered.items()},
         "torque_band_joints": {k: None if each is None else each.joints for k, each in covered.items()},
-        "held_out_notes": list(held_out_notes(found.scores, covered["held out"], joints)),
+        "held_out_notes": list(held_out_notes(found.scores, covered["held out"], joints, left)),
+        "held_out_remainder": remainder_record(left),
         "friction": None if found.friction is None else found.friction.to_json(),
         "nuisances": None if found.nuisances is None else found.nuisances.to_json(),
         "diagnoses": [cause.to_json() for cause in found.diagnoses],

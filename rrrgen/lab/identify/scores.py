@@ -18,6 +18,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.tables import text_table
 from rrrgen.lab.data.uniform_stream import Part, joined
 from rrrgen.lab.estimate.regression import Estimate, least_squares
+from rrrgen.lab.estimate.remainder import Errors, Remainder, remainder_notes, remainders, row_pieces
 from rrrgen.lab.estimate.tsqr import JointFactors, Rows, factor_blocks
 from rrrgen.lab.identify.bandwidth import Tuning
 from rrrgen.lab.identify.friction_columns import Sliding
@@ -186,6 +187,7 @@ NEARLY_ALL = 0.95
 
 Hashes = NDArray[np.uint64]
 Label = Literal["held-out data", "partly its own data", "its own data", "data of unknown origin"]
+OWN: Label = "its own data"
 UNKNOWN: Label = "data of unknown origin"
 """Label if it is not recorded what the model was fitted to, or the recording has too few windows to decide."""
 
@@ -217,7 +219,7 @@ class Common:
             return UNKNOWN
         if self.share < COINCIDENCE:
             return "held-out data"
-        return "its own data" if self.share >= NEARLY_ALL else "partly its own data"
+        return OWN if self.share >= NEARLY_ALL else "partly its own data"
 
 
 def fingerprint(recordings: Sequence[Recording], split: Split | None = None) -> Fingerprint:
@@ -305,6 +307,9 @@ TorqueModels = Callable[..., Array]
 """Motion (q, dq, ddq), (N, n) each, to the joint torques (N, n, k) of k models."""
 
 Selection = Literal["moving", "all"]
+
+MAIN_LOBE = 2
+"""Half width, in decimated samples, of the main lobe of the decimation filter: neighbours that it mixes strongly."""
 
 
 @dataclass(frozen=True)
@@ -462,11 +467,13 @@ WORSE = 2.0  # and how many times that of the fitted rows it is; otherwise the d
 COVERED = 0.85  # share of rows in a 95 % band below which the band is too narrow; residuals are correlated
 
 
-def held_out_notes(scores: Sequence[Score], covered: Coverage | None, joints: Sequence[str]) -> tuple[str, ...]:
+def held_out_notes(
+    scores: Sequence[Score], covered: Coverage | None, joints: Sequence[str], left: Sequence[Remainder] = ()
+) -> tuple[str, ...]:
     """Sentences on the ``joints`` whose torque on held-out rows is not explained, or lies outside its band.
 
     ``scores`` are those of all estimates, of which the last is the written model; ``covered`` is the coverage of the
-    held-out rows by its 95 % band. Empty if nothing was held out.
+    held-out rows by its 95 % band, ``left`` what noise does not explain there. Empty if nothing was held out.
     """
     first: dict[str, Score] = {}
     for score in scores:
@@ -475,9 +482,10 @@ def held_out_notes(scores: Sequence[Score], covered: Coverage | None, joints: Se
     fitted, held_out = (getattr(first.get(data), "joint_relative", None) for data in ("in sample", "held out"))
     if not fitted or not held_out or covered is None:
         return ()
-    notes, narrow = [], []
+    notes, narrow, unexplained = [], [], []
     for joint, inside, before, after in zip(joints, covered.joints, fitted, held_out, strict=True):
         if after > max(UNEXPLAINED, WORSE * before):
+            unexplained.append(joint)
             notes.append(
                 f"the torque of {joint} is not explained where it was not fitted: {100 * after:.2g} % of it is left "
                 f"({100 * before:.2g} % in sample), and the 95 % band covers {100 * inside:.0f} % of its rows; do not "
@@ -491,4 +499,22 @@ def held_out_notes(scores: Sequence[Score], covered: Coverage | None, joints: Se
             f"the 95 % band covers too few held-out rows of {', '.join(narrow)}: the standard deviations of their "
             "parameters are too small, since the model errs in another way there than on the fitted rows"
         )
-    return tuple(notes)
+    return (*notes, *remainder_notes([each for each in left if each.name not in unexplained]))
+
+
+def left_in_rows(
+    theta: Array, fitted: Iterable[Rows], held_out: Iterable[Rows], joints: Sequence[str], tuning: Tuning
+) -> tuple[Remainder, ...]:
+    """What the torques of the ``joints`` leave unexplained in ``held_out`` rows by the parameters ``theta`` (p,)."""
+    fit, out = (row_errors(theta, blocks, tuning) for blocks in (fitted, held_out))
+    return remainders(out, fit, joints)
+
+
+def row_errors(theta: Array, blocks: Iterable[Rows], tuning: Tuning) -> Errors | None:
+    """Sums over the torque errors of rows filtered by ``tuning``, for the parameters ``theta`` (p,) of all columns."""
+    return Errors.of(row_pieces(blocks, theta), filter_reach(tuning))
+
+
+def filter_reach(tuning: Tuning) -> int:
+    """Number of rows over which the decimation filter mixes their noise strongly."""
+    return 0 if (tuning.processing.decimate or 1) == 1 else MAIN_LOBE

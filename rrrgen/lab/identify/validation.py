@@ -17,6 +17,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.base.tables import text_table
 from rrrgen.lab.data.preprocessing import Decimator, Processing
+from rrrgen.lab.estimate.remainder import Errors, Piece, Remainder, remainder_notes, remainder_record, remainders
 from rrrgen.lab.estimate.statistics import relative_error, rms
 from rrrgen.lab.estimate.tsqr import Rows
 from rrrgen.lab.identify.bandwidth import Tuning, reach, tune
@@ -24,16 +25,13 @@ from rrrgen.lab.identify.factoring import ScoredRows
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns, stated_laws
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Observations, Recording, RowMaker
-from rrrgen.lab.identify.scores import UNKNOWN, Label, Score, score_models
+from rrrgen.lab.identify.scores import MAIN_LOBE, OWN, UNKNOWN, Label, Score, filter_reach, score_models
 from rrrgen.robot.model.drives import friction_terms
 from rrrgen.runtime.regressor_columns import drive_columns
 
 TorqueModel = Callable[..., Array]
 """Motion (q, dq, ddq), (N, n) each, to joint torques (N, n); with an attribute ``sliding`` also the states of friction.
 """
-
-MAIN_LOBE = 2
-"""Half width, in decimated samples, of the main lobe of the decimation filter: neighbours that it mixes strongly."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,8 @@ class Validation:
     ``indefinite_share`` is the share of random poses with an indefinite mass matrix, None if not tested. ``scores``
     also holds the errors on all rows and on unfiltered torques. ``label`` states whether the data were held out;
     ``failures`` lists the thresholds missed, empty if the model passes. ``tuning`` describes the filters, None if
-    torques were compared as given; ``split`` the part of the recordings that was scored.
+    torques were compared as given; ``split`` the part of the recordings that was scored. ``left`` is what noise does
+    not explain in data that were not fitted, joint by joint.
     """
 
     joints: tuple[JointScore, ...]
@@ -96,6 +95,12 @@ class Validation:
     scores: tuple[Score, ...] = ()
     tuning: Tuning | None = None
     split: Split = field(default_factory=Split)
+    left: tuple[Remainder, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what is left in the torques of data that were not fitted."""
+        return remainder_notes(self.left)
 
     @property
     def share(self) -> float:
@@ -126,6 +131,8 @@ class Validation:
             "scores": [{"measured_on": score.where, **vars(score)} for score in self.scores],
             "bandwidth": None if self.tuning is None else self.tuning.to_json(),
             "indefinite_mass_matrix_share": self.indefinite_share,
+            "held_out_notes": list(self.notes),
+            "held_out_remainder": remainder_record(self.left),
             "joints": [vars(score) for score in self.joints],
         }
 
@@ -219,7 +226,12 @@ def validate_recordings(
     labels = ("the part left out of the scores", result.label) if held_out else (result.label, "held out")
     scores = score_models(("model",), as_column, recordings, tuning, split, labels=labels, sliding=sliding)
     scores = tuple(score for score in scores if score.data == result.label)
-    return replace(result, tuning=tuning, scores=scores, split=split)
+    remaining: tuple[Remainder, ...] = ()
+    if result.label != OWN:
+        errors = np.where(result.used, result.measured - result.predicted, np.nan)
+        piece = Piece(result.t, result.measured, errors, np.concatenate([rows.segment for rows in blocks]))
+        remaining = remainders(Errors.of([piece], filter_reach(tuning)), None, recordings[0].joints)
+    return replace(result, tuning=tuning, scores=scores, split=split, left=remaining)
 
 
 def _undisturbed(blocks: Sequence[Rows], decimate: int) -> NDArray[np.bool_]:

@@ -186,7 +186,7 @@ class IdentificationResult(EstimateResult):
         found, covered = self.identification, None
         for _, blocks in found.parts:
             covered = found.band.coverage(blocks)  # that of the held-out rows, which come last
-        doubtful = held_out_notes(found.scores, covered, self._joints)
+        doubtful = held_out_notes(found.scores, covered, self._joints, found.left_in(self._joints))
         return (*found.swinging, *found.structural_notes, *found.motion_notes, *found.hardly_determined, *doubtful)
 
     @property

@@ -135,6 +135,7 @@ class ValidationResult(StudyResult):
         lines.append(f"relative error {100 * result.relative_error:.3g} %, of {result.where}")
         if result.split.kind != "none":
             lines.append(f"data: {result.split}")
+        lines += (f"note: {note}" for note in result.notes)
         lines.append(f"scored on {result.label}{share}; {verdict(text, result.passed)}")
         if result.label == UNKNOWN and not self.origin_known:
             lines.append(
@@ -255,7 +256,7 @@ def _score(
     from rrrgen.lab.identify.bandwidth import tune
     from rrrgen.lab.identify.consistency import indefinite_share, pose_limits
     from rrrgen.lab.identify.diagnosis.report import diagnose_recordings
-    from rrrgen.lab.identify.scores import Common, Fingerprint, common_share, fingerprint
+    from rrrgen.lab.identify.scores import OWN, Common, Fingerprint, common_share, fingerprint
     from rrrgen.lab.identify.validation import Thresholds, robot_model, validate_recordings
 
     progress(0, 0, "comparing torques")
@@ -283,6 +284,8 @@ def _score(
     scores = None
     if controller is not None:
         scores = validate_loop(model, controller, recordings, tune(processing, recordings).processing, split)
+        if result.label == OWN:
+            scores = replace(scores, left=())
         if by_loop:
             result = replace(result, failures=(*result.failures, *scores.failures(chosen.relative_error)))
     return ValidationResult(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from importlib.resources import files
 
 import pytest
@@ -75,6 +76,9 @@ def test_scores_on_screen_and_in_the_record(fitted):
     assert record["fit"]["relative_error"] < 0.5 * record["inverse_dynamics"]["relative_error"]
     assert "recordings not fitted: relative torque error" in output
     assert "diagnosis" not in output
+    assert record["held_out_remainder"] == []  # nothing of the fitted recording was held out
+    assert record["held_out_notes"] == []
+    assert [each["is_left"] for each in record["test_remainder"]] == [False]
     for line in ("viscous_p: viscous friction, dq > 0", "viscous_n: viscous friction, dq < 0"):
         assert f"names: {line}" in output
 
@@ -85,6 +89,20 @@ def test_the_written_robot_file_scores_the_same(drive, fitted):
     found = validate_loop(model, load_controller(controller), [LogStream(open_log(test))], Processing("differences"))
     wanted = json.loads((fitted[0] / "results/closed_loop.json").read_text())["test"]
     assert found.score.relative_error == pytest.approx(wanted["relative_error"], rel=1e-3)
+    assert not found.left[0].is_left
+    assert found.to_json()["held_out_notes"] == []
+    # ten times as much viscous friction is an error that lasts
+    friction = model.spec.joints[0].friction
+    law = replace(friction.law, values=tuple(10.0 * v if k in (0, 1) else v for k, v in enumerate(friction.law.values)))
+    joint = replace(model.spec.joints[0], friction=replace(friction, law=law))
+    wrong = rrrgen.compile(replace(model.spec, joints=(joint,)), backend="numpy")
+    found = validate_loop(wrong, load_controller(controller), [LogStream(open_log(test))], Processing("differences"))
+    assert found.left[0].is_left
+    assert (
+        "note: noise does not explain the held-out torque errors of the simulated loop of slide"
+        in found.lines(["slide"])[-1]
+    )
+    assert len(found.to_json()["held_out_notes"]) == 1
 
 
 def test_another_controller_is_told(drive, fitted):

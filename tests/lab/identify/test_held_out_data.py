@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,10 +12,12 @@ import rrrgen
 from lab.identify.held_out_recording import LOGGED, NOISE, TERMS, recording
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run as rrrgen_run
+from rrrgen.lab.identify.cross_validation import cross_validate
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.identification import Options, identify
-from rrrgen.lab.identify.results import identified_spec
+from rrrgen.lab.identify.results import as_record, identified_spec
 from rrrgen.lab.identify.scores import Coverage, TorqueBand, held_out_notes, joint_table
+from rrrgen.lab.identify.validation import column_model, validate_recordings
 from rrrgen.robot.file import dumps
 from rrrgen.runtime import load
 from samples.recordings import write_log
@@ -69,6 +72,36 @@ def test_a_joint_that_changes_after_the_fit_is_named(arm):
     assert "torque of q2 is not explained where it was not fitted" in changed
     told = held_out_notes(found.scores, Coverage(0.9, 0.1, (0.8, 0.95)), log.joints)
     assert "too few held-out rows of q1 (80 %)" in told[1]
+
+
+def test_what_noise_does_not_explain_is_said_at_every_held_out_error(arm):
+    """A ripple over position, twice the noise, at q2 alone: fit, cross-validation and validation say it."""
+    log = recording(arm)
+    ripple = 2.0 * np.sqrt(2.0) * NOISE[1] * np.sin(3.0 * log.q[:, 1])
+    rippled = replace(log, tau=log.tau + np.outer(ripple, [0.0, 1.0]))
+    options = Options(terms=TERMS, consistent=False, poses=2)
+    for given, joints in ((log, []), (rippled, ["q2"])):
+        found = identify(arm, [given], LOGGED, replace(options, split=Split.parse("blocks:1")))
+        left = found.left_in(given.joints)
+        assert [each.name for each in left if each.is_left] == joints
+        assert all(each.growth == pytest.approx(1.0, abs=0.15) for each in left)
+        crossed = cross_validate(arm, [given], LOGGED, options, 3)
+        assert [each.name for each in crossed.left if each.is_left] == joints
+        assert any("noise does not explain" in line for line in crossed.lines()) == bool(joints)
+        assert [each["name"] for each in crossed.to_json()["remainder"] if each["is_left"]] == joints
+        model = column_model(found.regressor, found.theta)
+        scored = validate_recordings(model, [given], LOGGED, label="held-out data")
+        assert [each.name for each in scored.left if each.is_left] == joints
+        assert scored.to_json()["held_out_notes"] == list(scored.notes)
+        assert len(scored.notes) == len(joints)
+        assert validate_recordings(model, [given], LOGGED, label="its own data").left == ()
+    record = as_record(found, rippled.joints)
+    (note,) = record["held_out_notes"]
+    assert note.startswith("noise does not explain the held-out torque errors of q2 (")
+    assert "ripple over position" in note
+    assert record["held_out_remainder"][1]["predictable"] > 0.2
+    whole = identify(arm, [rippled], LOGGED, options)
+    assert whole.left_in(rippled.joints) == ()
 
 
 def test_scores_by_joint(arm):
