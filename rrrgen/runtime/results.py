@@ -34,6 +34,7 @@ class Kinematics(NamedTuple):
 class ClosedLoops(NamedTuple):
     """Passive joints of closed loops: ``passive`` (..., p, 2) holds cosine and sine of their displacements.
 
+    Of a prismatic joint it holds the displacement (m) and 0.
     ``W`` (..., p, n): their rates are ``W dq``. ``sine`` (..., loops): of the angle between the two bars of each loop.
     """
 

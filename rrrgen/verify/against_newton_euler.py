@@ -88,7 +88,9 @@ def check_loops(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances
         return
     check, n = rows.against("Newton's method (built in)", NO_PARAMETERS, tolerances.exact, s.count), ne.chain.n
     x, _ = ne.loops.solve(s.q)
-    rates, turned = ne.loops.passive_rates(x), np.stack([np.cos(x[:, n:]), np.sin(x[:, n:])], axis=2)
+    rates, y = ne.loops.passive_rates(x), x[:, n:]
+    turning = np.array([ne.chain.revolute[row] for loop in ne.chain.loops for row in loop.passive])
+    turned = np.stack([np.where(turning, np.cos(y), y), np.where(turning, np.sin(y), 0.0)], axis=2)
     check("closed_loops: passive", lambda: model.closed_loops(s.q).passive, turned)
     check("closed_loops: W", lambda: model.closed_loops(s.q).W, rates)
     check("closed_loops: sine", lambda: model.closed_loops(s.q).sine, ne.loops.sines(x))

@@ -1,10 +1,11 @@
-"""Robot files with closed loops: a four-bar, a five-bar, and loops whose links stand on other loops."""
+"""Robot files with closed loops: four-bar, five-bar, slider-crank, cylinder, and loops on the links of others."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-PALLETISER = Path(__file__).resolve().parents[2] / "examples" / "palletiser" / "unequal.yaml"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+PALLETISER = EXAMPLES / "palletiser" / "unequal.yaml"
 
 _HEAD = "schema: rrrgen/1\nname: {name}\nconvention: {convention}\nunits: {{angle: deg, length: m}}\n"
 _LINK = "  - {{mass: {0}, com: [0.{0}, 0.02, 0.01], inertia: {{about: com, xx: 0.0{0}1, yy: 0.0{0}2, zz: 0.0{0}2}}}}\n"
@@ -81,3 +82,72 @@ tip: leaf
     + links(7)
 )
 """A four-bar on a column, and a second loop between its rocker and an arm on its crank; a leaf follows the second."""
+
+SLIDER_CRANK = (
+    _HEAD.format(name="slider_crank", convention="modified")
+    + """\
+gravity: [0, -9.81, 0]
+joints:
+  - {name: crank, type: revolute, alpha: 0, a: 0, d: 0}
+  - {name: rod, type: revolute, alpha: 0, a: 0.2, d: 0}
+  - {name: slider, type: prismatic, gamma: 90, alpha: 90, a: 0.05, theta: 0, parent: base}
+loops:
+  bars:
+    passive: [rod, slider]
+    pins: {rod: [0.6, 0, 0], slider: [0, 0, 0]}
+    assembly: +1
+tip: slider
+tool: {translation: [0, 0.1, 0.2]}
+"""
+    + links(3)
+)
+"""A crank of 0.2 m, a rod of 0.6 m, and a slider along x, 0.05 m above the pivot of the crank, in a vertical plane."""
+
+CYLINDER = (
+    _HEAD.format(name="cylinder", convention="standard")
+    + """\
+gravity: [0, -9.81, 0]
+joints:
+  - {name: boom, type: revolute, alpha: 0, a: 1.2, d: 0}
+  - {name: bracket, type: revolute, alpha: 0, a: 0.4, d: 0, theta: -60, parent: base, follows: {}}
+  - {name: barrel, type: revolute, alpha: 90, a: 0.04, d: 0, theta: 30}
+  - {name: piston, type: prismatic, alpha: -90, a: 0, theta: 0}
+loops:
+  lift:
+    passive: [barrel, piston]
+    pins: {piston: [0, 0, 0], boom: [-0.6, -0.2, 0]}
+    assembly: +1
+base: {translation: [0.1, 0.3, 0]}
+tip: boom
+"""
+    + links(4)
+)
+"""A boom, and a cylinder between the base and the boom, whose axis passes 0.04 m beside its joint on the base."""
+
+SLIDES = (
+    _HEAD.format(name="slides", convention="modified")
+    + """\
+gravity: [1, -2, -9.81]
+joints:
+  - {name: yaw, type: revolute, alpha: 0, a: 0, d: 0.2}
+  - {name: crank, type: revolute, alpha: 90, a: 0.05, d: 0.02, drive: {inertia: 0.1}}
+  - {name: slider, type: prismatic, gamma: 90, alpha: 60, a: 0.05, theta: 30, d: 0.1, sign: -1, parent: yaw}
+  - {name: rod, type: revolute, gamma: 60, alpha: 90, a: 0.02, d: 0, theta: 10}
+  - {name: stage, type: prismatic, alpha: 0, a: 0.3, theta: 0, follows: {slider: 1/2}, parent: slider}
+  - {name: barrel, type: revolute, alpha: 0, a: 0.3, d: 0, sign: -1, parent: crank}
+  - {name: piston, type: prismatic, alpha: 90, a: 0.03, theta: 0, d: 0.1}
+  - {name: leaf, type: revolute, alpha: 40, a: 0.1, d: 0, parent: piston, follows: {barrel: 2, crank: -1}}
+loops:
+  strut:
+    passive: [piston, barrel]
+    pins: {piston: [0.01, 0, 0.05], slider: [0.02, 0.8, 0.1]}
+    assembly: +1
+  bars:
+    passive: [slider, rod]
+    pins: {rod: [0.6, 0.1, 0], crank: [0.2, 0.1, 0]}
+    assembly: -1
+tip: leaf
+"""
+    + links(8)
+)
+"""A slider-crank on a column, and a cylinder between its crank and its slider; a stage and a leaf follow both."""

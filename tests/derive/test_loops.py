@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+import mpmath
 import numpy as np
 import pytest
 import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import rrrgen
-from derive.loops import FIVE_BAR, FOUR_BAR, PALLETISER, STACKED
+from derive.loops import CYLINDER, FIVE_BAR, FOUR_BAR, PALLETISER, SLIDER_CRANK, SLIDES, STACKED
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.derive import closed_form, prepare, record
 from rrrgen.derive.functions.table import FUNCTIONS, recorders
 from rrrgen.derive.optimizer import Optimizer
+from rrrgen.derive.recursions.link_frames import PRECISE, precise_chain
 from rrrgen.exporting import export_robot
 from rrrgen.ik.classify import plan
 from rrrgen.program import count_operations
 from rrrgen.program.evaluation import evaluate
 from rrrgen.robot.file import load_spec, loads_spec
+from rrrgen.robot.model import build_model
 from rrrgen.verify import verify
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 from rrrgen.verify.subject import draw_states
 
-FILES = {"four_bar": FOUR_BAR, "five_bar": FIVE_BAR, "stacked": STACKED}
+FILES = {
+    "four_bar": FOUR_BAR,
+    "five_bar": FIVE_BAR,
+    "stacked": STACKED,
+    "slider_crank": SLIDER_CRANK,
+    "cylinder": CYLINDER,
+    "slides": SLIDES,
+}
 COUPLED = PALLETISER.with_name("robot.yaml")
 
 
@@ -43,7 +55,15 @@ def rank(spec):
 
 
 @pytest.mark.parametrize(
-    ("name", "count"), [("four_bar", 8), ("five_bar", 11), pytest.param("stacked", None, marks=pytest.mark.sweep)]
+    ("name", "count"),
+    [
+        ("four_bar", 8),
+        ("five_bar", 11),
+        ("slider_crank", 6),  # the mass of the slider acts as one at the end of the rod
+        ("cylinder", 8),
+        pytest.param("stacked", None, marks=pytest.mark.sweep),
+        pytest.param("slides", None, marks=pytest.mark.sweep),
+    ],
 )
 def test_the_number_of_base_parameters_is_the_rank_of_the_regressor(name, count):
     spec = loads_spec(FILES[name])
@@ -52,9 +72,11 @@ def test_the_number_of_base_parameters_is_the_rank_of_the_regressor(name, count)
     assert count in (None, found)
 
 
-@pytest.mark.parametrize(("name", "most"), [("four_bar", 132), ("five_bar", 169)])
+@pytest.mark.parametrize(
+    ("name", "most"), [("four_bar", 132), ("five_bar", 169), ("slider_crank", 56), ("cylinder", 114)]
+)
 def test_operations_of_inverse_dynamics_stay_low(name, most):
-    """At most 5 % more than a prototype of the same recursions had for loops of these shapes."""
+    """At most 5 % more than a prototype of the same recursions had, or with a prismatic joint than at first."""
     recorded = record(prepare(loads_spec(FILES[name])), [FUNCTIONS["inverse_dynamics"]])
     assert count_operations(Optimizer()(recorded).programs["inverse_dynamics"]).total <= 1.05 * most
 
@@ -65,9 +87,16 @@ def test_every_function_of_a_four_bar_agrees_with_newtons_method(four_bar):
     assert {row.function for row in report.rows} >= {"closed_loops: W", "inverse_dynamics", "jacobian_dot_dq"}
 
 
+def test_every_function_of_a_cylinder_agrees_with_newtons_method():
+    report = verify(rrrgen.compile(loads_spec(CYLINDER), backend="numpy"), samples=6, seed=1)
+    assert report.ok, report
+
+
 @pytest.mark.sweep
 @pytest.mark.parametrize(
-    "spec", [loads_spec(FIVE_BAR), loads_spec(STACKED), load_spec(PALLETISER)], ids=lambda s: s.name
+    "spec",
+    [*(loads_spec(text) for text in (FIVE_BAR, STACKED, SLIDER_CRANK, SLIDES)), load_spec(PALLETISER)],
+    ids=lambda s: s.name,
 )
 def test_every_function_of_further_loops_agrees_with_newtons_method(spec):
     report = verify(rrrgen.compile(spec, backend="numpy"), samples=6, seed=1)
@@ -119,6 +148,125 @@ def test_both_assemblies_are_mirror_images(four_bar):
     np.testing.assert_allclose(passive * [1, -1], mirrored, atol=1e-12)
     np.testing.assert_allclose(W, its_W, atol=1e-12)
     np.testing.assert_allclose(sine, its_sine, atol=1e-12)
+
+
+# -- prismatic passive joints ----------------------------------------------------------------------------------------
+
+SIDE = st.sampled_from(["+1", "-1"])
+SHORT = st.builds(lambda k, side: int(side) * k / 1000, st.integers(20, 150), SIDE)
+LONG = st.builds(lambda k, side: int(side) * k / 1000, st.integers(500, 900), SIDE)
+
+
+@st.composite
+def slider_cranks(draw):
+    """Slider-cranks of random dimensions that turn fully, with the slider in any direction and sense."""
+    text = SLIDER_CRANK.replace("gamma: 90", f"gamma: {draw(st.integers(-180, 180))}, sign: {draw(SIDE)}")
+    text = text.replace("a: 0.05", f"a: {draw(SHORT)}").replace("a: 0.2", f"a: {draw(SHORT)}")
+    text = text.replace("0.6, 0, 0", f"{draw(LONG)}, {draw(SHORT)}, 0")
+    return text.replace("slider: [0, 0, 0]", f"slider: [{draw(SHORT)}, 0, 1]").replace("+1", draw(SIDE))
+
+
+@st.composite
+def cylinders(draw):
+    """Cylinders of random dimensions, whose axis passes beside both pins, under a boom that turns fully."""
+    text = CYLINDER.replace("a: 0.04", f"a: {draw(SHORT) / 2}").replace("a: 0.4", f"a: {draw(LONG)}")
+    text = text.replace("theta: 30", f"theta: {draw(st.integers(-180, 180))}, sign: {draw(SIDE)}")
+    text = text.replace("-0.6, -0.2, 0", f"{draw(SHORT) - 1.2}, {draw(SHORT)}, 0")
+    text = text.replace("piston: [0, 0, 0]", f"piston: [{draw(SHORT) / 2}, 0, 0]")
+    return text.replace("theta: 0}", f"theta: 0, d: {draw(SHORT)}, sign: {draw(SIDE)}}}").replace(
+        ": +1", f": {draw(SIDE)}"
+    )
+
+
+@given(st.one_of(slider_cranks(), cylinders()), st.integers(0, 10**6))
+def test_positions_and_rates_of_random_mechanisms_agree_with_newtons_method(text, seed):
+    spec, rng = loads_spec(text), np.random.default_rng(seed)
+    q, dq = rng.uniform(-np.pi, np.pi, (2, 1)), rng.uniform(-2, 2, (2, 1))
+    reference = NewtonEuler(chain_of(spec), np.zeros((len(spec.rows), 10))).loops
+    x, solved = reference.solve(q)
+    assert solved.all()
+    W = reference.passive_rates(x)
+    expected = reference.passive_accelerations(x, np.concatenate([dq, np.einsum("nij,nj->ni", W, dq)], axis=1))
+    model, mechanism = build_model(spec), spec.mechanism
+    signs = [int(mechanism.matrix[row][1 + j]) for j, row in enumerate(mechanism.passive)]
+    (slide,) = (j for j, row in enumerate(mechanism.passive) if not spec.rows[row].is_revolute)
+    with mpmath.workdps(PRECISE):
+        for at, rate, position, velocity, acceleration in zip(q, dq, x, W[:, :, 0], expected, strict=True):
+            chain = precise_chain(model, [mpmath.mpf(at[0])])
+            both = chain.joint_rates([1]), chain.joint_accelerations([mpmath.mpf(rate[0])], [0])
+            rates, second = ([s * each[row] for s, row in zip(signs, mechanism.passive, strict=True)] for each in both)
+            np.testing.assert_allclose(np.array(rates, float), velocity, rtol=1e-9, atol=1e-10)
+            np.testing.assert_allclose(np.array(second, float), acceleration, rtol=1e-8, atol=1e-9)
+            displacement = signs[slide] * chain.joints[mechanism.passive[slide]].slide
+            assert abs(displacement - position[1 + slide]) < 1e-12
+
+
+@pytest.mark.parametrize("mechanisms", [slider_cranks, cylinders])
+def test_torques_of_random_mechanisms_agree_with_the_reference(mechanisms):
+    @settings(max_examples=2)
+    @given(mechanisms())
+    def agree(text):
+        spec = loads_spec(text)
+        s = draw_states(chain_of(spec), 4, np.random.default_rng(1))
+        tau = NewtonEuler(chain_of(spec), nominal_parameters(spec)).inverse_dynamics(s.q, s.dq, s.ddq)
+        found = evaluate(recorded(spec, "inverse_dynamics"), s.q, s.dq, s.ddq, beta_of(spec))[0]
+        assert np.abs(np.array(found) - tau).max() < 1e-12 * np.abs(tau).max()
+
+    agree()
+
+
+def test_a_cylinder_as_the_drive_needs_the_force_that_gives_the_torque_of_the_boom():
+    """The same mechanism over the length of its cylinder: ``tau = W f`` at rest, and the same positions."""
+    driven = CYLINDER.replace("passive: [barrel, piston]", "passive: [boom, barrel]")
+    by_angle, by_length = loads_spec(CYLINDER), loads_spec(driven)
+    q = np.linspace(0.4, 1.6, 5)[:, None]
+    passive, W, _, status = evaluate(recorded(by_angle, "closed_loops"), q)
+    length = passive[:, 1, 0][:, None]
+    turned, its_W, _, its_status = evaluate(recorded(by_length, "closed_loops"), length)
+    assert not np.any([status, its_status])
+    np.testing.assert_allclose(np.arctan2(turned[:, 0, 1], turned[:, 0, 0])[:, None], q, atol=1e-12)
+    np.testing.assert_allclose(its_W[:, 0, 0] * W[:, 1, 0], 1, rtol=1e-11)
+    ratio, rest, ddq = W[:, 1], np.zeros_like(q), np.ones_like(q)
+    tau = evaluate(recorded(by_angle, "inverse_dynamics"), q, rest, ddq, beta_of(by_angle))[0]
+    force = evaluate(recorded(by_length, "inverse_dynamics"), length, rest, ratio * ddq, beta_of(by_length))[0]
+    np.testing.assert_allclose(ratio * force, tau, rtol=1e-10)
+
+
+SHORT_ROD = SLIDER_CRANK.replace("0.6, 0, 0", "0.15, 0, 0").replace("a: 0.05", "a: 0.02")
+"""The crank is longer than the rod: it reaches dead points, where the rod is across the axis of the slider."""
+
+FAR_AXIS = CYLINDER.replace("a: 0.04", "a: 0.9")
+"""The axis of the cylinder passes its joint so far that the boom's pin is out of its reach at some angles."""
+
+
+def test_the_status_tells_dead_points_of_slides():
+    limit = np.arcsin((0.15 + 0.02) / 0.2)  # the rod hangs upright from the pin of the crank to the axis of the slider
+    program = recorded(loads_spec(SHORT_ROD), "closed_loops")
+    q = np.array([[limit - 1e-2], [limit - 1e-9], [limit + 1e-2]])
+    _, W, sine, status = evaluate(program, q)
+    assert list(np.ravel(status)) == [0, 1, 2]
+    assert np.all(np.isfinite(W))
+    assert sine[0, 0] > 0.05 > sine[1, 0] > sine[2, 0] == 0
+
+
+def test_a_cylinder_without_length_is_a_dead_point():
+    """The pin of the boom passes through the joint of the barrel, and the axis of the cylinder through both."""
+    text = CYLINDER.replace("a: 0.04", "a: 0").replace("-0.6, -0.2, 0", "-0.8, 0, 0")
+    program = recorded(loads_spec(text), "closed_loops")
+    q = -np.pi / 3 + np.array([[0.0], [1e-5], [1e-1]])
+    _, W, _, status = evaluate(program, q)
+    assert list(np.ravel(status)) == [1, 1, 0]
+    assert np.all(np.isfinite(W))
+
+
+@pytest.mark.parametrize("text", [SHORT_ROD, FAR_AXIS], ids=["slider", "cylinder"])
+def test_nothing_is_nan_where_a_slide_cannot_be_assembled(text):
+    spec = loads_spec(text)
+    q = np.linspace(-np.pi, np.pi, 401)[:, None]
+    *_, status = evaluate(recorded(spec, "closed_loops"), q)
+    assert {0, 2} <= set(np.ravel(status))
+    for values in evaluate(recorded(spec, "inverse_dynamics"), q, q, q, beta_of(spec)):
+        assert np.all(np.isfinite(values))
 
 
 # -- dead points ----------------------------------------------------------------------------------------------------

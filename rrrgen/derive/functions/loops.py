@@ -22,7 +22,10 @@ NOT_ASSEMBLED = Failure(
 
 
 def closed_loops(r: Recording) -> Program:
-    """Record cosines and sines of the passive joints (p, 2), W (p, n), the sines between bars (loops,), the status."""
+    """Record the passive joints (p, 2), W (p, n), the sines between the bars of each loop (loops,), and the status.
+
+    A passive joint has the cosine and sine of its angle, a prismatic one its displacement (m) and 0.
+    """
     b, chain = r.builder, r.chain()
     loops, spec = chain.loops, r.model.spec
     assert loops is not None
@@ -40,10 +43,15 @@ def closed_loops(r: Recording) -> Program:
     for further in status[1:]:
         margin, discriminant = b.min(margin, further[0]), b.min(discriminant, further[1])
     code = b.select(margin, 0, b.select(discriminant, DEAD_POINT.code, NOT_ASSEMBLED.code))
-    names = ", ".join(spec.rows[row].name for row in passive)
+    turning, sliding = (
+        [spec.rows[row].name for row in passive if spec.rows[row].is_revolute is kind] for kind in (True, False)
+    )
+    described = f"cosine and sine of the displacements of {', '.join(turning)}"
+    if sliding:
+        described += f"; displacements of {', '.join(sliding)}, m, each with a 0"
     ports = [
         (
-            Port("passive", (len(passive), 2), "1", "", f"cosine and sine of the displacements of {names}"),
+            Port("passive", (len(passive), 2), "SI" if sliding else "1", "", described),
             [v for sign, row in zip(signs, passive, strict=True) for v in _displacement(r, chain, row, sign)],
         ),
         (Port("W", (len(passive), r.n), "SI", "", "their rates are W dq"), flat(W)),
@@ -64,8 +72,13 @@ def closed_loops(r: Recording) -> Program:
 
 
 def _displacement(r: Recording, chain: Chain, i: int, sign: int) -> tuple[Any, Any]:
-    """Cosine and sine of ``sign`` times the angle of joint ``i`` against the link before it, without theta."""
+    """Cosine and sine of ``sign`` times the angle of joint ``i`` against the link before it, without theta.
+
+    Of a prismatic joint, ``sign`` times its displacement, and 0.
+    """
     joint = chain.joints[i]
+    if not joint.revolute:
+        return sign * joint.slide, 0
     c, s = (r.constant(value) for value in cosine_sine(-r.model.joints[i].theta))
     c, s = joint.c * c - joint.s * s, joint.s * c + joint.c * s
     if joint.parallel:

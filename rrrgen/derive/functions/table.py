@@ -1016,8 +1016,9 @@ TABLE = (
         "loops",
         "Passive joints of closed loops: their angles and rates ``W dq``, and whether the loops can be assembled.",
         takes="q",
-        returns="The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, "
-        "(..., p, 2), the matrix of their rates, (..., p, n), and the sine of the angle between the two bars of "
+        returns="The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, of a "
+        "prismatic one its displacement and 0, (..., p, 2), "
+        "the matrix of their rates, (..., p, n), and the sine of the angle between the two bars of "
         "every loop, (..., k). The status, (...), is 0; 1 where a loop is near a dead point, 2 where one cannot be "
         "assembled.",
         record=f"{LOOPS}:closed_loops",

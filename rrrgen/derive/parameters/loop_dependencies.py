@@ -116,7 +116,9 @@ def _regressor(model: RobotModel, columns: list[Parameter], random: Random) -> l
 
 def _roots(model: RobotModel) -> Iterator[tuple[sp.Expr, Any, int]]:
     """The number 1, the square roots in the geometry and their products in pairs, each with value and image."""
-    _, _, roots = exact_constants(model, [v for c in model.closures for s in c.segments for v in s.place])
+    _, _, roots = exact_constants(
+        model, [v for c in model.closures for s in c.segments for v in (*s.place, *s.direction)]
+    )
     constants = ResidueConstants(0)
     pairs = [x * y for x, y in combinations(roots, 2)]
     for root in (sp.S.One, *roots, *pairs):

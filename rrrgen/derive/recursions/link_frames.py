@@ -177,7 +177,7 @@ def build_chain(
         if arithmetic is None:
             raise InternalError("closed loops are solved in numbers that have square roots")
         loops = SolvedLoops(model.closures, q, partial(_through_loops, trig), arithmetic)
-    slides = over_joints(coupling, [*q, *[0] * (model.coordinates - model.n)] if loops else q)
+    slides = over_joints(coupling, loops.positions if loops else q)
     joints = []
     for i, (joint, turning, angle) in enumerate(
         zip(model.joints, block_turnings(model), block_angles(model), strict=True)

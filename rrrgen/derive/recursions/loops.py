@@ -9,6 +9,17 @@ and ``r x s = -h``: the sine of the angle between the bars is -h/(A B). Rates of
 derivative of the closure, with the further reciprocal 1/h. Where the sine is zero, at a dead point, no rate exists;
 below :data:`SMALLEST_SINE` that sine is used instead, so that values stay finite, and a status tells
 (:data:`DEAD_POINT`).
+
+A passive prismatic joint takes the place of a bar: one across its unit vector e, which the displacement l moves. If e
+is known without the bar r, as that of the slider of a crank, ``r + l e = d`` gives
+
+    y = e x d,   x = e.r = -assembly sqrt(A^2 - y^2),   l = e.d - x,   sine |x|/A.
+
+If e turns with the bar, as in a cylinder between two pins, the bar is ``u + l e`` in its own frame, of length |d|, and
+
+    x = u.e + l = assembly sqrt(d.d - (e x u)^2),   sine |x|/|d|.
+
+In both, assembly +1 is the larger one of the two displacements, and the determinant of the rates is x up to its sign.
 """
 
 from __future__ import annotations
@@ -60,26 +71,43 @@ class _Vector:
 
 
 class Dyad:
-    """One solved loop: ``angles`` are cosine and sine of its two coordinates.
+    """One solved loop: ``angles`` are cosine and sine of coordinates, ``slides`` the displacement of a prismatic one.
 
-    ``discriminant`` is the square of h, negative where the loop cannot be assembled, ``whole`` the product of the
-    squared lengths of both bars, and ``margin`` what the former exceeds that at the limit of dead points by.
+    ``discriminant`` is the number under the root, negative where the loop cannot be assembled; divided by ``whole`` it
+    is the square of the sine between the bars. ``margin`` is what it exceeds that at the limit of dead points by.
     """
 
     def __init__(self, closure: Closure, trig: PlaneTrig, slide: Callable[[Form], Any], use: Arithmetic) -> None:
         self.closure, self._use = closure, use
-        first, second = closure.coordinates
-        bars, lengths, known = [], [], []
-        for k in (first, second):
-            own = [s for s in closure.segments if s.turning[k] == 1]
-            rest = [_evaluated(_without(s, k), trig, slide, use) for s in own]
-            bars.append(rest)
-            lengths.append(_sum(one.vector for one in rest))
-        for one in closure.segments:
-            if one.turning[first] == 0 and one.turning[second] == 0:
-                known.append(_evaluated(one, trig, slide, use))
+        bars = [
+            [_evaluated(_without(s, k), trig, slide, use) for s in closure.segments if s.turning[k] == 1]
+            for k in closure.coordinates
+        ]
+        known = [
+            _evaluated(one, trig, slide, use)
+            for one in closure.segments
+            if all(one.turning[k] == 0 for k in closure.coordinates)
+        ]
         x, y = _sum(one.vector for one in known)
-        d = -x, -y
+        self._vectors = known
+        self.slides: dict[int, Any] = {}
+        if closure.slider is None:
+            h = self._between_bars(bars, (-x, -y))
+        else:
+            turned = next(k for k in closure.coordinates if k != closure.slider)
+            own = bars[closure.coordinates.index(turned)]
+            if any(one.segment.slide[closure.slider] for one in own):
+                h = self._along_the_bar(turned, closure.slider, own, (-x, -y))
+            else:
+                h = self._beside_the_bar(turned, closure.slider, own, (-x, -y))
+        self._per_h = _reciprocal(h)
+        for k, rest in zip(closure.coordinates, bars, strict=True):
+            self._vectors += [_turned(one, self.angles[k], k) for one in rest]
+
+    def _between_bars(self, bars: Sequence[Sequence[_Vector]], d: Plane) -> Any:
+        """Solve for the angles of two ``bars`` between points with the distance ``d``, and return h."""
+        use, closure = self._use, self.closure
+        lengths = [_sum(one.vector for one in rest) for rest in bars]
         squares = [_dot(v, v) for v in lengths]
         distance = _dot(d, d)
         m = (squares[0] - squares[1] + distance) * Fraction(1, 2)
@@ -93,22 +121,66 @@ class Dyad:
         along, across = m * per_distance, h * per_distance
         r = _rotated(along, across, d)
         s = d[0] - r[0], d[1] - r[1]
-        self._bars = r, s
+        self._columns = r, s
         self.angles = {
             k: _angle(v, bar, square)
-            for k, v, bar, square in zip(closure.coordinates, lengths, self._bars, squares, strict=True)
+            for k, v, bar, square in zip(closure.coordinates, lengths, self._columns, squares, strict=True)
         }
-        self._per_h = _reciprocal(h)
-        self._vectors = known
-        for k, rest in zip((first, second), bars, strict=True):
-            self._vectors += [_turned(one, self.angles[k], k) for one in rest]
+        return h
+
+    def _beside_the_bar(self, k: int, slider: int, bar: Sequence[_Vector], d: Plane) -> Any:
+        """Solve for the angle ``k`` of a ``bar`` and the displacement ``slider`` of one of its ends; returns h."""
+        use, place = self._use, self._place_of_slide(self._vectors)
+        e, length = self._vectors[place].along, _sum(one.vector for one in bar)
+        square, y = _dot(length, length), _cross(e, d)
+        self.whole, self.discriminant = square, square - y * y
+        self.margin = self.discriminant - square * (DEAD_POINT * DEAD_POINT)
+        x = use.root(use.at_least(self.discriminant, square * (SMALLEST_SINE * SMALLEST_SINE)))
+        x = -x if self.closure.assembly > 0 else x
+        moved, r = _dot(e, d) - x, _rotated(x, y, e)
+        self.slides, self.angles = {slider: moved}, {k: _angle(length, r, square)}
+        self._vectors[place] = replace(self._vectors[place], vector=_scaled(moved, e))
+        return self._with_columns(k, r, e, x)
+
+    def _along_the_bar(self, k: int, slider: int, bar: list[_Vector], d: Plane) -> Any:
+        """Solve for the angle ``k`` of a ``bar`` and the displacement ``slider`` that changes its length; returns h."""
+        use, place = self._use, self._place_of_slide(bar)
+        e, u = bar[place].along, _sum(one.vector for one in bar)
+        across, distance = _cross(e, u), _dot(d, d)
+        scale = _sum_of_squares(self._vectors, use)
+        least = SMALLEST_SINE * SMALLEST_SINE
+        self.whole = whole = use.at_least(distance, scale * least)
+        self.discriminant = distance - across * across
+        # a cylinder without length has no rates either, whatever the angle between its axis and d
+        self.margin = self.discriminant - use.at_least(distance, scale) * (DEAD_POINT * DEAD_POINT)
+        x = use.root(use.at_least(self.discriminant, whole * least))
+        x = x if self.closure.assembly > 0 else -x
+        moved = x - _dot(e, u)
+        self.slides, self.angles = {slider: moved}, {k: _angle(_rotated(x, across, e), d, whole)}
+        bar[place] = replace(bar[place], vector=_scaled(moved, e))
+        return self._with_columns(k, d, _rotated(*self.angles[k], e), x)
+
+    def _place_of_slide(self, vectors: Sequence[_Vector]) -> int:
+        """The number of the vector that the passive prismatic joint moves."""
+        slider = self.closure.slider
+        assert slider is not None
+        return next(i for i, one in enumerate(vectors) if one.segment.slide[slider])
+
+    def _with_columns(self, k: int, r: Plane, e: Plane, x: Any) -> Any:
+        """Set the motion of the pin by the rates of angle ``k`` of the bar ``r`` and of the slide along ``e``.
+
+        ``x`` is ``r.e``. Returns h.
+        """
+        slid = e[1], _minus(e[0])
+        self._columns = (r, slid) if self.closure.coordinates[0] == k else (slid, r)
+        return x if self.closure.coordinates[0] == k else -x
 
     def rates(self, moved: Plane) -> tuple[Any, Any]:
         """The rates of both coordinates at which the velocity (2,) of the pin from other motion vanishes.
 
         ``moved`` is that velocity turned back by a quarter turn: for a vector v that turns at unit rate, v itself.
         """
-        r, s = self._bars
+        r, s = self._columns
         return _cross(moved, s) * self._per_h, _cross(r, moved) * self._per_h
 
     def by(self, k: int) -> Plane:
@@ -143,7 +215,8 @@ class SolvedLoops:
     """All loops of a robot at the positions ``q`` (n,), in the order in which they depend on each other.
 
     ``trig`` gives cosine and sine of angles that are linear forms in the coordinates. ``W`` (coordinates - n, n) are
-    the derivatives of the coordinates behind q by q.
+    the derivatives of the coordinates behind q by q. ``positions`` (coordinates,) are q and the displacements of
+    passive prismatic joints; that of an angle is 0, since loops give cosine and sine only.
     """
 
     def __init__(
@@ -158,13 +231,16 @@ class SolvedLoops:
         self.angles: dict[int, Plane] = {}
         coordinates = self.n + 2 * len(closures)
         columns: list[list[Any]] = [[0] * coordinates for _ in q]
-        slide = partial(linear, values=[*q, *[0] * (2 * len(closures))], constant=use.constant)
+        self.positions = [*q, *[0] * (2 * len(closures))]
+        slide = partial(linear, values=self.positions, constant=use.constant)
         for closure in closures:
             dyad = Dyad(closure, partial(trig, self), slide, use)
             for j, column in enumerate(columns):
                 self._follow(dyad, column, dyad.by(j))
             self.dyads.append(dyad)
             self.angles |= dyad.angles
+            for k, displacement in dyad.slides.items():
+                self.positions[k] = displacement
         self.W = [[column[k] for column in columns] for k in range(self.n, coordinates)]
 
     def _follow(self, dyad: Dyad, column: list[Any], moved: Plane) -> None:
@@ -244,6 +320,12 @@ def _angle(bar: Plane, turned: Plane, square: Any) -> Plane:
 
 def _reciprocal(x: Any) -> Any:
     return Fraction(1) / x if isinstance(x, int) else 1 / x  # a quotient of two numbers stays exact
+
+
+def _sum_of_squares(vectors: Sequence[_Vector], use: Arithmetic) -> Any:
+    """The sum of the squared constant lengths of ``vectors``, m^2; 1 if there are none, to have a scale at all."""
+    squares = [use.constant(v) * use.constant(v) for one in vectors for v in one.segment.place if v != 0]
+    return sum(squares[1:], squares[0]) if squares else 1
 
 
 def _sum(vectors: Any) -> Plane:

@@ -241,7 +241,8 @@ LOOP = (
         "assembly",
         "choice",
         "+1: the pin between the passive links lies left of the line from the outer pin of the first to that of the "
-        "second, -1: right, seen against the axis of the first",
+        "second, -1: right, seen against the axis of the first; with a prismatic joint, +1: the larger of the two "
+        "displacements at which the loop closes, -1: the smaller",
         True,
         ("1", "+1", "-1"),
     ),

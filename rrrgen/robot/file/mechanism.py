@@ -180,16 +180,21 @@ def _check_followed(
     """Check a row with ``follows``: it names driven or ``passive`` joints and has no drive, no friction, only a range.
 
     ``keys`` are the keys of the row in the file, ``factors`` those of the joints that it follows, by name. It follows
-    passive joints by whole multiples, since only cosine and sine of their angles are known, and then has no range.
+    passive joints of its own type, revolute ones by whole multiples, since only cosine and sine of their angles are
+    known, and then has no range.
     """
     if "follows" not in keys:
         return
     allowed = [*driven, *passive]
+    slides = [each.name for each in rows if not each.is_revolute]
     for name, (key, value) in (read_entries(keys["follows"][1], "follows", scope.faults) or {}).items():
-        if name in passive and row.is_revolute and name in factors and not factors[name].is_Integer:
+        if name in passive and row.is_revolute and name in slides:
+            hint = f"'{name}' is passive in a loop and slides; prismatic rows may follow it"
+            scope.faults.error(key, f"the revolute joint '{row.name}' cannot follow '{name}'", hint)
+        elif name in passive and row.is_revolute and name in factors and not factors[name].is_Integer:
             hint = f"'{name}' is passive in a loop, which gives cosine and sine of its angle only"
             scope.faults.error(value, f"the factor of {name} in follows of joint '{row.name}' is no integer", hint)
-        if name in passive and not row.is_revolute:
+        if name in passive and not row.is_revolute and name not in slides:
             hint = f"the angle of '{name}', which is passive in a loop, is known by its cosine and sine only"
             scope.faults.error(key, f"the prismatic joint '{row.name}' cannot follow '{name}'", hint)
         if name in passive and "limits" in keys:

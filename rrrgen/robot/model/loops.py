@@ -9,6 +9,8 @@ The coordinates x are the positions q of the driven joints and two coordinates o
 row is the angle of its link in the plane, without the constant angles of the table, not the angle at its joint: a
 dyad has cosine and sine of that angle in closed form, and its rate needs no differences. That of a prismatic row is its
 displacement.
+
+Of the two passive rows of a loop, one at least is revolute.
 """
 
 from __future__ import annotations
@@ -58,14 +60,17 @@ class Segment:
 class Closure:
     """A loop as its ``segments``, whose sum is zero, and the numbers in x of its two ``coordinates``.
 
-    ``assembly`` is +1 where the pin between the two passive links lies left of the line from the outer pin of the first
-    to that of the second, seen against the axis of the plane, otherwise -1.
+    ``slider`` is the one that is the displacement of a prismatic row, None if both are angles. ``assembly`` is +1 where
+    the pin between the two passive links lies left of the line from the outer pin of the first to that of the second,
+    seen against the axis of the plane, and with a slider where that is the larger of the two displacements at which the
+    loop closes; otherwise -1.
     """
 
     name: str
     coordinates: tuple[int, int]
     assembly: int
     segments: tuple[Segment, ...]
+    slider: int | None = None
 
 
 @dataclass(frozen=True)
@@ -127,24 +132,30 @@ class LoopGeometry:
         return found
 
     def _of_passive(self, j: int) -> Form:
-        """The displacement of passive row number j: its angle in the plane minus that of the link before it."""
+        """The displacement of passive row number j: its angle in the plane minus that of the link before it.
+
+        That of a prismatic row is its coordinate.
+        """
+        if not self._joints[self._mechanism.passive[j]].revolute:
+            return self._unit(self._spec.n + j)
         facing, before = self._carrier(self._mechanism.loops[j // 2], self._mechanism.passive[j])
         return _plus(tuple(facing * v for v in self._unit(self._spec.n + j)), before.turning, sp.Integer(-facing))
 
     def _carrier(self, loop: LoopSpec, row: int) -> tuple[int, _Orientation]:
         """The sense of the axis of a passive ``row`` across the plane of its loop, and the link that carries it."""
-        if not self._joints[row].revolute:
-            raise LoopError(
-                loop.name, f"the passive row '{self._joints[row].name}' is prismatic", "both passive rows are revolute"
-            )
+        branch = self._branch_of(loop, row)
+        before = self._orientation(loop, branch[: branch.index(row)])
+        return self._facing(loop, before.C * self._joints[row].before.R, row), before
+
+    def _branch_of(self, loop: LoopSpec, row: int) -> tuple[int, ...]:
+        """The rows from the common link to that pinned link which the passive ``row`` moves."""
         branches, _ = self._branches(loop)
         branch = next((rows for rows in branches if row in rows), None)
         if branch is None:
             name = self._joints[row].name
             hint = "pin links that the passive rows move, one behind the other or one on each side"
             raise LoopError(loop.name, f"'{name}' does not move one of the pinned links against the other", hint)
-        before = self._orientation(loop, branch[: branch.index(row)])
-        return self._facing(loop, before.C * self._joints[row].before.R, row), before
+        return branch
 
     # -- the plane of a loop -----------------------------------------------------------------------------------------
 
@@ -214,7 +225,7 @@ class LoopGeometry:
     def _closure(self, k: int) -> Closure:
         loop = self._mechanism.loops[k]
         branches, _ = self._branches(loop)
-        (facing, _), _ = (self._carrier(loop, row) for row in loop.passive)
+        side, slider = self._side(k)
         segments: list[Segment] = []
         for sign, branch, (row, point) in zip((1, -1), branches, loop.pins, strict=True):
             at = self._start(loop)
@@ -224,10 +235,34 @@ class LoopGeometry:
             frame = self._link_frames[row] if row >= 0 else self._base
             segments.append(self._segment(sign, at, at.C * (frame.R * sp.Matrix(point) + frame.p)))
         coordinates = (self._spec.n + 2 * k, self._spec.n + 2 * k + 1)
-        closure = Closure(loop.name, coordinates, facing * loop.assembly, tuple(_merged(segments)))
+        closure = Closure(loop.name, coordinates, side * loop.assembly, tuple(_merged(segments)), slider)
         _check_dyad(closure)
+        _refuse_locked(closure)
         _refuse_parallelogram(self._spec, closure)
+        _refuse_isosceles(self._spec, closure)
         return closure
+
+    def _side(self, k: int) -> tuple[int, int | None]:
+        """Check the passive rows of loop number ``k``.
+
+        Returns the sense, +1 or -1, in which its file counts the assembly, and the coordinate of a prismatic row.
+        """
+        loop = self._mechanism.loops[k]
+        sliding = [j for j, row in enumerate(loop.passive) if not self._joints[row].revolute]
+        if len(sliding) == 2:
+            names = " and ".join(f"'{self._joints[row].name}'" for row in loop.passive)
+            hint = "one of them turns; the pin lets the other one slide"
+            raise LoopError(loop.name, f"the passive rows {names} are prismatic", hint)
+        carriers = [self._carrier(loop, row) for row in loop.passive if self._joints[row].revolute]
+        if not sliding:
+            return carriers[0][0], None
+        row, coordinate = loop.passive[sliding[0]], self._spec.n + 2 * k + sliding[0]
+        branch = self._branch_of(loop, row)
+        before = self._orientation(loop, branch[: branch.index(row)])
+        if all(normal_form(v) == 0 for v in (before.C * self._joints[row].before.R)[:2, 2]):
+            hint = "a passive prismatic row slides in the plane"
+            raise LoopError(loop.name, f"the axis of '{self._joints[row].name}' is across its plane", hint)
+        return int(self._mechanism.matrix[row][coordinate]), coordinate
 
     def _way(self, loop: LoopSpec, sign: int, at: _Orientation, i: int) -> list[Segment]:
         """The segments from the link oriented ``at`` to the origin of joint ``i`` on it."""
@@ -291,15 +326,71 @@ def _merged(segments: Sequence[Segment]) -> list[Segment]:
 def _check_dyad(closure: Closure) -> None:
     """Raise LoopError unless the two passive links are bars between points that are known without them."""
     a, b = closure.coordinates
-    bars = [False, False]
+    bars, slides = [False, False], 0
     for one in closure.segments:
-        turned = one.turning[a], one.turning[b]
-        if turned not in ((0, 0), (1, 0), (0, 1)) or one.slide[a] != 0 or one.slide[b] != 0:
+        turned, moved = (one.turning[a], one.turning[b]), (one.slide[a], one.slide[b])
+        only = any(moved) and any(v != 0 for k, v in enumerate(one.slide) if k not in (a, b))
+        if turned not in ((0, 0), (1, 0), (0, 1)) or moved not in ((0, 0), (1, 0), (0, 1)) or only:
             raise LoopError(closure.name, "a row that follows a passive one lies inside it", _ORDER)
-        bars = [found or one.turning[k] == 1 for found, k in zip(bars, (a, b), strict=True)]
+        slides += sum(moved)
+        bars = [found or one.turning[k] == 1 or k == closure.slider for found, k in zip(bars, (a, b), strict=True)]
+    if slides > 1:
+        raise LoopError(closure.name, "a row that follows a passive one lies inside it", _ORDER)
     if not all(bars):
         hint = "both passive links are bars between their joint and the pin, or the joint of the other one"
         raise LoopError(closure.name, "a passive link has no length in it", hint)
+
+
+def _refuse_locked(closure: Closure) -> None:
+    """Raise LoopError for a loop that no drive moves, whose passive links are then fixed to each other.
+
+    The vectors on each bar, and those from the one bar to the other, are then rigid: none slides by a drive, and all
+    turn by the same angle. Across the direction of a slider, that direction belongs to them too.
+    """
+    a, b = closure.coordinates
+    groups: dict[tuple[bool, bool], set[Form]] = {}
+    for one in closure.segments:
+        if any(v != 0 for k, v in enumerate(one.slide) if k not in (a, b)):
+            return
+        groups.setdefault((one.turning[a] == 1, one.turning[b] == 1), set()).add(one.turning)
+    if all(len(turning) == 1 for turning in groups.values()):
+        hint = "drop the loop and let its passive rows follow: follows: {}, with the angles and lengths that they keep"
+        raise LoopError(closure.name, "no drive moves its passive links against each other", hint)
+
+
+def _number(spec: RobotSpec, value: sp.Expr) -> float:
+    return float(spec.nominal(value).doit())  # doit: angles whose cosines have no short form are held back
+
+
+def _side_lengths(spec: RobotSpec, segments: Sequence[Segment]) -> dict[Form, complex]:
+    """The vectors (m, at nominal parameters) of ``segments`` without slides, added where they turn by one angle."""
+    sides: dict[Form, complex] = {}
+    for one in segments:
+        turned = complex(*(_number(spec, v) for v in one.place)) * cmath.rect(1, _number(spec, one.angle))
+        sides[one.turning] = sides.get(one.turning, 0) + one.sign * turned
+    return sides
+
+
+def _refuse_isosceles(spec: RobotSpec, closure: Closure) -> None:
+    """Raise LoopError for a bar as long as the crank whose pivot lies on the axis of its slider.
+
+    The number under the root is then a square, as that of a parallelogram.
+    """
+    slide = next((s for s in closure.segments if closure.slider is not None and s.slide[closure.slider] != 0), None)
+    turned = next((k for k in closure.coordinates if k != closure.slider), 0)
+    if slide is None or slide.turning[turned] != 0 or any(any(s.direction) for s in closure.segments if s is not slide):
+        return
+    bars = _side_lengths(spec, [s for s in closure.segments if s.turning[turned] == 1])
+    sides = _side_lengths(spec, [s for s in closure.segments if s.turning[turned] == 0 and s is not slide])
+    if len(bars) != 1:
+        return
+    bar = abs(next(iter(bars.values())))
+    direction = complex(*(_number(spec, v) for v in slide.direction)) * cmath.rect(1, _number(spec, slide.angle))
+    beside = (sides.pop(slide.turning, 0j) * direction.conjugate()).imag
+    cranks = [abs(v) for v in sides.values() if abs(v) > SAME_LENGTH * bar]
+    if len(cranks) == 1 and math.isclose(cranks[0], bar, rel_tol=SAME_LENGTH) and abs(beside) < SAME_LENGTH * bar:
+        hint = "its passive rows stand still or move as 2 cos of the crank's angle; make a length differ by 1e-6 m"
+        raise LoopError(closure.name, "its bar is as long as the crank, whose pivot is on the axis of the slider", hint)
 
 
 def _refuse_parallelogram(spec: RobotSpec, closure: Closure) -> None:
@@ -309,12 +400,9 @@ def _refuse_parallelogram(spec: RobotSpec, closure: Closure) -> None:
     parameters of both ways to assemble it differ.
     """
     a, b = closure.coordinates
-    sides: dict[Form, complex] = {}
-    for one in closure.segments:
-        if any(one.direction):
-            return
-        turned = complex(*(float(spec.nominal(v)) for v in one.place)) * cmath.rect(1, float(spec.nominal(one.angle)))
-        sides[one.turning] = sides.get(one.turning, 0) + turned
+    if any(any(one.direction) for one in closure.segments):
+        return
+    sides = _side_lengths(spec, closure.segments)
     bars = sorted(sum(abs(v) for form, v in sides.items() if form[k] == 1) for k in (a, b))
     known = sorted(abs(v) for form, v in sides.items() if form[a] == 0 and form[b] == 0)
     if len(sides) == 4 and all(math.isclose(*pair, rel_tol=SAME_LENGTH) for pair in zip(bars, known, strict=True)):

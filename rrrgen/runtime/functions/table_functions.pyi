@@ -2446,9 +2446,10 @@ class TableFunctions(Calls):
             with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
 
         Returns:
-            The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, (..., p, 2),
-            the matrix of their rates, (..., p, n), and the sine of the angle between the two bars of every loop, (...,
-            k). The status, (...), is 0; 1 where a loop is near a dead point, 2 where one cannot be assembled.
+            The named tuple (passive, W, sine): cosine and sine of the displacement of every passive joint, of a
+            prismatic one its displacement and 0, (..., p, 2), the matrix of their rates, (..., p, n), and the sine of
+            the angle between the two bars of every loop, (..., k). The status, (...), is 0; 1 where a loop is near a
+            dead point, 2 where one cannot be assembled.
 
         Raises:
             numpy.linalg.LinAlgError: a sine is below 1e-3 at some state, and ``with_status`` is False.

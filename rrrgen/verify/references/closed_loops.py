@@ -1,7 +1,8 @@
 """Closed loops solved by Newton's method from many starts, over batches of states, as a reference.
 
 Nothing here knows of dyads: unknown are all passive displacements at once, equations are the distances of the pins
-across the axis of the loop, and of the solutions found that one is taken whose middle pin lies on the right side.
+across the axis of the loop, and of the solutions found that one is taken whose middle pin lies on the right side. Of
+two displacements of a prismatic joint, the derivative of a distance tells the larger one.
 """
 
 from __future__ import annotations
@@ -93,11 +94,16 @@ class ClosedLoops:
         return np.concatenate(gaps, axis=1), np.concatenate(rows, axis=1)
 
     def _axis(self, row: int, frames: Array) -> Array:
-        return np.asarray(frames[:, row, :3, :3] @ self._tree.axes[row][0])
+        """The axis (N, 3) of a ``row``, about which it turns or along which it slides."""
+        return np.asarray(frames[:, row, :3, :3] @ self._tree.axes[row][0 if self._chain.revolute[row] else 1])
+
+    def _turning(self, loop: NumericLoop) -> int:
+        """The first passive row of ``loop`` that turns."""
+        return next(row for row in loop.passive if self._chain.revolute[row])
 
     def _across(self, loop: NumericLoop, frames: Array) -> Array:
         """Two orthogonal unit vectors (N, 2, 3) across the axis of a loop."""
-        axis = self._axis(loop.passive[0], frames)
+        axis = self._axis(self._turning(loop), frames)
         aside = np.eye(3)[np.argmin(np.abs(axis), axis=1)]
         first = np.cross(axis, aside)
         first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -111,7 +117,7 @@ class ClosedLoops:
     def _ends(self, loop: NumericLoop, frames: Array) -> tuple[tuple[int, Array], tuple[int, Array]]:
         """Both ends of the pin of a loop: rows and points (N, 3), the second moved along the axis beside the first."""
         (first, at), (second, there) = ((row, self._pin(row, place, frames)) for row, place in loop.pins)
-        axis = self._axis(loop.passive[0], frames)
+        axis = self._axis(self._turning(loop), frames)
         along = np.einsum("ni,ni->n", axis, at - there)
         return (first, at), (second, there + along[:, None] * axis)
 
@@ -132,12 +138,32 @@ class ClosedLoops:
         frames = self._tree.link_frames(x)
         found = []
         for loop in self._chain.loops:
+            if not all(self._chain.revolute[row] for row in loop.passive):
+                found.append(loop.assembly * self._beside_slide(loop, frames))
+                continue
             a, b, c = (np.einsum("nij,nj->ni", self._across(loop, frames), p) for p in self._corners(loop, frames))
             one, other = b - a, c - b
             turn = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
             lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
             found.append(-loop.assembly * turn / lengths)  # the middle pin on the left turns right
         return np.stack(found, axis=1)
+
+    def _beside_slide(self, loop: NumericLoop, frames: Array) -> Array:
+        """The sine (N,) between the bar and a line across the slide, positive at the larger displacement.
+
+        The bar goes from the joint that turns to the pin. Opened, the pin moves along the axis of the slide, or the
+        joint does where it stands on the slide; at the larger displacement their distance then grows.
+        """
+        turning = self._turning(loop)
+        slide = next(row for row in loop.passive if row != turning)
+        (_, pin), _ = self._ends(loop, frames)
+        between = self._across(loop, frames)
+        bar = np.einsum("nij,nj->ni", between, pin - self._pin(turning, self._pivots[turning], frames))
+        axis = np.einsum("nij,nj->ni", between, self._axis(slide, frames))
+        axis = -axis if slide in self._chain.path(turning) else axis
+        column = self._chain.n + [row for each in self._chain.loops for row in each.passive].index(slide)
+        sense = np.sign(self._chain.coupling[slide, column])
+        return np.asarray(sense * np.sum(bar * axis, axis=1) / np.linalg.norm(bar, axis=1))
 
     def _on_the_right_side(self, x: Array) -> NDArray[np.bool_]:
         return np.asarray(np.all(self.sines(x) > 0.0, axis=1))
