@@ -3,7 +3,7 @@
 import gc
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,10 +37,26 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Leave the tests that are marked ``sweep`` to `make sweep`, and to those who name one."""
     if draws(1) > 1 or any("::" in word for word in config.args):
         return
-    left = [item for item in items if item.get_closest_marker("sweep")]
+    unknown = {(item.nodeid.partition("[")[0], variant) for item in items for variant in _kept(item)}
+    unknown -= {(item.nodeid.partition("[")[0], _variant(item)) for item in items}
+    if unknown:
+        raise pytest.UsageError(f"sweep(but=[...]) names variants that do not exist: {sorted(unknown)}")
+    left = [item for item in items if item.get_closest_marker("sweep") and _variant(item) not in _kept(item)]
     if left:
         config.hook.pytest_deselected(items=left)
-        items[:] = [item for item in items if not item.get_closest_marker("sweep")]
+        gone = set(left)
+        items[:] = [item for item in items if item not in gone]
+
+
+def _variant(item: pytest.Item) -> str:
+    """The id of the parameters of a test, as it stands in brackets."""
+    return item.callspec.id if hasattr(item, "callspec") else ""
+
+
+def _kept(item: pytest.Item) -> Sequence[str]:
+    """The variants that a test marked ``sweep(but=[...])`` leaves in an ordinary run."""
+    mark = item.get_closest_marker("sweep")
+    return mark.kwargs.get("but", ()) if mark else ()
 
 
 # Robots are slow to draw and their evaluation time varies with n, so deadlines would only measure the machine's load.

@@ -62,6 +62,7 @@ def test_nothing_more_is_written_unless_it_is_asked_for(tmp_path):
 
 
 @pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.sweep(but=["double"])
 def test_gravity_and_control(tmp_path, real):
     output = generate(tmp_path, PENDULUM, "--with", "gravity,control,cpp,points,trajectory", "--real", real)
     beside = ["swing_ik.c", "swing_tool_ik.c", "swing_differential_ik.c", "swing_fourier.c"]

@@ -220,6 +220,7 @@ def folder(tmp_path_factory):
         ("float", "-O2 -ffast-math"),
     ],
 )
+@pytest.mark.sweep(but=["double--O3 -ffast-math -march=native"])
 def test_c(real, options, folder):
     """NaN has no meaning under -ffast-math, yet it is refused there too."""
     dialect = Dialect("rrr", real)

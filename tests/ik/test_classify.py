@@ -32,6 +32,7 @@ def drawn(rng: np.random.Generator) -> list:
 
 
 @pytest.mark.parametrize("seed", range(draws(2)))
+@pytest.mark.sweep(but=["0"])
 def test_a_solver_or_a_reason(seed):
     rng = np.random.default_rng(seed)
     solved = 0
@@ -60,6 +61,7 @@ def test_axes_that_degenerate_are_refused_without_a_fault():
 
 
 @pytest.mark.parametrize("seed", range(draws(2)))
+@pytest.mark.sweep(but=["1"])
 def test_solvers_of_few_joints_find_their_own_configurations(seed):
     """Through compiled code: chains of 4 and 5 joints, whose virtual joints must not hide a free angle."""
     rng = np.random.default_rng(100 + seed)

@@ -54,5 +54,6 @@ COMPILED = [
 
 
 @pytest.mark.parametrize(("name", "rows"), COMPILED, ids=[name for name, _ in COMPILED])
+@pytest.mark.sweep(but=[name for name, _ in COMPILED[::2]])
 def test_emitted_code(name, rows):
     sample("structure", rows, N=1000, seed=2).assert_right()

@@ -44,7 +44,10 @@ EVERY_SECOND = [(*case, offset) for k, case in enumerate(CASES) for offset in OF
 """Neighbours among the cases differ in the offsets that they take, so that every threshold has both its sides."""
 
 
-@pytest.mark.parametrize(("name", "parameters", "offset"), EVERY_SECOND)
+@pytest.mark.parametrize(
+    ("name", "parameters", "offset"),
+    [pytest.param(*case, marks=[pytest.mark.sweep] * (k % 2)) for k, case in enumerate(EVERY_SECOND)],
+)
 def test_both_sides_of_a_threshold(name, parameters, offset):
     rows = moved(name, parameters, offset)
     result = sample(name, rows, N=400)

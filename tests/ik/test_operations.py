@@ -124,6 +124,7 @@ def test_operations_of_an_elimination_are_a_mean_over_random_targets(name, tmp_p
 
 @pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")
 @pytest.mark.parametrize("name", ARMS)
+@pytest.mark.sweep(but=["rrr", "scara", "stanford", "iiwa14"])
 def test_operations_are_those_of_the_emitted_code(name, tmp_path):
     spec = load_spec(name)
     found = plan(spec)

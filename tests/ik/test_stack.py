@@ -42,6 +42,9 @@ def calls(source):
         ("rrr", False, "double", "gcc", ["-O1"]),
     ],
 )
+@pytest.mark.sweep(
+    but=["puma-True-double-gcc-flags0", "general-False-float-gcc-flags3", "gantry-False-float-clang-flags4"]
+)
 def test_no_chain_of_calls_takes_more_stack_than_is_stated(name, limited, real, command, flags, tmp_path):
     rows = VARIANTS[name]
     spec = make(name, rows, limits=LIMITS[: len(rows)] if limited else None)

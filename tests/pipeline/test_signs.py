@@ -56,6 +56,7 @@ def test_tools_and_payloads_are_in_the_frame_of_the_file(convention, tmp_path):
 
 
 @pytest.mark.parametrize("convention", ["standard", "modified"])
+@pytest.mark.sweep(but=["modified"])
 def test_a_basis_may_stand_beside_a_sign(convention):
     """Its expressions are in the link frames of the file, as those of the same robot without signs are."""
     text = to_yaml(turned(4, convention, prismatic=0.0))
@@ -136,6 +137,7 @@ def test_gains_of_a_calibration_keep_the_sign():
 
 
 @pytest.mark.parametrize("convention", ["standard", "modified"])
+@pytest.mark.sweep(but=["standard"])
 def test_tools_and_payloads_of_a_mechanism_with_signs(convention, tmp_path):
     """A follower and its leader move against their rows: y = -q and y = 2 q."""
     robot = random_robot(6, 3, convention=convention, prismatic=0.0)

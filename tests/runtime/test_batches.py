@@ -36,6 +36,7 @@ def rows(result, count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("real", ["double", "float"])
 @pytest.mark.parametrize("function", FUNCTIONS)
+@pytest.mark.sweep(but=[f"{function}-{('double', 'float')[k % 2]}" for k, function in enumerate(FUNCTIONS)])
 def test_batches_equal_single_states(function, real):
     model = rrrgen.compile("rrr", real=real)
     arguments = states(model.n, 37)[: FUNCTIONS[function]]  # not a multiple of any simd

@@ -24,8 +24,11 @@ def test_the_stub_is_up_to_date():
     assert STUB.read_text(encoding="utf-8") == stub(), "make stubs writes it"
 
 
-def test_the_stub_and_the_methods_agree():
-    command = [sys.executable, "-m", "mypy.stubtest", table_functions.__name__]
+def test_the_stub_and_the_methods_agree(tmp_path):
+    """Signatures alone are compared; `make types` checks the stub with all that it imports."""
+    (tmp_path / "mypy.ini").write_text("[mypy]\nfollow_imports = skip\n", encoding="utf-8", newline="\n")
+    options = ["--mypy-config-file", str(tmp_path / "mypy.ini")]
+    command = [sys.executable, "-m", "mypy.stubtest", table_functions.__name__, *options]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
 

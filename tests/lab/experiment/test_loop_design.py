@@ -225,6 +225,7 @@ def test_a_loop_that_runs_away_is_a_failed_check(demo, trajectory, tmp_path) -> 
 
 @pytest.mark.parametrize("reference", [True, False])
 @pytest.mark.parametrize("stable", [True, False])
+@pytest.mark.sweep(but=["True-True", "False-False"])
 def test_identification_says_that_the_loop_of_a_recording_oscillates(
     demo, trajectory, tmp_path, stable: bool, reference: bool
 ) -> None:
