@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import HealthCheck, settings
 
+from rrrgen.base import parallel
 from rrrgen.base.files import write_file
 from rrrgen.lab.data import figure_style as figures
 from rrrgen.lab.data.run_folder import RunFolder
@@ -27,6 +28,10 @@ if str(TESTS) not in sys.path:  # import modes other than "prepend" do not do th
 os.environ.setdefault("RRRGEN_CFLAGS", "-O0")
 
 os.environ.pop("COLUMNS", None)  # processes of pytest-xdist have it: commands would fold what they print into a pipe
+
+# Tests run on all processors: commands compute in the process of the test, where more processes would import everything
+# and derive again what this one has derived. Tests of several processes name their number.
+parallel.MAX_JOBS = 1
 
 # A full test process holds millions of objects, which the default thresholds have the collector visit again and again:
 # rarer visits save 7 % of the time.

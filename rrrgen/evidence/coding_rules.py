@@ -108,8 +108,8 @@ LONGEST_STRAIGHT_LINE = 600
 
 
 _NOT_THIS_COMPILER = ("_MSC_VER", "_M_FP_FAST", "__FAST_MATH__", "__ASSOCIATIVE_MATH__", "__FLT_EVAL_METHOD__")
-"""Macros that a C99 compiler with strict arithmetic does not set on x86-64. They choose how ``restrict`` is spelled, and
-a call of ``ceil``; for each, cppcheck would check the whole file once more."""
+"""Macros that a C99 compiler with strict arithmetic does not set on x86-64. They choose the spelling of ``restrict``
+and a call of ``ceil``; for each, cppcheck would check the whole file once more."""
 
 
 class RuleFinding(NamedTuple):
