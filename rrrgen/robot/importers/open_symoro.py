@@ -1,9 +1,13 @@
-"""OpenSYMORO ``.par``: chains and trees in the modified Denavit-Hartenberg parameters of Khalil and Kleinfinger.
+"""OpenSYMORO ``.par``: chains, trees and closed loops in Khalil and Kleinfinger's Denavit-Hartenberg parameters.
 
 A file lists ``NAME = VALUE`` and ``NAME = {entry, entry, ...}`` with comments ``(* ... *)``. Frame j follows from frame
 ``ant`` by ``Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r)``, joint j being revolute (``sigma`` 0), prismatic
 (1) or fixed (2). Angles are in rad. Inertia ``XX .. ZZ`` and first moments ``MX MY MZ`` are about the frame's origin,
 ``G`` is the acceleration of gravity in frame 0, and ``Z`` the pose of frame 0.
+
+With closed loops, ``Type = 2``, the frames 1 to NL are those of a tree of links, and each loop is cut at a joint: frame
+``NL + k`` is that of the cut joint number k on one link, frame ``NJ + k``, fixed to the other one, coincides with it.
+``mu`` is 1 for joints with a drive.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ from rrrgen.robot.spec import (
     JointSpec,
     JointType,
     LinkSpec,
+    LoopSpec,
     RobotSpec,
     name_fault,
     parameter_symbol,
@@ -161,6 +166,10 @@ MAX_FIXED = (
     3  # most fixed frames before the first joint and after the last: products of more symbolic transforms are long
 )
 REVOLUTE, PRISMATIC, FIXED = 0, 1, 2
+CLOSED = "2"
+"""Type of a robot with closed loops."""
+
+SAME_AXIS = 1e-9
 FORCES = ("FX", "FY", "FZ", "CX", "CY", "CZ")
 BASE_MOTION = ("W0", "WP0", "V0", "VP0")
 STATE = ("QP", "QDP", "GAM")
@@ -177,16 +186,17 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         return None
     _refuse_unknown_values(file)
     kinds = [entry.expr for entry in table["sigma"]]
-    if _branches(table):
-        return _tree(source, file, table)
+    links = len(kinds) - 2 * _cuts(file)
+    if _branches(table) or links < len(kinds):
+        return _tree(source, file, table, links)
     moving = [j for j, kind in enumerate(kinds) if kind != FIXED]
     first, last = moving[0], moving[-1]
     joints = tuple(_joint(file, table, j, kinds[j]) for j in moving)
     base, tool = _base(file, table, first), sp.eye(4)
     for j in range(last + 1, len(kinds)):
         tool = tool * _step(table, j)
-    links = _links(file, len(kinds), first, last)
-    _warn_about_rest(file, len(kinds))
+    bodies = _links(file, len(kinds), first, last)
+    _warn_about_rest(file, len(kinds), range(len(kinds)))
     gravity = _gravity(file)
     for matrix, what in ((base, "the base"), (tool, "the fixed frames at the tip")):
         for value in matrix:
@@ -201,7 +211,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         gravity=gravity,
         parameters={str(s): source.values[str(s)] for s in sorted(used, key=str)},
         joints=joints,
-        links=links,
+        links=bodies,
         base=_fixed(base),
         tool=_fixed(tool),
     )
@@ -226,6 +236,9 @@ def _table(file: Assignments) -> dict[str, list[ListEntry]] | None:
         if entry.expr not in (REVOLUTE, PRISMATIC, FIXED):
             faults.error(entry.place, f"sigma is {shorten(str(entry.expr))}", "0 revolute, 1 prismatic, 2 fixed")
     moving = [j for j, entry in enumerate(table["sigma"]) if entry.expr != FIXED]
+    if file.flag("Type") == CLOSED:
+        _check_cuts(file, table)
+        return None if faults.errors else table
     if not moving:
         faults.error(file.place["sigma"], "no joint moves", "sigma is 0 for revolute, 1 for prismatic joints")
     elif _branches(table):
@@ -244,12 +257,48 @@ def _branches(table: dict[str, list[ListEntry]]) -> bool:
     return any(entry.expr != j for j, entry in enumerate(table["ant"]))
 
 
-def _tree(source: Source, file: Assignments, table: dict[str, list[ListEntry]]) -> Found | None:
-    """The robot of a branching table: a row for every frame, placed by its gamma and b; fixed frames are fixed rows.
+def _cuts(file: Assignments) -> int:
+    """The number of cut joints, one of each closed loop."""
+    if file.flag("Type") != CLOSED:
+        return 0
+    links, joints = (int(v) if (v := file.flag(name)).isdecimal() else 0 for name in ("NL", "NJ"))
+    return joints - links if joints > links > 0 else 0
 
-    The tip is at the last frame.
+
+def _check_cuts(file: Assignments, table: dict[str, list[ListEntry]]) -> None:
+    """Report frames of a file with closed loops that do not come in pairs, a cut joint and its fixed counterpart."""
+    count, cuts = len(table["sigma"]), _cuts(file)
+    if not cuts or file.flag("NL") != str(count - 2 * cuts):
+        message = f"NL = {file.flag('NL') or 'none'} and NJ = {file.flag('NJ') or 'none'} with {count} frames"
+        hint = "NL links, NJ joints with the cut ones, and 2 NJ - NL frames, two of every cut joint"
+        file.faults.error(file.place["Type"], message, hint)
+        return
+    links = count - 2 * cuts
+    for j in range(links, count):
+        kind, place = table["sigma"][j].expr, table["sigma"][j].place
+        if j < links + cuts and kind != REVOLUTE:
+            what = f"the cut joint of frame {j + 1} is {'prismatic' if kind == PRISMATIC else 'fixed'}"
+            file.faults.error(place, what, "cut the loop at one of its revolute joints, sigma = 0")
+        elif j >= links + cuts and kind != FIXED:
+            hint = "the other frame of a cut joint is fixed to its link, sigma = 2"
+            file.faults.error(place, f"frame {j + 1} is not fixed", hint)
+        ant = int(table["ant"][j].expr)
+        if links < ant <= links + cuts or (j < links + cuts and ant > links):
+            message = f"frame {j + 1} of a cut joint follows frame {ant}, which is one too"
+            file.faults.error(table["ant"][j].place, message, f"a frame of a link, 0 to {links}")
+    for j in range(links):
+        if int(table["ant"][j].expr) > links:
+            hint = f"a frame of a link, 0 to {links}"
+            file.faults.error(table["ant"][j].place, f"frame {j + 1} follows a frame of a cut joint", hint)
+
+
+def _tree(source: Source, file: Assignments, table: dict[str, list[ListEntry]], links: int) -> Found | None:
+    """The robot of a table with branches or loops: a row for each of its ``links``, placed by its gamma and b.
+
+    Fixed frames are fixed rows. The tip is at the last frame, with closed loops at the last one of the only branch that
+    no cut joint joins to another.
     """
-    kinds = [entry.expr for entry in table["sigma"]]
+    kinds = [entry.expr for entry in table["sigma"][:links]]
     rows = []
     for j, kind in enumerate(kinds):
         row = _fixed_row(file, table, j) if kind == FIXED else _joint(file, table, j, kind)
@@ -257,15 +306,26 @@ def _tree(source: Source, file: Assignments, table: dict[str, list[ListEntry]]) 
         for key, entry in (("gamma", gamma), ("b", b)):
             file.refuse_open(entry.expr, entry.place, f"{key} of frame {j + 1}")
         rows.append(replace(row, gamma=gamma.expr, b=b.expr))
-    driven = [j for j, kind in enumerate(kinds) if kind != FIXED]
-    parents = tuple(int(entry.expr) - 1 for entry in table["ant"])
-    matrix: list[tuple[sp.Expr, ...]] = [tuple(sp.Integer(int(j == k)) for k in driven) for j in range(len(kinds))]
-    joints, mechanism = mechanism_of_rows(rows, parents, len(kinds) - 1, matrix, driven)
-    base, links, gravity = _pose_of_frame_0(file), _links(file, len(kinds), 0, len(kinds) - 1), _gravity(file)
-    _warn_about_rest(file, len(kinds))
+    parents = tuple(int(entry.expr) - 1 for entry in table["ant"][:links])
+    loops = _loops(file, table, parents)
+    passive = [row for loop in loops for row in loop.passive]
+    rows = [_without_drive(file, table, row, j) if j in passive else row for j, row in enumerate(rows)]
+    driven = [j for j, kind in enumerate(kinds) if kind != FIXED and j not in passive]
+    if not driven:
+        file.faults.error(file.place["sigma"], "no joint has a drive", "mu of a driven joint is 1, its sigma 0 or 1")
+    matrix: list[tuple[sp.Expr, ...]] = [
+        tuple(sp.Integer(int(j == k)) for k in (*driven, *passive)) for j in range(links)
+    ]
+    joined = {row for loop in loops for row, _ in loop.pins}
+    ends = [j for j in range(links) if j not in parents and j not in joined]
+    tip = ends[0] if loops and len(ends) == 1 else links - 1
+    joints, mechanism = mechanism_of_rows(rows, parents, tip, matrix, driven)
+    base, bodies, gravity = _pose_of_frame_0(file), _links(file, links, 0, links - 1), _gravity(file)
+    _warn_about_rest(file, links, driven)
     if file.faults.errors:
         return None
     values = [value for row in rows for value in (row.alpha, row.a, row.d, row.theta, row.gamma, row.b)]
+    values += [value for loop in loops for _, place in loop.pins for value in place]
     used = sorted({str(symbol) for value in values for symbol in value.free_symbols})
     spec = RobotSpec(
         name=_name(source),
@@ -273,11 +333,100 @@ def _tree(source: Source, file: Assignments, table: dict[str, list[ListEntry]]) 
         gravity=gravity,
         parameters={name: source.values[name] for name in used},
         joints=joints,
-        links=links,
+        links=bodies,
         base=_fixed(base),
-        mechanism=mechanism,
+        mechanism=replace(mechanism, loops=tuple(loops)),
     )
     return Found(spec)
+
+
+Pin = tuple[int, tuple[sp.Expr, sp.Expr, sp.Expr]]
+
+
+def _loops(file: Assignments, table: dict[str, list[ListEntry]], parents: Sequence[int]) -> list[LoopSpec]:
+    """The closed loops of a file, each with the two passive joints that no loop before it has.
+
+    ``parents`` are those of the rows of the links. A loop with more passive joints waits until others have theirs.
+    """
+    links, cuts = len(parents), _cuts(file)
+    if not cuts:
+        return []
+    mu = file.entries("mu", links + 2 * cuts, needed=True)
+    free = {j for j in range(links) if mu[j].expr == 0 and table["sigma"][j].expr != FIXED}
+    waiting = {k: _pins(file, table, links + k, links + cuts + k) for k in range(cuts)}
+    found: dict[int, LoopSpec] = {}
+    while waiting:
+        passive = {k: sorted(free & _between(parents, pins)) for k, pins in waiting.items()}
+        k = next((k for k, rows in passive.items() if len(rows) == 2), None)
+        if k is None:
+            for k, rows in passive.items():
+                names = ", ".join(f"{row + 1}" for row in rows) or "none"
+                hint = "two joints of every loop have no drive, mu = 0, beside the cut one"
+                place = table["ant"][links + k].place
+                file.faults.error(place, f"the loop of frame {links + k + 1} has passive joints: {names}", hint)
+            return []
+        first, second = passive[k]
+        found[k] = LoopSpec(f"loop{k + 1}", (first, second), waiting.pop(k), 1)
+        free -= {first, second}
+    for k in sorted(found):
+        hint = "the format does not say which of its two ways to assemble it is meant; write -1 for the other one"
+        file.faults.warning(table["ant"][links + k].place, f"loop{k + 1} is taken with assembly: +1", hint)
+    return [found[k] for k in sorted(found)]
+
+
+def _between(parents: Sequence[int], pins: tuple[Pin, Pin]) -> set[int]:
+    """The rows that move one of the pinned links against the other."""
+    ways: list[set[int]] = []
+    for row, _ in pins:
+        way = set()
+        while row >= 0:
+            way.add(row)
+            row = parents[row]
+        ways.append(way)
+    return ways[0] ^ ways[1]
+
+
+def _pins(file: Assignments, table: dict[str, list[ListEntry]], cut: int, counterpart: int) -> tuple[Pin, Pin]:
+    """Both ends of the pin at a cut joint: the rows of the links (-1: the base) and its places in their frames."""
+    found = []
+    for j in (cut, counterpart):
+        T = sp.eye(4)
+        ant = j + 1
+        while True:
+            entries = {key: table[key][ant - 1] for key in ("gamma", "b", "alpha", "d", "r")}
+            for key, entry in entries.items():
+                file.refuse_open(entry.expr, entry.place, f"{key} of frame {ant}")
+            gamma, b, alpha, d, r = (entry.expr for entry in entries.values())
+            theta = table["theta"][ant - 1].expr if ant - 1 != cut else ZERO  # the angle of the cut joint is free
+            T = _screw_z(gamma, b) * _screw_x(alpha, d) * _screw_z(theta, r) * T
+            ant = int(table["ant"][ant - 1].expr)
+            if ant <= cut:
+                break
+        if j == cut:
+            _check_axis(file, table, cut, T)
+        x, y, z = (sp.simplify(v) if v.free_symbols else v for v in T[:3, 3])
+        found.append((ant - 1, (x, y, z)))
+    return found[0], found[1]
+
+
+def _check_axis(file: Assignments, table: dict[str, list[ListEntry]], cut: int, T: sp.Matrix) -> None:
+    """Report a cut joint whose axis is not parallel to that of the revolute joint before it; ``T`` is its frame."""
+    axis, j = T[:3, 2], int(table["ant"][cut].expr) - 1
+    while j >= 0 and table["sigma"][j].expr != REVOLUTE:
+        axis, j = _step(table, j)[:3, :3] * axis, int(table["ant"][j].expr) - 1
+    aside = [file.at_given_values(v) for v in axis[:2]]
+    if j >= 0 and not any(v.free_symbols for v in aside) and max(abs(complex(v)) for v in aside) > SAME_AXIS:
+        message = f"the axis of the cut joint of frame {cut + 1} is not parallel to that of joint {j + 1}"
+        file.faults.error(table["alpha"][cut].place, message, "all revolute axes of a closed loop are parallel")
+
+
+def _without_drive(file: Assignments, table: dict[str, list[ListEntry]], row: JointSpec, j: int) -> JointSpec:
+    """The ``row`` of the passive joint ``j`` (from 0), without friction and drive inertia."""
+    for name, value in (("friction", row.friction), ("IA", row.drive)):
+        if value is not None:
+            hint = "a joint without a drive has none in a robot file"
+            file.faults.warning(table["sigma"][j].place, f"{name} of the passive joint {j + 1} is left out", hint)
+    return replace(row, friction=None, drive=None)
 
 
 def _fixed_row(file: Assignments, table: dict[str, list[ListEntry]], j: int) -> JointSpec:
@@ -298,10 +447,9 @@ def _refuse_other_structures(file: Assignments) -> None:
     for name in ("is_floating", "is_mobile"):
         if file.flag(name) not in ("", "0", "False", "false"):
             file.faults.error(file.place[name], f"{name}: a base that moves", "robot files have a fixed base")
-    if file.flag("Type") not in ("", "0", "1"):
-        kind = {"2": "a chain with closed loops"}.get(file.flag("Type"), "no known structure")
-        hint = "only serial chains, Type = 0, and trees, Type = 1"
-        file.faults.error(file.place["Type"], f"Type {shorten(file.flag('Type'))}: {kind}", hint)
+    if file.flag("Type") not in ("", "0", "1", CLOSED):
+        hint = "serial chains, Type = 0, trees, Type = 1, and closed loops, Type = 2"
+        file.faults.error(file.place["Type"], f"Type {shorten(file.flag('Type'))}: no known structure", hint)
 
 
 def _refuse_unknown_values(file: Assignments) -> None:
@@ -469,15 +617,17 @@ def _about_fixed_mass(file: Assignments, table: dict[str, list[ListEntry]], j: i
         file.faults.error(place, f"the fixed frame {j + 1} at the tip has inertia of its own", hint)
 
 
-def _warn_about_rest(file: Assignments, count: int) -> None:
+def _warn_about_rest(file: Assignments, count: int, driven: Sequence[int]) -> None:
+    """Warn about what is left out; ``count`` is the number of links, ``driven`` are the joints that get a drive."""
     given = [name for name in FORCES if any(entry.expr != 0 for entry in file.entries(name, count))]
     if given:
         hint = "external forces are no part of a robot file"
         file.faults.warning(file.place[given[0]], f"{', '.join(given)} left out", hint)
     for name in file.items.keys() - KNOWN:
         file.faults.warning(file.place[name], f"'{name}' is left out", "the importer knows no such entry")
-    for j, entry in enumerate(file.entries("mu", count) if "mu" in file.items else ()):
-        if entry.expr == 0 and file.entries("sigma", count)[j].expr != 2:
+    frames = count + 2 * _cuts(file)
+    for j, entry in enumerate(file.entries("mu", frames)[:count] if "mu" in file.items else ()):
+        if entry.expr == 0 and j in driven and file.entries("sigma", frames)[j].expr != FIXED:
             file.faults.warning(entry.place, f"joint {j + 1} is passive", "a robot file takes every joint as driven")
 
 
@@ -509,7 +659,7 @@ def _fixed(matrix: sp.Matrix) -> FixedTransform:
 
 IMPORTER = Importer(
     "symoro",
-    "OpenSYMORO .par: modified Denavit-Hartenberg parameters of a chain or tree, inertia, friction",
+    "OpenSYMORO .par: modified Denavit-Hartenberg parameters of a chain, tree or closed loops, inertia, friction",
     (".par",),
     lambda text: re.search(r"^\s*[Ss]igma\s*=\s*\{", text, re.MULTILINE) is not None,
     _read,

@@ -39,6 +39,18 @@ TREE = {  # two branches on a column, one with a slide, the other behind a fixed
     "theta": "t1,t2+0.5,0.2,0.6,t5,t6",
     "Z": "0,-1,0,0.3,1,0,0,-0.2,0,0,1,0.6,0,0,0,1",
 }
+LOOPS = {  # a boom on a driven cylinder, and a driven stick with a lever and a rod; frames 8 and 9 are cut joints
+    "ant": "0,1,1,3,2,2,6,4,7,2,5",
+    "sigma": "0,0,0,1,0,0,0,0,0,2,2",
+    "b": "0,0,-0.1,0,0,0,0,0,0.02,0.3,0",
+    "d": "0,0.1,0.4,0,0.9,0.5,0.3,0.03,0.45,L2,-0.2",
+    "r": "0.5,0,0.01,r4+0.3,0,0,0,0,0,0,0",
+    "gamma": "0.2,0,0,0,0,0.3,0,0,0,0.4,0.2",
+    "alpha": "0,pi/2,pi/2,-pi/2,0,0,0,pi/2,0,0,0",
+    "mu": "1,0,0,1,1,0,0,0,0,0,0",
+    "theta": "t1,t2,t3+0.2,0,t5,t6,t7,t8,t9,0,0",
+    "Z": "0,-1,0,0.3,1,0,0,-0.2,0,0,1,0.6,0,0,0,1",
+}
 VALUES = {"D3": "450mm", "RL4": "0.45", "L2": "0.35"}
 NUMBERS = {"D3": 0.45, "RL4": 0.45, "L2": 0.35, "pi": math.pi, "Pi": math.pi}
 

@@ -12,7 +12,9 @@ from oracles import khalil
 from rrrgen.base.errors import InputError
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.importers.importing import import_robot
-from tests.robot.file.par_files import ELBOW, SLIDING, TREE, VALUES, inertia, numbers, text
+from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
+from tests.robot.file.par_files import ELBOW, LOOPS, SLIDING, TREE, VALUES, inertia, numbers, text
 
 ARMS = {"elbow": (ELBOW, 6, 0, "0,0,-9.81"), "sliding": (SLIDING, 3, 1, "1.5,-2,-9.5")}
 
@@ -71,6 +73,86 @@ def test_a_tree_is_the_one_of_the_file(tmp_path):
     np.testing.assert_allclose(U - U[0], potential - potential[0], atol=1e-12 * np.abs(potential).max())
 
 
+def closed(columns: dict[str, str], gravity: str = "0,0,-9.81") -> str:
+    """A file of type 2 with the links, joints and frames of LOOPS."""
+    content = text(columns, "closed", gravity).replace("Type = 0", "Type = 2")
+    return content.replace("NL = 1 (* not used *)", "NL = 7\nNJ = 9\nNF = 11")
+
+
+def test_closed_loops_are_those_of_the_file(tmp_path):
+    """Frames of the cut joints meet their counterparts at any q, and energies are those of the tree at W dq."""
+    gravity, friction = "1.5,-2,-9.5", {"FV": "1,2,0,0,0,0,0", "IA": "0,0,3,0,0,0,0"}
+    content = closed({**LOOPS, **inertia(7), **friction}, gravity)
+    found = import_robot(write(tmp_path, content), values={"L2": "0.6"})
+    said = "\n".join(map(str, found.notes))
+    for part in (
+        "loop1 is taken with assembly: +1",
+        "friction of the passive joint 2 is",
+        "IA of the passive joint 3 is",
+    ):
+        assert part in said
+    file = write(tmp_path, found.text, "closed.yaml")
+    assert load_spec(file) == found.spec
+    assert [joint.name for joint in found.spec.joints] == ["t1", "r4", "t5"]
+    assert [loop.passive for loop in found.spec.loops] == [(1, 2), (5, 6)]
+    numeric = numbers({**LOOPS, **inertia(7, 4)}, gravity)
+    numeric["d"][9] = 0.6
+    reference = NewtonEuler(chain_of(found.spec), nominal_parameters(found.spec))
+    rng = np.random.default_rng(0)
+    q, dq = rng.uniform([-2, 0.05, -1], [2, 0.4, 1], (10, 3)), rng.uniform(-2, 2, (10, 3))
+    x, solved = reference.loops.solve(q)
+    assert solved.sum() > 5
+    q, dq, x = q[solved], dq[solved], x[solved]
+    rates = np.einsum("nij,nj->ni", reference.loops.passive_rates(x), dq)
+    kinetic = np.einsum("ni,nij,nj->n", dq, reference.mass_matrix(q), dq) / 2
+    weight, epsilon = reference.inverse_dynamics(q, 0 * dq, 0 * dq), 1e-30
+    for k, frames in enumerate(reference.link_frames(q)):
+        y, dy = (np.insert(own[:3], [1, 1, 3, 3], beyond) for own, beyond in ((x[k], x[k, 3:]), (dq[k], rates[k])))
+        poses = khalil.frames(numeric, [*y, 0, 0]).real
+        np.testing.assert_allclose(frames, poses[:7], atol=1e-12)
+        for cut, counterpart in ((7, 9), (8, 10)):
+            gap = poses[cut, :3, 3] - poses[counterpart, :3, 3]
+            assert np.abs(np.cross(poses[1, :3, 2], gap)).max() < 1e-12
+        assert kinetic[k] == pytest.approx(khalil.energies(numeric, [*y, 0, 0], [*dy, 0, 0])[0], rel=1e-10)
+        moved = khalil.frames(numeric, [*(y + 1j * epsilon * dy), 0, 0])  # power of the weight, by the complex step
+        power = sum(
+            (moved[j] @ [*(numeric[name][j] for name in ("MX", "MY", "MZ")), numeric["M"][j]])[:3].imag / epsilon
+            for j in range(7)
+        )
+        gravity_0 = np.reshape(numeric["Z"], (4, 4))[:3, :3] @ numeric["G"]
+        assert weight[k] @ dq[k] == pytest.approx(-power @ gravity_0, rel=1e-10)
+
+
+CLOSED_FAULTS = [
+    ("NJ = 9", "NJ = 7", "NL = 7 and NJ = 7 with 11 frames", "2 NJ - NL frames"),
+    ("0,0,0,1,0,0,0,0,0,2,2", "0,0,0,1,0,0,0,1,0,2,2", "the cut joint of frame 8 is prismatic", "revolute joints"),
+    ("0,0,0,1,0,0,0,0,0,2,2", "0,0,0,1,0,0,0,0,0,0,2", "frame 10 is not fixed", "sigma = 2"),
+    ("0,1,1,3,2,2,6,4,7,2,5", "0,1,1,3,2,2,6,4,8,2,5", "frame 9 of a cut joint follows frame 8", "0 to 7"),
+    ("1,0,0,1,1,0,0,0,0,0,0", "1,0,0,0,1,0,0,0,0,0,0", "the loop of frame 8 has passive joints: 2, 3, 4", "mu = 0"),
+    ("1,0,0,1,1,0,0,0,0,0,0", "1,1,1,1,1,0,0,0,0,0,0", "the loop of frame 8 has passive joints: none", "mu = 0"),
+    ("mu = {", "nu = {", "there is no list 'mu'", "11 entries"),
+    ("0,pi/2,pi/2,-pi/2,0,0,0,pi/2,0,0,0", "0,pi/2,pi/2,-pi/2,0,0,0,0,0,0,0",
+     "the axis of the cut joint of frame 8 is not parallel to that of joint 3", "parallel"),
+    ("L2", "L9", "d of frame 10: 'L9' has no value", "--set L9=VALUE"),
+    ("0,0.1,0.4,0,0.9,0.5,0.3,0.03,0.45", "0,0.1,0.4,0,0.9,0.7,0.2,0.03,0.2", "parallelogram", "follows"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "message", "hint"), CLOSED_FAULTS)
+def test_faults_of_closed_loops_are_located(old, new, message, hint, tmp_path):
+    content = closed(LOOPS)
+    assert content.count(old) == 1
+    content = content.replace(old, new)
+    if message == "parallelogram":
+        content = content.replace("0.2,0,0,0,0,0.3,", "0.2,0,0,0,0,0,")
+    with pytest.raises(InputError) as caught:
+        import_robot(write(tmp_path, content), values={"L2": "0.6"} if "L2" in content else {})
+    fault = next((f for f in caught.value.faults if message in f.message), None)
+    assert fault is not None, str(caught.value)
+    assert hint in fault.hint
+    assert fault.line > 0 or message == "parallelogram" or "list" in message
+
+
 def test_lengths_stay_parameters_and_joint_variables_name_the_joints(tmp_path):
     spec = import_robot(write(tmp_path, text(ELBOW)), values=given("elbow")).spec
     assert {name: float(value) for name, value in spec.parameters.items()} == {"D3": 0.45, "RL4": 0.45}
@@ -115,7 +197,8 @@ def spoilt(old: str, new: str) -> str:
 
 FAULTS = {
     "later frame": ("0,1,2,3,4,5", "0,1,2,5,4,5", "frame 4 follows frame 5", "0 to 3; 0 is the base"),
-    "closed loop": ("Type = 0", "Type = 2", "a chain with closed loops", "Type = 0"),
+    "structure": ("Type = 0", "Type = 3", "Type 3: no known structure", "Type = 2"),
+    "closed loop": ("Type = 0", "Type = 2", "NL = 1 and NJ = none with 6 frames", "two of every cut joint"),
     "mobile base": ("is_mobile = 0", "is_mobile = 1", "a base that moves", "fixed base"),
     "fixed frame inside": (
         "sigma = {0,0,0,0,0,0}",
