@@ -112,6 +112,9 @@ DEFAULT_ORDER = 4  # number of poles of the Butterworth filter
 METHODS: tuple[Method, ...] = ("butterworth", "kalman", "kalman_filter", "differences", "logged")
 
 ENERGY_SHARE = 0.99  # share of the energy of an impulse response that defines its width
+JUMP_SHARE = (
+    0.999  # the same of the error that a jump leaves: a share of 0.99 would leave a tenth of it beside the width
+)
 
 METHODS_OF_SETTING: dict[str, tuple[Method, ...]] = {
     "cutoff": ("butterworth",),
@@ -174,26 +177,29 @@ class Processing:
 
 @lru_cache(maxsize=16)
 def reconstruction_reach(processing: Processing, period: float) -> int:
-    """Samples on either side that hold 99 % of the energy of the response of the reconstructed acceleration.
+    """Samples on either side of a jump of the acceleration that hold 99.9 % of the energy of the error it leaves.
 
-    ``period`` is that of the sampling, s.
+    Friction makes a joint's acceleration jump where its motion reverses. The end of a recording is another jump: the
+    filters continue positions by point reflection, with the opposite acceleration. ``period`` is that of the sampling,
+    s.
     """
     if processing.method == "logged":
         return 0
     method = processing.reconstructor()
     half = method.memory(period)
-    impulse = np.zeros((2 * half + 1, len(processing.var_eta or (0.0,))))
-    impulse[half] = 1.0
-    return energy_radius(method(np.arange(len(impulse)) * period, impulse).ddq)
+    t = np.arange(-2 * half, 2 * half + 1) * period
+    jump = np.repeat((0.5 * t * np.abs(t))[:, None], len(processing.var_eta or (0.0,)), axis=1)
+    inner = slice(half, len(t) - half)
+    return energy_radius(method(t, jump).ddq[inner] - np.sign(t[inner, None]), JUMP_SHARE)
 
 
-def energy_radius(response: Array) -> int:
-    """Samples on either side of the middle of ``response`` (2 h + 1, k) that hold 99 % of the energy of each column."""
+def energy_radius(response: Array, share: float = ENERGY_SHARE) -> int:
+    """Samples beside the middle of ``response`` (2 h + 1, k) that hold a ``share`` of the energy of each column."""
     half = len(response) // 2
     energy = np.square(response)
     both = np.concatenate([energy[half : half + 1], energy[half + 1 :] + energy[:half][::-1]])
     total = np.cumsum(both, axis=0)
-    return int(np.max(np.argmax(total >= ENERGY_SHARE * total[-1], axis=0)))
+    return int(np.max(np.argmax(total >= share * total[-1], axis=0)))
 
 
 KEYS = {

@@ -383,10 +383,9 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
 
 
 def reach(tuning: Tuning) -> float:
-    """Default width (s) of a guard band: half the width of the impulse response from samples to rows.
+    """Default width (s) of a guard band: half the width of the response from samples to rows.
 
-    It is the radius that holds 99 % of the energy of the response of the reconstructed acceleration, plus that of the
-    decimation filter.
+    It is the reach of the reconstruction, plus the radius of 99 % of the energy of the decimation filter's response.
     """
     decimate = Decimator(tuning.processing.decimate or 1)
     samples = 0 if decimate.factor == 1 else energy_radius(decimate.taps()[:, None])

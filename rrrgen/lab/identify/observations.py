@@ -107,10 +107,16 @@ class RowMaker:
         return slice(max(0, reach - window.part.first), length - reach if window.stop == length else length)
 
     def _moving(self, dq: Array) -> NDArray[np.bool_]:
-        """Mask (N, n) of the samples at the speeds ``dq`` (N, n) that are neither slow nor around a slow one."""
+        """Mask (N, n) of the samples at the speeds ``dq`` (N, n) that are neither slow nor around a slow one.
+
+        A fast reversal passes the slow speeds between two samples: both count as slow.
+        """
         from scipy.ndimage import minimum_filter1d
 
-        moving = (np.abs(dq) >= np.asarray(self.slow)).astype(np.uint8)
+        slow = np.asarray(self.slow)
+        moving = (np.abs(dq) >= slow).astype(np.uint8)
+        reversed_ = (dq[1:] * dq[:-1] < 0.0) & (slow > 0.0)
+        moving[1:][reversed_] = moving[:-1][reversed_] = 0
         return np.asarray(minimum_filter1d(moving, 2 * self.around + 1, axis=0) > 0)
 
     def _states(self, window: Window, motion: Reconstruction) -> Array:

@@ -253,17 +253,24 @@ def test_recordings_of_another_robot_are_refused(arm):
         )
 
 
-def test_a_joint_that_sticks_at_its_reversals_does_not_bias_its_friction(tmp_path):
+@pytest.fixture
+def turntable(tmp_path):
+    """Robot file of one vertical joint with viscous and Coulomb friction."""
+    file = tmp_path / "turntable.yaml"
+    file.write_text(
+        "schema: rrrgen/1\nname: turntable\nconvention: standard\ngravity: [0, 0, -9.81]\n"
+        "units: {angle: rad, length: m}\njoints: [{name: q1, type: revolute, alpha: 0, a: 0.1, d: 0, theta: 0, "
+        "friction: {viscous: 0, coulomb: 0}}]\n",
+        encoding="utf-8",
+    )
+    return file
+
+
+def test_a_joint_that_sticks_at_its_reversals_does_not_bias_its_friction(turntable):
     """While the joint stands, its torque goes from one Coulomb friction to the other, slowly first.
 
     The sign of the reconstructed speed is then that of an error: friction came out 5 % and five deviations off.
     """
-    spec = (
-        "schema: rrrgen/1\nname: turntable\nconvention: standard\ngravity: [0, 0, -9.81]\n"
-        "units: {angle: rad, length: m}\njoints: [{name: q1, type: revolute, alpha: 0, a: 0.1, d: 0, theta: 0, "
-        "friction: {viscous: 0, coulomb: 0}}]\n"
-    )
-    (tmp_path / "turntable.yaml").write_text(spec, encoding="utf-8")
     truth = np.array([0.07, 0.5, 0.35])  # inertia, viscous and Coulomb friction
     t = np.arange(80_000) * 1e-4
     wave = np.sin(np.pi * t) + 0.4 * np.sin(3 * np.pi * t)
@@ -275,7 +282,37 @@ def test_a_joint_that_sticks_at_its_reversals_does_not_bias_its_friction(tmp_pat
     q = cumulative_trapezoid(dq, t, initial=0.0)
     tau = truth @ [np.where(dq == 0.0, 0.0, rate), dq, held] + np.random.default_rng(3).normal(0.0, 1e-3, len(t))
     recording = {"t": t[::10], "q": q[::10, None], "tau": tau[::10, None]}
-    estimate = rrrgen.identify(tmp_path / "turntable.yaml", recording).identification.estimate
+    estimate = rrrgen.identify(turntable, recording).identification.estimate
     assert estimate.names[1:] == ("fv1", "fc1")
     assert np.all(np.abs(estimate.x - truth) < 4.0 * estimate.std), (estimate.x - truth) / estimate.std
     assert estimate.x == pytest.approx(truth, rel=1e-3)
+
+
+@pytest.mark.parametrize("period", [1.0, 2.0])
+def test_the_jump_of_the_acceleration_at_a_reversal_does_not_bias_the_inertia(turntable, period):
+    """At 10 rad/s^2, no sample is slow: the sign of the speed changes between two of them, and nothing was left out.
+
+    The inertia came out 2e-3 too large, four deviations.
+    """
+    inertia, viscous, coulomb = truth = np.array([0.073, 0.514, 0.341])
+    step, every = 2e-5, 50
+    t = np.arange(300_000) * step
+    drive = 1.2 * np.sin(2 * np.pi * t / period) + 0.5 * np.sin(6 * np.pi * t / period + 1.0)
+    q, dq, positions = 0.0, 0.3, np.zeros(len(t))
+    for k, torque in enumerate(drive.tolist()):
+        positions[k] = q
+        if dq == 0.0 and abs(torque) <= coulomb:
+            continue
+        direction = dq or torque
+        after = dq + step * (torque - viscous * dq - np.copysign(coulomb, direction)) / inertia
+        after = 0.0 if after * dq < 0.0 else after  # at rest before it reverses
+        q, dq = q + step * (dq + after) / 2.0, after
+    rng = np.random.default_rng(0)
+    rows = {
+        "t": t[::every],
+        "q": positions[::every, None] + rng.normal(0.0, 4e-8, (6000, 1)),
+        "tau": drive[::every, None] + rng.normal(0.0, 1e-3, (6000, 1)),
+    }
+    estimate = rrrgen.identify(turntable, rows).identification.estimate
+    assert estimate.x[0] == pytest.approx(truth[0], rel=1e-4)
+    assert np.all(np.abs(estimate.x - truth) < 4.0 * estimate.std), (estimate.x - truth) / estimate.std
