@@ -62,8 +62,8 @@ def linearise(robot: str, logs: tuple[Path, ...], output: Path, as_json: bool, *
     names = options["runs"] or tuple(by_name)[: len(logs)]
     unknown = [name for name in names if name not in by_name]
     if unknown or len(names) != len(logs):
-        told = f"'{unknown[0]}' is no run of the design" if unknown else f"{len(logs)} recordings, {len(names)} runs"
-        raise click.UsageError(f"{told}: it has {', '.join(by_name)}")
+        problem = f"'{unknown[0]}' is no run of the design" if unknown else f"{len(logs)} recordings, {len(names)} runs"
+        raise click.UsageError(f"{problem}: it has {', '.join(by_name)}")
     mappings = [open_log(log, skip_truncated=options["skip_truncated_line"]) for log in logs]
     inputs = {**input_files(robot, logs, mappings), "response": options["response"]}
     settings = {"runs": list(names), "skip_truncated_line": options["skip_truncated_line"]}

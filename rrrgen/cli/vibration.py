@@ -162,8 +162,8 @@ def _vibrations(model: Path | None, options: dict[str, Any]) -> tuple[list[Vibra
     low, high = options["band"] or (0.0, float("inf"))
     chosen = [each for each in found if low <= each.frequency <= high]
     if not chosen:
-        told = ", ".join(f"{each.frequency:.4g} Hz" for each in found) or "none at all"
-        raise DerivationError(f"{model} has no {against} between {low:g} and {high:g} Hz; it has {told}")
+        others = ", ".join(f"{each.frequency:.4g} Hz" for each in found) or "none at all"
+        raise DerivationError(f"{model} has no {against} between {low:g} and {high:g} Hz; it has {others}")
     return chosen, models[0].period, left_out
 
 
@@ -173,15 +173,15 @@ def _record(
     """The contents of vibration.json."""
     from rrrgen.lab.vibration import phase_lag
 
-    told: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
     for i, each in enumerate(vibrations):
         row: dict[str, Any] = {"frequencies": each.frequencies, "dampings": each.dampings}
         if shaper is not None:
             row |= {"shaper": shaper.kinds[i], "left": shaper.worst_residual(each)}
         if notches:
             row |= {"notch": {"width": notches[i].width, "peak": notches[i].peak}}
-        told.append(row)
-    record: dict[str, Any] = {"schema": "rrrgen-vibration/1", "sampling_period": period, "vibrations": told}
+        rows.append(row)
+    record: dict[str, Any] = {"schema": "rrrgen-vibration/1", "sampling_period": period, "vibrations": rows}
     if shaper is not None:
         record["shaper"] = {
             "delays": shaper.delays,
@@ -212,9 +212,9 @@ def _code(shaper: Shaper | None, notches: list[Notch], period: float, real: Any)
 
 def _print(record: dict[str, Any]) -> None:
     for each in record["vibrations"]:
-        low, high = min(each["frequencies"]), max(each["frequencies"])
-        told = f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz in {len(each['frequencies'])} postures"
-        parts = [told]
+        low, high, n = min(each["frequencies"]), max(each["frequencies"]), len(each["frequencies"])
+        frequencies = f"{low:.4g} Hz" if low == high else f"{low:.4g} to {high:.4g} Hz in {n} postures"
+        parts = [frequencies]
         if "shaper" in each:
             parts.append(f"shaper {each['shaper']} leaves {100 * each['left']:.1f} %")
         if "notch" in each:

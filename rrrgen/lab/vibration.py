@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # Vibration modes: frequency and damping ratio, and how they vary between postures.
 # ------------------------------------------------------------------------------------------------------------------
 
-LEAST_DAMPING = 1e-4  # below it a measured damping cannot be told from none
+LEAST_DAMPING = 1e-4  # below it a measured damping cannot be distinguished from none
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def plot_arm(path: Array, frames: Array, ax: Any, title: str) -> Any:
     ax = _axes(ax, path, title)
     size = 0.12 * _extent(path)[1]
     for k, (points, triads) in enumerate(zip(path, frames, strict=True)):
-        color = "0.45" if len(path) == 1 else f"C{k}"  # several configurations are told apart
+        color = "0.45" if len(path) == 1 else f"C{k}"  # to distinguish several configurations
         ax.plot(*points.T, "-", color=color, linewidth=4, solid_capstyle="round", solid_joinstyle="round")
         for T in triads:
             for axis, tone in enumerate(COLORS):
@@ -206,11 +206,11 @@ class Drawings(TableFunctions):
             MissingExtraError: matplotlib is not installed.
             ValueError: ``t`` does not increase, or ``q`` does not have one row for each point in time.
         """
-        instants, every = np.asarray(t, dtype=float), self._configurations(q)
-        if instants.shape != (len(every),) or len(every) < 2 or not np.all(np.diff(instants) > 0.0):
+        times, every = np.asarray(t, dtype=float), self._configurations(q)
+        if times.shape != (len(every),) or len(every) < 2 or not np.all(np.diff(times) > 0.0):
             raise ValueError(f"t must be {len(every)} increasing times, two or more: one for each row of q")
         path = corners(self.spec, self.link_frames(every), self.forward_kinematics(every))
-        return animate_arm(path, instants, ax, self.spec.name)
+        return animate_arm(path, times, ax, self.spec.name)
 
     def _configurations(self, q: ArrayLike) -> Any:
         every = np.atleast_2d(np.asarray(q, dtype=float))

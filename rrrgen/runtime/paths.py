@@ -333,10 +333,10 @@ class TimingKernel:
         arrays = self._dense(path)
         held, call = self._path(arrays), getattr(self.lib, f"{self.robot}_timed_path")
         found = tuple(np.empty((len(times), self.n), self.dtype) for _ in range(3))
-        speeds, instants = self._address(ds_dt), self._address(t)
+        speeds, times_at_points = self._address(ds_dt), self._address(t)
         q, dq, ddq = (self._address(each) for each in found)  # rows are reached by arithmetic: a view each takes longer
         for row, now in zip(range(0, self.n * len(times), self.n), times.tolist(), strict=True):
-            call(held, speeds, instants, now, q + row, dq + row, ddq + row)
+            call(held, speeds, times_at_points, now, q + row, dq + row, ddq + row)
         return found[0], found[1], found[2]
 
 

@@ -179,7 +179,7 @@ def _described(code: Code, program: Program | Declaration) -> dict[str, Any]:
         "defaults": defaults,
         "summary": wrapped(program.summary or program.name.replace("_", " ")),
         "formula": [plain(line) for line in program.formula.splitlines()],
-        "told": [(port.name, port_text(port)) for port in program.inputs],
+        "meanings": [(port.name, port_text(port)) for port in program.inputs],
         "results": [(port.name, port_text(port)) for port in program.data_outputs],
     }
 

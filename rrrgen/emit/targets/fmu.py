@@ -145,8 +145,8 @@ def _blocks(code: Code) -> Iterator[_Block]:
     for name, values, descriptions, units, causality, variability, initial in _tables(code):
         derivative_of = {"der(q)": 0, "der(dq)": code.model.spec.n}.get(name)
         units = tuple(units) or ("",) * len(values)
-        told, kind = tuple(map(plain, descriptions)), (causality, variability, initial)
-        yield _Block(name, start, tuple(values), told, units, *kind, derivative_of)
+        meanings, kind = tuple(map(plain, descriptions)), (causality, variability, initial)
+        yield _Block(name, start, tuple(values), meanings, units, *kind, derivative_of)
         start += len(values)
 
 
@@ -173,10 +173,10 @@ def _tables(code: Code) -> Iterator[tuple[Any, ...]]:
         known = friction_parameters(spec)
         yield "friction", [float(value) for _, value in known], [f"friction: {name}" for name, _ in known], (), *fixed
         width = next(port for port in code.programs["smooth_friction"].inputs if port.name == "width")
-        told = ["speed below which friction is smoothed"] * width.size
-        yield "friction_width", [WIDTH] * width.size, told, (), *fixed
-    told = ["largest error of a step of the co-simulation"]
-    yield "tolerance", [TOLERANCE], told, (), "parameter", "fixed", "exact"
+        meaning = ["speed below which friction is smoothed"] * width.size
+        yield "friction_width", [WIDTH] * width.size, meaning, (), *fixed
+    meaning = ["largest error of a step of the co-simulation"]
+    yield "tolerance", [TOLERANCE], meaning, (), "parameter", "fixed", "exact"
 
 
 def _floats(values: Sequence[Any] | None) -> list[float]:

@@ -75,7 +75,7 @@ class Decimator:
         """Impulse response of the filter, ``2*memory + 1`` samples, symmetric about the middle one."""
         return _taps(self.factor).copy()
 
-    def instants(self, t: Array, first: int = 0) -> Array:
+    def times(self, t: Array, first: int = 0) -> Array:
         """The times (s) of ``t`` (N,) that decimation keeps; ``first`` is the index of ``t[0]`` in the recording."""
         return t[-first % self.factor :: self.factor]
 

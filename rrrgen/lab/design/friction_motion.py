@@ -86,11 +86,11 @@ class FrictionMotion:
 
     def evaluate(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Positions, speeds and accelerations (N, n) of all joints at the times ``t`` (N,)."""
-        instants = np.asarray(t, dtype=float)
-        found = [np.zeros((len(instants), len(self.centre))) for _ in range(3)]
+        times = np.asarray(t, dtype=float)
+        found = [np.zeros((len(times), len(self.centre))) for _ in range(3)]
         found[0] += np.array(self.centre)
         for part in self.parts:
-            for total, own in zip(found, part.evaluate(instants), strict=True):
+            for total, own in zip(found, part.evaluate(times), strict=True):
                 total[:, self.joint] += own
         return found[0], found[1], found[2]
 

@@ -80,7 +80,7 @@ class ExcitationProgram:
             if not free and not (limited[0][k] and limited[1][k]):
                 self.lower[k * self.size], self.upper[k * self.size] = low[k], high[k]
         period = 1.0 / problem.base_frequency
-        grid = np.arange(problem.design_instants) * (period / problem.design_instants)
+        grid = np.arange(problem.design_samples) * (period / problem.design_samples)
         self.information = self._information(grid)
 
     def motion(self, t: Floats) -> tuple[Any, Any, Any]:
@@ -128,10 +128,10 @@ class ExcitationProgram:
         inverse = _log_norm(casadi.inv(A), p)
         return 0.5 * inverse if stage == "sigma_min" else 0.5 * (_log_norm(A, p) + inverse)
 
-    def constraints(self, instants: dict[tuple[str, int], set[int]]) -> Constraints:
+    def constraints(self, imposed: dict[tuple[str, int], set[int]]) -> Constraints:
         """Constraints of the program: every limit at some sample numbers, then rest at the ends of a cycle if asked.
 
-        ``instants`` maps (name of the quantity, joint or axis) to the sample numbers at which its limit is imposed.
+        ``imposed`` maps (name of the quantity, joint or axis) to the sample numbers at which its limit is imposed.
         """
         problem, n = self.problem, self.n
         limits = problem.limits
@@ -145,7 +145,7 @@ class ExcitationProgram:
             bounds[name] = (tuple(-v for v in row), row)
         collected = Constraints()
         step = 1.0 / (problem.base_frequency * problem.samples_per_period)
-        for (name, i), chosen in sorted(instants.items()):
+        for (name, i), chosen in sorted(imposed.items()):
             if not chosen:
                 continue
             t = np.array(sorted(chosen)) * step

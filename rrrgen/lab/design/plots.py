@@ -84,7 +84,7 @@ def plot_joint(t: Any, motion: Sequence[Any], title: str) -> Figure:
 def plot_singular_values(design: ExcitationDesign) -> Figure:
     """Plot the singular values of the best start's stacked regressor, divided by the root of the number of samples."""
     sigma = np.asarray(design.best.check.singular_values)
-    start = check_trajectory(design.problem, _first_guess(design), design.problem.design_instants)
+    start = check_trajectory(design.problem, _first_guess(design), design.problem.design_samples)
     figure, axes = new_figure(1, 1, height=3.2)
     index = np.arange(1, sigma.size + 1)
     axes[0].semilogy(index, start.singular_values, "o", color="0.6", label=f"random start, cond {start.condition:.3g}")

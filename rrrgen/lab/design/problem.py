@@ -76,7 +76,7 @@ class ExcitationProblem:
     and ``tip`` one q -> (3,), needed only where the torque or the tip is limited. ``row_weights`` (n,) multiply the
     rows of Y (1/standard deviation of each joint's torque), ``column_scales`` (b,) its columns (expected parameter
     sizes): the condition number depends on units, and these make the choice of units explicit. ``objective`` is
-    evaluated at ``design_instants`` times of a cycle, limits are checked every ``sample_period`` (s). A random start
+    evaluated at ``design_samples`` times of a cycle, limits are checked every ``sample_period`` (s). A random start
     uses the share ``start_amplitude`` of the limits; the solver makes at most ``max_iterations`` in each stage.
     """
 
@@ -93,7 +93,7 @@ class ExcitationProblem:
     row_weights: tuple[float, ...] | None = None
     column_scales: tuple[float, ...] | None = None
     sample_period: float = 1e-3
-    design_instants: int = 0
+    design_samples: int = 0
     max_iterations: int = 80
     start_amplitude: float = 0.9
     format: int = field(default=1, init=False)  # part of the digest: a new number invalidates the checkpoints before it
@@ -102,10 +102,10 @@ class ExcitationProblem:
         faults = [Fault("excitation", 0, 0, message) for message in _faults(self)]
         if faults:
             raise InputError(faults)
-        if self.design_instants == 0:
+        if self.design_samples == 0:
             # Trapezoidal sums of a smooth periodic integrand converge exponentially once the top harmonic is sampled
             # several times per cycle; ten is enough for three digits of the condition number.
-            object.__setattr__(self, "design_instants", max(10 * self.harmonics, 100))
+            object.__setattr__(self, "design_samples", max(10 * self.harmonics, 100))
 
     def to_json(self) -> dict[str, Any]:
         """All fields as plain data for JSON; :meth:`digest` is the hash of this data."""
@@ -173,6 +173,6 @@ def _faults(problem: ExcitationProblem) -> list[str]:
             f"{problem.samples_per_period} samples per period alias {problem.harmonics} harmonics: "
             f"more than {2 * problem.harmonics} are needed"
         )
-    if 0 < problem.design_instants <= 2 * problem.harmonics:
-        found.append(f"{problem.design_instants} design instants alias {problem.harmonics} harmonics")
+    if 0 < problem.design_samples <= 2 * problem.harmonics:
+        found.append(f"{problem.design_samples} design samples alias {problem.harmonics} harmonics")
     return found

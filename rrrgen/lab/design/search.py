@@ -125,8 +125,8 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
 
 
 def _cycle(problem: ExcitationProblem, trajectory: FourierTrajectory) -> Floats:
-    """The points in time of one cycle at which the objective is evaluated, (design_instants,), s."""
-    return np.asarray(np.arange(problem.design_instants) * (trajectory.period / problem.design_instants))
+    """The points in time of one cycle at which the objective is evaluated, (design_samples,), s."""
+    return np.asarray(np.arange(problem.design_samples) * (trajectory.period / problem.design_samples))
 
 
 def _torque_use(problem: ExcitationProblem, q: Floats, dq: Floats, ddq: Floats) -> Floats:
@@ -151,26 +151,26 @@ def solve_start(problem: ExcitationProblem, seed: int) -> StartResult:
         program = ExcitationProgram(problem)
     _require_independent_columns(program.functions, seed)
     trajectory = random_start(problem, seed)
-    start = check_trajectory(problem, trajectory, problem.design_instants)
-    instants = _initial_instants(program, trajectory)
+    start = check_trajectory(problem, trajectory, problem.design_samples)
+    imposed = _initial_limits(program, trajectory)
     eigenvalue = float(np.mean(np.square(start.singular_values)))
     history: list[tuple[str, tuple[float, ...]]] = []
     for stage, p in STAGES[problem.objective]:
-        trajectory = _solve(program, stage, p, eigenvalue, trajectory, instants, history)
-        _exchange(program, trajectory, instants)
+        trajectory = _solve(program, stage, p, eigenvalue, trajectory, imposed, history)
+        _exchange(program, trajectory, imposed)
     stage, p = STAGES[problem.objective][-1]
     for _ in range(EXCHANGES):
         limits = check_trajectory(problem, trajectory).limits
         if all(limit.use <= 1.0 + MARGIN for limit in limits if limit.quantity != "torque"):
             break
-        trajectory = _solve(program, stage, p, eigenvalue, trajectory, instants, history)
-        _exchange(program, trajectory, instants)
+        trajectory = _solve(program, stage, p, eigenvalue, trajectory, imposed, history)
+        _exchange(program, trajectory, imposed)
     trajectory = _within_limits(problem, trajectory)
     for _ in range(EXCHANGES):
         if check_trajectory(problem, trajectory).feasible:
             break
-        _exchange(program, trajectory, instants, torques=True)
-        trajectory = _solve(program, NEAREST, 0, eigenvalue, trajectory, instants, history)
+        _exchange(program, trajectory, imposed, torques=True)
+        trajectory = _solve(program, NEAREST, 0, eigenvalue, trajectory, imposed, history)
     trajectory = _turned_back(program.functions, _up_to_limits(problem, trajectory))
     return StartResult(seed, trajectory, check_trajectory(problem, trajectory), tuple(history), start.condition)
 
@@ -189,7 +189,7 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
         )
 
 
-def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory) -> dict[tuple[str, int], set[int]]:
+def _initial_limits(program: ExcitationProgram, trajectory: FourierTrajectory) -> dict[tuple[str, int], set[int]]:
     """Initial sample numbers at which limits are imposed, for every (quantity, joint or axis).
 
     There are two per cycle of the highest harmonic, but none for torques, whose derivatives cost most: the motion that
@@ -205,12 +205,12 @@ def _initial_instants(program: ExcitationProgram, trajectory: FourierTrajectory)
 def _exchange(
     program: ExcitationProgram,
     trajectory: FourierTrajectory,
-    instants: dict[tuple[str, int], set[int]],
+    imposed: dict[tuple[str, int], set[int]],
     torques: bool = False,
 ) -> None:
     """Impose violated limits at more points in time: at the local maxima of the violation on the controller's grid.
 
-    ``instants`` (quantity, joint or axis) -> sample numbers is changed in place; torques are left out without
+    ``imposed`` (quantity, joint or axis) -> sample numbers is changed in place; torques are left out without
     ``torques``. Times a twelfth of a cycle of the highest harmonic before and after each are added too; otherwise
     the peak would merely move to a neighbouring point in time.
     """
@@ -221,7 +221,7 @@ def _exchange(
         if name == "torque" and not torques:
             continue
         peaks = (use >= np.roll(use, 1)) & (use >= np.roll(use, -1)) & (use > 1.0 - MARGIN)
-        instants[name, i].update(int(k + d) % M for k in np.flatnonzero(peaks) for d in (-beside, 0, beside))
+        imposed[name, i].update(int(k + d) % M for k in np.flatnonzero(peaks) for d in (-beside, 0, beside))
 
 
 @reraised_interrupts()  # the solver takes Ctrl-C for a failed evaluation and would return a perturbed result
@@ -231,18 +231,18 @@ def _solve(
     p: int,
     eigenvalue: float,
     trajectory: FourierTrajectory,
-    instants: dict[tuple[str, int], set[int]],
+    imposed: dict[tuple[str, int], set[int]],
     history: list[tuple[str, tuple[float, ...]]],
 ) -> FourierTrajectory:
     """Run IPOPT on one stage from ``trajectory``, with exact gradient and limited-memory Hessian; returns the result.
 
     ``stage`` names the objective, or is NEAREST for the least change of the trajectory; ``p`` is the exponent of its
     norms, ``eigenvalue`` the mean eigenvalue of the information matrix at the start; limits are imposed at
-    ``instants``. The objective of every iteration is appended to ``history``.
+    ``imposed``. The objective of every iteration is appended to ``history``.
     """
     import casadi
 
-    constraints = program.constraints(instants)
+    constraints = program.constraints(imposed)
     linear = program.problem.limits.torque is None and program.problem.tip is None
     options: dict[str, Any] = {
         "print_time": False,

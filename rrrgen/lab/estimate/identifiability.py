@@ -328,8 +328,8 @@ def collinear(factors: JointFactors, estimate: Estimate) -> tuple[str, ...]:
         value = float(weights @ estimate.x)
         std = float(np.sqrt(np.maximum(0.0, weights @ estimate.covariance @ weights)))
         words = combination(estimate.names, weights, 3)
-        told = f"condition index {s[0] / s[k]:.3g}" if inverse[k] > 0.0 else "not excited"
-        found.append(f"{words} = {value:.3g} +- {std:.2g} is hardly determined ({told})")
+        reason = f"condition index {s[0] / s[k]:.3g}" if inverse[k] > 0.0 else "not excited"
+        found.append(f"{words} = {value:.3g} +- {std:.2g} is hardly determined ({reason})")
     return tuple(found)
 
 

@@ -44,7 +44,7 @@ CERTAIN = 3.0  # standard deviations from zero from which on a difference counts
 RESOLVED = 1.0  # encoder steps: bristles that bend by less are seen only through the motion that follows
 CLOSE = 1.05  # times the held-out error of the chosen law: one up to this is as good
 
-TOLD_BY = {
+DETERMINED_BY = {
     **dict.fromkeys(("coulomb", "coulomb_p", "coulomb_n"), "steady motion in both directions tells it"),
     **dict.fromkeys(("viscous", "viscous_p", "viscous_n"), "fast motion tells it"),
     **dict.fromkeys(("stiction_excess", "stribeck_speed"), "slow reversals tell it"),
@@ -82,7 +82,7 @@ def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
                 f"the joint slides below the Stribeck speed for {seconds:.2g} s only: stiction_excess is extrapolated, "
                 "and its deviation a lower bound; add slow reversals"
             )
-    for name, advice in TOLD_BY.items():
+    for name, advice in DETERMINED_BY.items():
         value, std = chosen.values.get(name), chosen.std.get(name, 0.0)
         # viscous friction may be next to none: then its torque has to be uncertain, too
         matters = "viscous" not in name or std * data.speed > SMALL * chosen.break_away
@@ -330,12 +330,12 @@ def estimate_friction(
     if drift is not None:
         estimates = [replace(each, std=drift.added(each.std)) for each in estimates]
         chosen = estimates[best]
-    told = (
+    remarks = (
         *(() if drift is None else (drift.sentence,)),
         *notes(chosen, data),
         *stiff_bristles(chosen, estimates, largest),
     )
-    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), told, drift)
+    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), remarks, drift)
 
 
 class _OutputError:

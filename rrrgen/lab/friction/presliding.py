@@ -84,10 +84,10 @@ class Presliding:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for JSON: values and standard deviations by name, the levels, and the notes."""
-        told = {"sigma0": self.sigma0, "sigma1": self.sigma1, "inertia": self.inertia}
+        values = {"sigma0": self.sigma0, "sigma1": self.sigma1, "inertia": self.inertia}
         return {
-            "parameters": {name: None if pair is None else pair[0] for name, pair in told.items()},
-            "std": {name: None if pair is None else pair[1] for name, pair in told.items()},
+            "parameters": {name: None if pair is None else pair[0] for name, pair in values.items()},
+            "std": {name: None if pair is None else pair[1] for name, pair in values.items()},
             "resonance": self.resonance,
             "levels": [
                 {
@@ -132,20 +132,20 @@ def presliding(
     around = _gravity_stiffness(gravity, position)
     resonance = float(np.sqrt(stiffness / J) / (2.0 * np.pi))
     notes = []
-    told = min(level.counts for level in levels) >= LEAST_COUNTS
-    if not told:
+    determined = min(level.counts for level in levels) >= LEAST_COUNTS
+    if not determined:
         notes.append(
             f"the motion has {levels[0].counts:.1f} encoder steps of amplitude: too few for inertia and damping"
         )
     if resonance * records[0].period > HIGHEST:
-        told = False
+        determined = False
         notes.append(f"the resonance at {resonance:.0f} Hz is too near to the sampling rate for inertia and damping")
     if len(levels) < 2:
         notes.append("one amplitude: micro-slip can bias the damping by a few percent; record a second amplitude")
     return Presliding(
         sigma0=(float(stiffness - around), float(stds[2])),
-        sigma1=(float(damping - viscous), float(stds[1])) if told else None,
-        inertia=(float(J), float(stds[0])) if told else None,
+        sigma1=(float(damping - viscous), float(stds[1])) if determined else None,
+        inertia=(float(J), float(stds[0])) if determined else None,
         resonance=resonance,
         levels=tuple(levels),
         notes=tuple(notes),

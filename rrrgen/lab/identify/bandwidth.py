@@ -282,8 +282,8 @@ def _cubic(before: Array, after: Array, gap: int) -> Array:
     At its ends the cubic has the positions and speeds of the stretches; the speeds are those of parabolas fitted to the
     samples next to the gap.
     """
-    instants = np.arange(float(END_SAMPLES))[:, None] ** np.arange(3)
-    slope = np.linalg.pinv(instants)[1]  # slope of the parabola at the first of its samples
+    powers = np.arange(float(END_SAMPLES))[:, None] ** np.arange(3)
+    slope = np.linalg.pinv(powers)[1]  # slope of the parabola at the first of its samples
     start, end = -slope @ before[: -END_SAMPLES - 1 : -1], slope @ after[:END_SAMPLES]
     length = gap + 1
     s = np.arange(1, length)[:, None] / length

@@ -37,8 +37,8 @@ PASSES = 50
 SETTLED = 1e-14  # relative decrease of the weighted squares at which the search ends
 LARGEST_STEP = 3.0  # factor by which a gain may change in one step; it keeps its sign
 CERTAIN = 0.2  # relative standard deviation above which a gain is not determined
-TOLD = 1e-11  # singular value, relative, of a combination that the recordings do not determine
-UNTOLD = 1e-4  # part of a gain in such combinations above which it is not determined either
+UNDETERMINED = 1e-11  # singular value, relative, of a combination that the recordings do not determine
+LARGEST_WEAK_PART = 1e-4  # part of a gain in such combinations above which it is not determined either
 COLLAPSED = 1e-4  # inverse gain below which the recorded torque does not change with the payload
 FAINT = 1e-6  # gain of the linear fit below which it does not tell where to start
 FRICTION = ("viscous", "coulomb")  # kinds of columns that may differ between the recordings
@@ -82,8 +82,8 @@ class DriveGains:
 
     def to_json(self) -> dict[str, Any]:
         """The gains, errors and filters as plain data for JSON; None for a gain that is not determined."""
-        told = zip(self.joints, self.gain, self.std, self.determined, strict=True)
-        values = {joint: (gain, std) if known else (None, None) for joint, gain, std, known in told}
+        rows = zip(self.joints, self.gain, self.std, self.determined, strict=True)
+        values = {joint: (gain, std) if known else (None, None) for joint, gain, std, known in rows}
         return {
             "gain": {joint: gain for joint, (gain, _) in values.items()},
             "std": {joint: std for joint, (_, std) in values.items()},
@@ -175,8 +175,8 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
     renew(start)
     found = search(start, linearise, moved=moved, after=renew, steps=PASSES, small_gain=SETTLED)
     beta, h, residual = found.state[:p], found.state[p:], residual_of(found.state)
-    both = solve(found.J, found.r, TOLD)
-    inverse, untold = both.inverse[p:], np.linalg.norm(both.weak[:, p:], axis=0) > UNTOLD
+    both = solve(found.J, found.r, UNDETERMINED)
+    inverse, weak = both.inverse[p:], np.linalg.norm(both.weak[:, p:], axis=0) > LARGEST_WEAK_PART
     freedom = max(1.0, float(np.sum(factors.counts)) - p - n)
     variance = float(np.sum((weights[:, None] * residual) ** 2)) / freedom
     white = residual_whiteness((replace(r, W=r.W * h[:, None]) for r in blocks), np.append(beta, 1.0))
@@ -184,7 +184,7 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
     spread = np.linalg.norm(inverse, axis=1) * np.sqrt(variance * inflation)
     gain, std = 1.0 / h, spread / h**2
     absent = np.abs(h) < COLLAPSED
-    determined = (std <= CERTAIN * np.abs(gain)) & ~untold & ~absent
+    determined = (std <= CERTAIN * np.abs(gain)) & ~weak & ~absent
     notes = _notes(joints, gain, std, absent, ~determined & ~absent & (factors.counts > 0))
     if np.any(determined) and np.all(gain[determined] < 0.0):
         notes = (
@@ -226,9 +226,9 @@ def _notes(
         names = ", ".join(joint for joint, none in zip(joints, absent, strict=True) if none)
         notes.append(f"{names}: the recorded torque is the same with the payload: do both recordings have it, or none?")
     if np.any(poor):
-        told = [f"{joint} ({gain[j]:.3g} +- {std[j]:.2g})" for j, joint in enumerate(joints) if poor[j]]
+        poorly = [f"{joint} ({gain[j]:.3g} +- {std[j]:.2g})" for j, joint in enumerate(joints) if poor[j]]
         notes.append(
-            f"the gain of {', '.join(told)} is not determined: the payload must load the joint, by its weight or by "
+            f"the gain of {', '.join(poorly)} is not determined: the payload must load the joint, by its weight or by "
             "acceleration; a heavier one or a livelier motion does so more"
         )
     return tuple(notes)

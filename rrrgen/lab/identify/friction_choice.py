@@ -136,9 +136,9 @@ class FrictionFit:
             lines.append("friction laws at all joints: relative torque error, cross-validated within the fitted data")
             lines += text_table(rows, width, indent="", right=range(1, len(rows[0])))
         for name, surface, std in zip(self.names, self.surfaces, self.std, strict=True):
-            shapes = zip(surface.definition.shapes, surface.shapes, std, strict=True)
-            told = ", ".join(f"{shape} {value:.3g} (factor {np.exp(spread):.2g})" for shape, value, spread in shapes)
-            lines.append(f"friction of {name}: {surface.law}{': ' + told if told else ''}")
+            found = zip(surface.definition.shapes, surface.shapes, std, strict=True)
+            shapes = ", ".join(f"{shape} {value:.3g} (factor {np.exp(spread):.2g})" for shape, value, spread in found)
+            lines.append(f"friction of {name}: {surface.law}{': ' + shapes if shapes else ''}")
         return lines
 
     def to_json(self) -> dict[str, Any]:

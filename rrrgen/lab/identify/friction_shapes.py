@@ -42,12 +42,12 @@ LOAD_BLOCK = 4000
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """One uninterrupted stretch of a recording: N recorded samples, and r instants after decimation.
+    """One uninterrupted stretch of a recording: N recorded samples, and r rows after decimation.
 
     ``q``, ``dq``, ``ddq``, ``load`` (N, n) are motion and load torques at the samples, ``valid`` (N, n) marks valid
     torques, ``first`` is the index of the first sample, ``inner`` are the samples of which rows are made. ``W``
     (r, n, p) are the columns that do not depend on friction shapes, ``tau`` (r, n) the torques, ``use`` (r, n) marks
-    rows with a valid torque, ``t`` (r,) are their instants, s.
+    rows with a valid torque, ``t`` (r,) are their times, s.
     ``start`` and ``duration`` (s) are those of the whole recording.
     """
 

@@ -27,12 +27,12 @@ from rrrgen.lab.data.uniform_stream import Part
 from rrrgen.lab.estimate.regression import Estimate, correlated_covariance, least_squares, weighted_least_squares
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.lab.identify.diagnosis.causes import Wording
-from rrrgen.lab.identify.diagnosis.hypotheses import MOST_INSTANTS, POSSIBLE, Comparison
+from rrrgen.lab.identify.diagnosis.hypotheses import MOST_SAMPLES, POSSIBLE, Comparison
 from rrrgen.lab.identify.diagnosis.report import wording
 from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, Sample, joined_samples, sample_of
 from rrrgen.lab.identify.factoring import FittedRows, factor_recordings
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.nuisances import ALL, UNIT, Influence, Instants, NuisanceFit, Term
+from rrrgen.lab.identify.nuisances import ALL, UNIT, Influence, NuisanceFit, SampledMotion, Term
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, standstill
 
@@ -139,7 +139,7 @@ class Columns:
         """The columns (N, n, k) at the N samples of a ``motion`` with the regressor W (N, n, p)."""
         torque = W @ self.theta
         rate = np.gradient(torque, motion.t, axis=0) if len(torque) > 1 else np.zeros_like(torque)
-        at = Instants(motion.q, motion.dq, motion.ddq, rate, (motion.t - self.start) / self.duration - 0.5)
+        at = SampledMotion(motion.q, motion.dq, motion.ddq, rate, (motion.t - self.start) / self.duration - 0.5)
         return Influence(self.regressor.model).columns(self.terms, at, torque, self.theta[: self._rigid])
 
     @property
@@ -148,7 +148,7 @@ class Columns:
 
     def torque(self, motion: Reconstruction | Sample, values: Array) -> Array:
         """Torque (N, n) of tilt and drift with ``values`` (k,) along a motion."""
-        at = Instants(motion.q, motion.dq, motion.ddq, motion.dq, (motion.t - self.start) / self.duration - 0.5)
+        at = SampledMotion(motion.q, motion.dq, motion.ddq, motion.dq, (motion.t - self.start) / self.duration - 0.5)
         given = np.where([term.is_linear for term in self.terms], values, 0.0)
         columns = Influence(self.regressor.model).columns(self.terms, at, motion.dq, self.theta[: self._rigid])
         return np.asarray(columns @ given)
@@ -374,7 +374,7 @@ def start(
     """
     model, joints = regressor.model, recordings[0].joints
     sample = _fitted_sample(recordings, processing, split)
-    fit = NuisanceFit(model, regressor, sample.thinned(MOST_INSTANTS // sample.n), chosen.T, chosen.known)
+    fit = NuisanceFit(model, regressor, sample.thinned(MOST_SAMPLES // sample.n), chosen.T, chosen.known)
     wanted = candidates(choices, regressor, chosen.free, len(recordings) > 1)
     coupled = _coupled(recordings)
     refused = [
@@ -397,8 +397,8 @@ def start(
         if over:
             worst = max(unnamed or over, key=lambda k: excess[k])
             term = list(values)[worst]
-            told = text_of(term, 0.0, float(std[worst]), model.spec)[1]
-            size = f"{100 * std[worst]:.0f} %" if term.kind == "gain" else told
+            shown = text_of(term, 0.0, float(std[worst]), model.spec)[1]
+            size = f"{100 * std[worst]:.0f} %" if term.kind == "gain" else shown
             refused.append(f"{name_of(term, joints)}: left out, since its deviation would be {size}")
         else:
             weak = doubtful(fit, values, model.spec)

@@ -54,7 +54,7 @@ class Term(NamedTuple):
         return self.kind not in ("zero", "gain", "delay", "ratio")
 
 
-class Instants(NamedTuple):
+class SampledMotion(NamedTuple):
     """Motion ``q``, ``dq``, ``ddq`` (N, n), derivatives of the torques by time ``rate`` (N, n), drift time ``s`` (N,).
 
     The latter runs from -1/2 at the beginning of the recording to 1/2 at its end.
@@ -74,7 +74,7 @@ class Influence:
     model: RigidModel
 
     def columns(
-        self, terms: Sequence[Term], at: Instants, torque: Array, beta: Array, gains: Array | float = 1.0
+        self, terms: Sequence[Term], at: SampledMotion, torque: Array, beta: Array, gains: Array | float = 1.0
     ) -> Array:
         """Derivatives (N, n, len(terms)); those by a regressor column are left zero.
 
@@ -196,7 +196,7 @@ class NuisanceFit:
         """
         theta = self.T @ x + self.known
         motion = self._motion(values)
-        at = Instants(*motion, self.sample.torque_rate, self.time)
+        at = SampledMotion(*motion, self.sample.torque_rate, self.time)
         torque = W @ x
         if np.any(self.known):
             torque = torque + self._gains(values) * (self.regressor(*motion) @ self.known)

@@ -157,7 +157,7 @@ class RowMaker:
         sound = decimate(valid.astype(float), first)[kept] > 0.5
         speed = np.abs(decimate(motion.dq, first)[kept])
         use = sound & (speed >= np.asarray(self.processing.low_speed)) if self.processing.low_speed else sound
-        t = decimate.instants(part.t, first)[kept]
+        t = decimate.times(part.t, first)[kept]
         return Rows(
             t=t,
             W=decimate(W, first)[kept],
@@ -255,14 +255,14 @@ def reconstruct(part: Part, processing: Processing) -> Reconstruction:
         if part.dq is None or part.ddq is None:
             raise InputError("the recording has no speeds and accelerations; choose a method of reconstruction")
         return Reconstruction(part.t, part.q, part.dq, part.ddq, "as recorded")
-    # uniform instants from zero: the round-off of their differences must not depend on where the stretch begins
+    # uniform times from zero: the round-off of their differences must not depend on where the stretch begins
     method = processing.reconstructor()
     motion = method(np.arange(len(part)) * _period(part), part.q)
     return replace(motion, t=part.t)
 
 
 def _period(part: Part) -> float:
-    """Sampling period (s) of a part, rounded to ten digits to remove the round-off of the instants."""
+    """Sampling period (s) of a part, rounded to ten digits to remove the round-off of the times."""
     return float(f"{(part.t[-1] - part.t[0]) / max(1, len(part) - 1):.9e}")
 
 

@@ -95,8 +95,8 @@ def explained_names(names: Sequence[str], columns: Sequence[Column], model: Any)
             lines.append(f"{name} = {words}")
     own = used & set(standard) or lines
     kinds = [kind for kind in MEANING if any(column.kind == kind and column.name in used for column in columns)]
-    told = dict.fromkeys(f"{column.parameter}: {column.meaning}" for column in columns if column.kind == "law")
-    return (*([STANDARD] if own else []), *(MEANING[kind] for kind in kinds), *told, *lines)
+    laws = dict.fromkeys(f"{column.parameter}: {column.meaning}" for column in columns if column.kind == "law")
+    return (*([STANDARD] if own else []), *(MEANING[kind] for kind in kinds), *laws, *lines)
 
 
 # ------------------------------------------------------------------------------------------------------------------

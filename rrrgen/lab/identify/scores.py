@@ -129,7 +129,7 @@ def conformal_band(
     if not all(pieces):
         return band
     factors = [factor_blocks(part) for part in pieces]
-    errors, instants = [], []
+    errors, times = [], []
     for fold, part in enumerate(pieces):
         others = [factor for k, factor in enumerate(factors) if k != fold]
         training = reduce(JointFactors.merged, others)
@@ -139,8 +139,8 @@ def conformal_band(
         for rows in part:
             z = np.where(rows.use, np.abs(rows.tau - rows.W @ theta) / band.total(rows.W), np.nan)
             errors.append(z[rows.use.any(axis=1)])
-            instants.append(rows.t[rows.use.any(axis=1)])
-    z, when = np.concatenate(errors), np.concatenate(instants)
+            times.append(rows.t[rows.use.any(axis=1)])
+    z, when = np.concatenate(errors), np.concatenate(times)
     number = np.unique(((when - start) / min(BLOCK, duration / FEWEST_BLOCKS)).astype(int), return_inverse=True)[1]
     members = [np.flatnonzero(number == k) for k in range(int(number[-1]) + 1 if len(number) else 0)]
     rng = np.random.default_rng(seed)

@@ -380,11 +380,11 @@ def plot_torques(result: Validation, units: Sequence[str] | None = None) -> Any:
     """
     from rrrgen.lab.identify.figures import TorqueCurves, plot_torque_curves
 
-    told = list(units or ["N m"] * len(result.joints))
+    known = list(units or ["N m"] * len(result.joints))
     titles = [
         f"{score.joint}: error {score.rms_error:.3g} {unit} RMS, {100 * score.relative_error:.2f} % "
         f"on {100 * score.share:.0f} % of the samples"
-        for score, unit in zip(result.joints, told, strict=True)
+        for score, unit in zip(result.joints, known, strict=True)
     ]
     curves = TorqueCurves(result.t, result.measured, result.predicted, result.used)
-    return plot_torque_curves(curves, [score.joint for score in result.joints], told, titles)
+    return plot_torque_curves(curves, [score.joint for score in result.joints], known, titles)

@@ -234,14 +234,14 @@ def indirect_response(
 def _check_controller(lines: LineEstimates, controller: ControllerTransferFunction, period: float) -> list[Caution]:
     """Check whether the recorded input is ``n - C (q - q_r)`` with the stated controller C.
 
-    In the responses to n that is ``G_u = 1 - C G_q``, which the half of the lines decides that tells C best.
+    In the responses to n that is ``G_u = 1 - C G_q``, decided by the half of the lines that determines C best.
     """
     a = np.stack([np.ones(len(lines.frequency)), controller.response(lines.frequency, period)], axis=1)
     fed_back = np.abs(a[:, 1] * lines.G[:, 1])
     off = np.abs(np.sum(a * lines.G, axis=1) - 1.0)
     variance = np.einsum("la,lab,lb->l", a, lines.covariance, a.conj()).real
-    told = fed_back**2 / lines.covariance[:, 0, 0].real
-    half = told >= np.median(told)
+    strength = fed_back**2 / lines.covariance[:, 0, 0].real
+    half = strength >= np.median(strength)
     error = float(np.median((off / fed_back)[half]))
     if error < WRONG_CONTROLLER or np.median((off**2 / np.maximum(variance, 1e-300))[half]) < UNLIKELY_CONTROLLER:
         return []

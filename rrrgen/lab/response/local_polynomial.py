@@ -62,7 +62,7 @@ def whole_periods(record: ResponseRecording, samples: int) -> tuple[Array, int]:
     if M < 2:
         raise DerivationError(
             f"{record.name}: {len(record.n) / samples:.2f} periods of the excitation are recorded, and the noise is "
-            "told from the response only where it repeats: record two whole periods at least, better ten, without gaps"
+            "separated from the response only where it repeats: record at least two whole periods, better ten, no gaps"
         )
     rows = np.column_stack([record.n, record.u, record.q])[len(record.n) - M * samples :]
     slope = (rows[samples:] - rows[:-samples]).mean(axis=0) / samples

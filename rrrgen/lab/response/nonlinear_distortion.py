@@ -29,7 +29,7 @@ MATERIAL = 0.01  # distortion below this share of the response is negligible
 PARTS = 6  # number of parts of the band that are checked separately, at most, with
 LEAST_PART = 50  # lines each at least: a resonance bends the response over a dozen lines
 ORDERS = (2, 4)  # orders of the smooth curves
-PART = 50  # lines at either side over which the scatter of a line is told
+PART = 50  # lines at either side over which the scatter of a line is estimated
 QUANTILE = 0.3  # share of the lines, those nearest to the smooth curve, that are used: near resonances it fits badly
 
 
@@ -304,7 +304,7 @@ def _beside_excitation(F: Complex) -> _Force | None:
     if len(k) < 4:
         return None
     around = F[k[:, None] + np.arange(-width, width + 1)]
-    n = around[:, :, 0]  # where it is smooth there is leakage alone, beside the band, and no response can be told
+    n = around[:, :, 0]  # where it is smooth there is leakage alone, beside the band, and no response can be found
     around = around[rough_power(n) > LEAST_ROUGHNESS * np.mean(np.abs(n) ** 2, axis=1)]
     if len(around) < 4:
         return None

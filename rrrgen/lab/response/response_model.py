@@ -49,7 +49,7 @@ SCHEMA = "rrrgen-response-model/1"
 HIGHEST_DAMPING = 0.3  # highest damping ratio of a resonance
 CERTAIN = {"frequency": 0.0025, "damping": 0.05}
 """Relative standard deviations above which frequency or damping of a resonance counts as uncertain."""
-LOWEST_SHARE = 1e-3  # of the sampling rate: lowest frequency at which the rounding of a and b is told
+LOWEST_SHARE = 1e-3  # of the sampling rate: lowest frequency at which the rounding of a and b is determined
 COARSE = 1e-6  # relative error by the rounding of a and b from which on the report states it
 OTHER_PROTOCOLS = {
     "free_run_with_state_from_fitted_rows": "free run with the state that the fitted rows lead to",

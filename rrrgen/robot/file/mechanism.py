@@ -213,8 +213,8 @@ def _check_followed(
         return
     for section in _OF_DRIVES:
         if section in keys:
-            told = f"state it at {' or '.join(factors)}, seen there" if factors else "state it at the joint it follows"
-            scope.faults.error(keys[section][0], f"joint '{row.name}' follows others and has no {section}", told)
+            hint = f"state it at {' or '.join(factors)}, seen there" if factors else "state it at the joint it follows"
+            scope.faults.error(keys[section][0], f"joint '{row.name}' follows others and has no {section}", hint)
     if "limits" in keys:
         for name, (key, _) in (read_entries(keys["limits"][1], "limits", scope.faults) or {}).items():
             if name not in ("lower", "upper"):

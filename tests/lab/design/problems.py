@@ -21,7 +21,7 @@ def pendulum_problem(**changes) -> ExcitationProblem:
         "harmonics": 4,
         "base_frequency": 0.25,
         "sample_period": 2e-3,
-        "design_instants": 40,
+        "design_samples": 40,
         "max_iterations": 60,
         "limits": ExcitationLimits(speed=(6.0, 8.0), acceleration=(30.0, 40.0)),
     } | changes

@@ -56,8 +56,8 @@ def test_every_fault_of_a_problem_is_reported() -> None:
         assert part in text
     with pytest.raises(InputError, match="nothing else bounds"):
         pendulum_problem(limits=ExcitationLimits())
-    with pytest.raises(InputError, match="design instants alias"):
-        pendulum_problem(design_instants=8)
+    with pytest.raises(InputError, match="design samples alias"):
+        pendulum_problem(design_samples=8)
 
 
 def test_torques_with_friction_stay_within_the_drives_by_default() -> None:

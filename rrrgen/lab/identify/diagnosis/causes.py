@@ -103,13 +103,13 @@ class Wording:
         The true values are ``factor`` times those read.
         """
         units = [self._unit(signal, i, factor) for i in joints]
-        read, told = (" and ".join(dict.fromkeys(column)) for column in zip(*units, strict=True))
-        told = told if all(unit for _, unit in units) else ""
+        read, true = (" and ".join(dict.fromkeys(column)) for column in zip(*units, strict=True))
+        true = true if all(unit for _, unit in units) else ""
         size = f"{factor:.4g} times too small" if factor > 1.0 else f"{1.0 / factor:.4g} times too large"
-        what = f"are in {told}, but are read in {read}" if told else f"are {size}"
+        what = f"are in {true}, but are read in {read}" if true else f"are {size}"
         cause = f"the {NAMES[signal]}s of {self.named(joints)} {what}"
-        if told and len(joints) == len(self.joints) and len(set(units)) == 1:
-            return Cause(cause, f"units: {{{signal}: {told}}}{self._where()}")
+        if true and len(joints) == len(self.joints) and len(set(units)) == 1:
+            return Cause(cause, f"units: {{{signal}: {true}}}{self._where()}")
         entries = [
             self._entry(signal, i, f"unit: {unit}")
             if unit
@@ -151,11 +151,11 @@ class Wording:
         current = 1.0 if source is None else source.factor
         unit = _unit_of(signal_units.TIME, current * factor)
         column = "t" if source is None else source.column
-        told = f"unit: {unit}" if unit else f"a unit of {current * factor:.3g} s"
+        entry = f"unit: {unit}" if unit else f"a unit of {current * factor:.3g} s"
         if unit:
             read = _unit_of(signal_units.TIME, current) or f"{current:g} s"
             cause = f"the clock is in {unit}, but is read in {read}"
-        return Cause(cause, f"time: {{column: {column}, {told}}}{self._where()}")
+        return Cause(cause, f"time: {{column: {column}, {entry}}}{self._where()}")
 
     def missing(self, joint: int, section: str, keys: Sequence[str], what: str) -> Cause:
         """The cause that the terms ``keys`` of the ``section`` of a joint are missing in the robot file."""
@@ -191,11 +191,11 @@ class Wording:
                 "positions and torques are recorded at the joints, not at the motors", f"side: joint{self._where()}"
             )
         pairs = zip(self.joints, ratios, std, strict=True)
-        told = "; ".join(
+        gears = "; ".join(
             f"joint {name}: gear_ratio: " + ("that of its gear" if s is None else f"{r:.4g}") for name, r, s in pairs
         )
         where = "at the motors" if at_motors else "behind smaller gears"
-        return Cause(f"positions and torques are recorded {where}", f"side: motor; {told}{self._where()}")
+        return Cause(f"positions and torques are recorded {where}", f"side: motor; {gears}{self._where()}")
 
     def delay(self, joint: int | None, late: float) -> Cause:
         """The cause that the torques of a joint, or of all joints (None), are recorded ``late`` (s) too late."""

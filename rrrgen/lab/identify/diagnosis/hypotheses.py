@@ -26,7 +26,7 @@ AT_ONCE = 0.5  # a hypothesis that keeps this share of its gain after another re
 FOLDS = 5
 BLOCK = 2.0  # s
 FEWEST_BLOCKS = 15  # in shorter recordings the blocks are shorter
-MOST_INSTANTS = 4000  # times joints
+MOST_SAMPLES = 4000  # times joints
 SCREENED = 0.02  # gain of one linear step, from which on a hypothesis is fitted until it converges
 WORTH = 0.005  # relative torque error below which nothing needs an explanation
 LARGE = 0.1  # relative torque error of a joint, from which on zeros are sought all around the circle
@@ -110,7 +110,7 @@ class Comparison(NuisanceFit):
     """Compares hypotheses on one sample of a recording; ``inside`` are the columns of ``regressor`` in the model."""
 
     def __init__(self, regressor: AllTerms, sample: Sample, inside: Sequence[int]) -> None:
-        thinned = sample.thinned(MOST_INSTANTS // sample.n)
+        thinned = sample.thinned(MOST_SAMPLES // sample.n)
         super().__init__(regressor.model, regressor, thinned, np.eye(len(regressor.names))[:, list(inside)])
         self.model, self.names, self.inside = regressor.model, regressor.names, list(inside)
         since = self.sample.t - self.sample.t[0]
@@ -300,11 +300,11 @@ class Comparison(NuisanceFit):
         cause = words.gear_sides(
             stated * ratios, [float(s) if s < UNCERTAIN_RATIO else None for s in std], median > 1.0
         )
-        told = ", ".join(
+        size = ", ".join(
             f"{r:.4g}" + (f" +- {r * s:.2g}" if s < UNCERTAIN_RATIO else " (undetermined)")
             for r, s in zip(ratios, std, strict=True)
         )
-        evidence = f"with motions {told} times smaller and torques as much larger, {100 * error:.2g} % is left"
+        evidence = f"with motions {size} times smaller and torques as much larger, {100 * error:.2g} % is left"
         return cause.because(evidence), errors
 
     # -- the result in words ---------------------------------------------------------------------------------------
@@ -316,9 +316,9 @@ class Comparison(NuisanceFit):
         places = {term: k for k, term in enumerate(outcome.values)}
         value = {term: outcome.values[term] for term in outcome.hypothesis.terms}
         deviation = {term: float(std[places[term]]) for term in value}
-        what, told = self._wording(outcome.hypothesis, value, deviation, theta, words)
+        what, sizes = self._wording(outcome.hypothesis, value, deviation, theta, words)
         before, after = outcome.relative_errors()
-        evidence = [*told, f"the held-out torque error falls from {100 * before:.3g} to {100 * after:.3g} %"]
+        evidence = [*sizes, f"the held-out torque error falls from {100 * before:.3g} to {100 * after:.3g} %"]
         if finding.rivals:
             others = (self._wording(r.hypothesis, r.values, {}, theta, words)[0].cause for r in finding.rivals)
             evidence.append(f"not excluded instead: {'; '.join(dict.fromkeys(others))}")
@@ -337,12 +337,12 @@ class Comparison(NuisanceFit):
         first, std = value[terms[0]], deviation.get(terms[0], 0.0)
         whose = None if joint == ALL else joint
         if hypothesis.subject == "zero":
-            told = f"the positions are {math.degrees(first):.3g} +- {math.degrees(std):.2g} deg too small"
-            return words.zero(joint, first), [told]
+            off = f"the positions are {math.degrees(first):.3g} +- {math.degrees(std):.2g} deg too small"
+            return words.zero(joint, first), [off]
         if hypothesis.subject == "gain":
             factor = math.exp(first)
-            told = f"the torques are {factor:.4g} +- {factor * std:.2g} times those that fit the other joints"
-            return words.gain(joint, factor), [told]
+            off = f"the torques are {factor:.4g} +- {factor * std:.2g} times those that fit the other joints"
+            return words.gain(joint, factor), [off]
         if hypothesis.subject == "delay":
             return words.delay(whose, first), [f"by {1e3 * abs(first):.3g} +- {1e3 * std:.2g} ms"]
         if hypothesis.subject == "tilt":

@@ -144,11 +144,11 @@ def _positions(motion: RecordedMotion) -> Iterator[Cause]:
     outside = [i for i, bound in enumerate(bounds) if not _within(low[i], high[i], bound)]
     if not outside:
         return
-    told = ", ".join(
+    ranges = ", ".join(
         f"{words.joints[i]} from {low[i]:.4g} to {high[i]:.4g}, allowed {bounds[i][0]:.4g} to {bounds[i][1]:.4g}"
         for i in outside
     )
-    evidence = f"positions beyond the limits of the robot file (rad, m): {told}"
+    evidence = f"positions beyond the limits of the robot file (rad, m): {ranges}"
     turning = [i for i, turns in enumerate(words.revolute) if turns]
     far = [i for i in outside if words.revolute[i] and high[i] - low[i] > FAR * (bounds[i][1] - bounds[i][0])]
     if far:
@@ -206,7 +206,7 @@ def _torques(motion: RecordedMotion) -> Iterator[Cause]:
         if joint.limits.torque is not None
     }
 
-    def told(joints: list[int]) -> str:
+    def overload(joints: list[int]) -> str:
         units = ["N m" if turns else "N" for turns in words.revolute]
         each = (f"{words.joints[i]} up to {peaks[i]:.4g} {units[i]}, {over[i]:.3g} times its limit" for i in joints)
         return f"torques of {', '.join(each)}"
@@ -214,13 +214,13 @@ def _torques(motion: RecordedMotion) -> Iterator[Cause]:
     thousand = [i for i, ratio in over.items() if ratio > THOUSAND]
     if thousand:
         joints = range(len(words.joints)) if 2 * len(thousand) > len(over) else thousand
-        yield words.wrong_unit("torque", list(joints), 1e-3).because(told(thousand))
+        yield words.wrong_unit("torque", list(joints), 1e-3).because(overload(thousand))
     strong = [i for i, ratio in over.items() if TOO_STRONG < ratio <= THOUSAND]
     if strong:
         yield Cause(
             f"the torques of {words.named(strong)} are on another side or scale than the limits of the robot file",
             f"`side`, `gear_ratio` or `constant` of {words.named(strong)} in the mapping, or `limits` in {words.robot}",
-            (told(strong),),
+            (overload(strong),),
             general=True,
         )
 
@@ -242,8 +242,8 @@ def recorded_speed(motion: RecordedMotion) -> Iterator[Cause]:
     own = motion.speeds()
     sums = np.cumsum(np.vstack([np.zeros(own.shape[1]), motion.part.dq]), axis=0)
     # the same mean over LAG steps, by trapezoids
-    told = (sums[LAG + 1 :] - sums[: -LAG - 1] - 0.5 * (motion.part.dq[:-LAG] + motion.part.dq[LAG:])) / LAG
-    ratio, shape = _slopes(own, told)
+    recorded = (sums[LAG + 1 :] - sums[: -LAG - 1] - 0.5 * (motion.part.dq[:-LAG] + motion.part.dq[LAG:])) / LAG
+    ratio, shape = _slopes(own, recorded)
     wrong = [i for i in range(len(ratio)) if shape[i] >= SHAPE and abs(ratio[i] - 1.0) > AGREES]
     near = {i: _nearest(ratio[i]) for i in wrong}
     everywhere = {near[i] for i in wrong} if len(wrong) == len(ratio) else set()
@@ -257,7 +257,7 @@ def recorded_speed(motion: RecordedMotion) -> Iterator[Cause]:
         else:
             found = motion.words.wrong_unit("velocity", [i], 1.0 / (near[i] or ratio[i]))
         yield found.because(_ratios(motion.words, [i], ratio))
-    yield from _exchanged(motion, own, told, shape)
+    yield from _exchanged(motion, own, recorded, shape)
 
 
 def _slopes(x: Array, y: Array) -> tuple[Array, Array]:
@@ -274,20 +274,20 @@ def _nearest(ratio: float) -> float:
 
 
 def _ratios(words: Wording, joints: list[int], ratio: Array) -> str:
-    told = ", ".join(f"{words.joints[i]} {ratio[i]:.4g}" for i in joints)
-    return f"recorded speed over the derivative of the position: {told} (should be 1)"
+    ratios = ", ".join(f"{words.joints[i]} {ratio[i]:.4g}" for i in joints)
+    return f"recorded speed over the derivative of the position: {ratios} (should be 1)"
 
 
-def _exchanged(motion: RecordedMotion, own: Array, told: Array, shape: Array) -> Iterator[Cause]:
+def _exchanged(motion: RecordedMotion, own: Array, recorded: Array, shape: Array) -> Iterator[Cause]:
     """Report pairs of joints whose recorded speeds are exchanged.
 
-    ``own`` (N, n) are the derivatives of the positions, ``told`` (N, n) the recorded speeds, ``shape`` (n,) the squared
-    correlation of the two at each joint.
+    ``own`` (N, n) are the derivatives of the positions, ``recorded`` (N, n) the recorded speeds, ``shape`` (n,) the
+    squared correlation of the two at each joint.
     """
     for i in range(len(shape)):
         for k in range(i + 1, len(shape)):
             if shape[i] < 1.0 - SHAPE and shape[k] < 1.0 - SHAPE:
-                _, cross = _slopes(own[:, [i, k]], told[:, [k, i]])
+                _, cross = _slopes(own[:, [i, k]], recorded[:, [k, i]])
                 if np.all(cross >= SHAPE):
                     pair = f"{motion.words.joints[i]} and {motion.words.joints[k]}"
                     yield motion.words.swapped("velocity", i, k).because(

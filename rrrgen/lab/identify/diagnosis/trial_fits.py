@@ -143,7 +143,7 @@ def sample_of(recording: Recording, processing: Processing) -> Sample | None:
         use = usable & (np.abs(parts[1]) >= (np.asarray(processing.low_speed) if processing.low_speed else 0.0))
         # windows overlap by the memory of the filters, whose samples would count twice
         kept = kept_of(decimate, part.first, window.start, window.stop, len(part))
-        row = (*parts, use, decimate.instants(part.t, part.first))
+        row = (*parts, use, decimate.times(part.t, part.first))
         found.setdefault(part.segment, []).append(tuple(x[kept] for x in row))
         read += window.stop - window.start
         if read >= MOST_READ:

@@ -79,12 +79,12 @@ def _against_links(g: Array, M: Array, g0: Array, M0: Array, words: Wording) -> 
     if not (total > 0.0 and own > 0.0):
         return
     by_inertia = total / own
-    told = f"inertia {by_inertia:.3g} times that of the robot file's links"
-    told += "" if np.isnan(by_gravity) else f", gravity torques {by_gravity:.3g} times theirs"
+    evidence = f"inertia {by_inertia:.3g} times that of the robot file's links"
+    evidence += "" if np.isnan(by_gravity) else f", gravity torques {by_gravity:.3g} times theirs"
     each = np.abs(np.mean(M, axis=0)) / np.maximum(np.mean(M0, axis=0), np.finfo(float).tiny)
     off = [i for i, ratio in enumerate(each) if not 1.0 / BETWEEN <= ratio <= BETWEEN]
     joints = off or list(range(len(each)))
-    yield from _judged(by_gravity, by_inertia, (1.0 / BETWEEN, BETWEEN), told, joints, words)
+    yield from _judged(by_gravity, by_inertia, (1.0 / BETWEEN, BETWEEN), evidence, joints, words)
 
 
 def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording) -> Iterator[Cause]:
@@ -107,21 +107,21 @@ def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording
     by_gravity = float(np.max(_rms(g) / arm)) / pull if pull > 0.0 else 0.0
     by_inertia = float(np.max(np.abs(np.mean(M, axis=0)) / arm**2))
     volume = float(reach[0]) ** 3
-    told = f"the inertia is that of {by_inertia:.3g} kg at a reach of {reach[0]:.3g} m"
+    evidence = f"the inertia is that of {by_inertia:.3g} kg at a reach of {reach[0]:.3g} m"
     upright = by_gravity > LEVEL / SQUARED * by_inertia
-    told += f", the gravity torques that of {by_gravity:.3g} kg" if upright else ""
+    evidence += f", the gravity torques that of {by_gravity:.3g} kg" if upright else ""
     gravity = by_gravity / volume if upright else np.nan
-    yield from _judged(gravity, by_inertia / volume, DENSITY, told, range(len(words.joints)), words)
+    yield from _judged(gravity, by_inertia / volume, DENSITY, evidence, range(len(words.joints)), words)
 
 
 def _judged(
-    gravity: float, inertia: float, allowed: tuple[float, float], told: str, joints: Sequence[int], words: Wording
+    gravity: float, inertia: float, allowed: tuple[float, float], evidence: str, joints: Sequence[int], words: Wording
 ) -> Iterator[Cause]:
     """Report a wrong torque unit of ``joints``, or a wrong clock, from the masses implied by gravity and inertia.
 
     ``gravity`` and ``inertia`` are these masses, divided by the expected mass or by the cube of the reach (kg/m^3);
     ``gravity`` is NaN if gravity acts on no joint. The clock is wrong if they differ by more than SQUARED, the torques
-    if they lie outside the range ``allowed``. ``told`` is the evidence in words.
+    if they lie outside the range ``allowed``. ``evidence`` is the evidence in words.
     """
     low, high = allowed
     if np.isnan(gravity):
@@ -130,11 +130,11 @@ def _judged(
         clock = inertia > SQUARED * gravity or inertia < gravity / SQUARED
     if clock:
         faster = inertia > (high if np.isnan(gravity) else gravity)
-        yield words.clock(1e-3 if faster else 1e3).because(told)
+        yield words.clock(1e-3 if faster else 1e3).because(evidence)
         return
     size = inertia if np.isnan(gravity) else gravity
     if size > high or size < low:
-        yield words.wrong_unit("torque", joints, 1e-3 if size > high else 1e3).because(told)
+        yield words.wrong_unit("torque", joints, 1e-3 if size > high else 1e3).because(evidence)
 
 
 def _rms(x: Array) -> Array:

@@ -385,8 +385,8 @@ def with_followers(
         place = chain.joints[places[k] or 0].joint.place
         message = f"joint '{row.name}' follows '{rows[each.of].name}' and is no joint of q"
         hint = "its friction, inertia and limits of position and speed count at the joint that it follows"
-        told = "" if row.limits.torque is None else "; its torque limit is left out"
-        faults.warning(place, message, hint + told)
+        torque = "" if row.limits.torque is None else "; its torque limit is left out"
+        faults.warning(place, message, hint + torque)
     return mechanism_of_rows(rows, parents, row_of[chain.trunk - 1], [tuple(row) for row in matrix], driven)
 
 
