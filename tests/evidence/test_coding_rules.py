@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -25,17 +27,25 @@ def generate(folder, robot, *options):
     assert done.return_value == 0, done.output
 
 
-@pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
-def test_no_rule_is_broken_without_a_recorded_deviation(tmp_path):
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory):
+    """Folder with the code of a small arm: one file of each kind that `generate` writes in C."""
+    place = tmp_path_factory.mktemp("everything")
     motion = FourierTrajectory(np.zeros(2), np.ones((2, 3)), np.ones((2, 3)), 0.1)
-    (tmp_path / "trajectory.json").write_text(json.dumps({"trajectory": motion.to_json()}), encoding="utf-8")
-    (tmp_path / "tuning.json").write_text(json.dumps({"var_eta": [1e-10] * 2, "var_xi": [400.0] * 2}), encoding="utf-8")
-    folder = tmp_path / "planar2r"
+    (place / "trajectory.json").write_text(json.dumps({"trajectory": motion.to_json()}), encoding="utf-8")
+    (place / "tuning.json").write_text(json.dumps({"var_eta": [1e-10] * 2, "var_xi": [400.0] * 2}), encoding="utf-8")
+    folder = place / "planar2r"
     generate(
         *(folder, "planar2r", "--with", "control,controller,points,timing,trajectory", "--friction", "lugre"),
         *("--friction", "stribeck", "--estimator", "rls", "--estimator", "gradient"),
-        *("--trajectory", tmp_path / "trajectory.json", "--tuning", tmp_path / "tuning.json"),
+        *("--trajectory", place / "trajectory.json", "--tuning", place / "tuning.json"),
     )
+    return folder
+
+
+@pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
+def test_no_rule_is_broken_without_a_recorded_deviation(everything):
+    folder = everything
     names = sorted(path.name for path in folder.glob("*.c"))
     sources = [name for name in names if name.endswith((*STRAIGHT_LINE, *FROM_TEMPLATES, "_timing.c"))]
     assert len(sources) == 11
@@ -49,6 +59,23 @@ def test_inverse_kinematics_breaks_no_rule_without_a_recorded_deviation(tmp_path
     generate(tmp_path, robot)
     unaccepted = [each for each in findings(tmp_path, [f"{robot}_ik.c"]) if each.rule not in DEVIATIONS]
     assert not unaccepted, "\n".join(map(str, unaccepted))
+
+
+ACCEPTED = {
+    "bugprone-easily-swappable-parameters": "states and outputs of one type beside each other are the interface",
+    "bugprone-implicit-widening-of-multiplication-result": "indices are bounded by array sizes, which int holds",
+}
+"""Checks of clang-tidy that the emitted code does not keep, with the reason."""
+
+
+@pytest.mark.skipif(shutil.which("clang-tidy") is None, reason="clang-tidy is not installed")
+def test_clang_tidy_finds_nothing(everything):
+    checks = ",".join(["-*", "bugprone-*", "cert-*", "clang-analyzer-*", *(f"-{check}" for check in ACCEPTED)])
+    sources = sorted(everything.glob("*.c"))
+    command = ["clang-tidy", f"--checks={checks}", *map(str, sources), "--", "-std=c99", f"-I{everything}"]
+    said = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    assert len(sources) > 15
+    assert "warning:" not in said, said
 
 
 @pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
