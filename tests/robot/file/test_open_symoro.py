@@ -99,10 +99,9 @@ def test_closed_loops_are_those_of_the_file(tmp_path):
     numeric["d"][9] = 0.6
     reference = NewtonEuler(chain_of(found.spec), nominal_parameters(found.spec))
     rng = np.random.default_rng(0)
-    q, dq = rng.uniform([-2, 0.05, -1], [2, 0.4, 1], (10, 3)), rng.uniform(-2, 2, (10, 3))
+    q, dq = rng.uniform([-2, 0.05, -0.5], [2, 0.3, 0.5], (4, 3)), rng.uniform(-2, 2, (4, 3))
     x, solved = reference.loops.solve(q)
-    assert solved.sum() > 5
-    q, dq, x = q[solved], dq[solved], x[solved]
+    assert solved.all()
     rates = np.einsum("nij,nj->ni", reference.loops.passive_rates(x), dq)
     kinetic = np.einsum("ni,nij,nj->n", dq, reference.mass_matrix(q), dq) / 2
     weight, epsilon = reference.inverse_dynamics(q, 0 * dq, 0 * dq), 1e-30
