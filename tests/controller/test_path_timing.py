@@ -378,6 +378,7 @@ def test_the_figure_of_the_page(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("command", "real"), [("gcc", "float"), ("clang", "double"), ("g++", "double"), ("clang++", "float")]
 )
+@pytest.mark.sweep(but=["gcc-float", "g++-double"])
 def test_the_emitted_files_compile_without_a_warning(command, real, tmp_path):
     if shutil.which(command) is None:
         pytest.skip(f"{command} is not installed")

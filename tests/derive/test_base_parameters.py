@@ -131,6 +131,7 @@ def test_angles_beside_a_right_angle_give_the_torques(convention, off):
 
 
 @pytest.mark.parametrize("name", bundled_names())
+@pytest.mark.sweep(but=[*bundled_names()[::2]])
 def test_expressions_of_bundled_robots_give_the_torques(name):
     """Random links on the bundled geometry, the user's basis (where there is one) left out."""
     spec = replace(load_spec(name), basis=None)
@@ -199,6 +200,7 @@ for name in ("rrr", "stanford", "scara"):
 """
 
 
+@pytest.mark.sweep  # tests/emit/test_determinism.py compares all files of two robots
 def test_the_choice_does_not_depend_on_the_hash_seed():
     texts = {_output(REPORT, seed) for seed in ("0", "4711")}
     assert len(texts) == 1

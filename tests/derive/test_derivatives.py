@@ -66,6 +66,7 @@ def with_random_links(name: str) -> tuple[Robot, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", ["rrr", "scara", "stanford", "puma560", "ur10e", "panda"])
+@pytest.mark.sweep(but=["rrr", "scara", "stanford", "puma560", "panda"])
 def test_optimized_functions_of_bundled_robots_against_pinocchio(name):
     robot, beta = with_random_links(name)
     programs = bundled(name).programs

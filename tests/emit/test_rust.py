@@ -73,6 +73,7 @@ def numbers(line: str) -> np.ndarray:
 
 @needs_rustc
 @pytest.mark.parametrize(("name", "real"), [("rrr", "double"), ("scara", "double"), ("planar2r", "float")])
+@pytest.mark.sweep(but=["scara-double", "planar2r-float"])
 def test_every_function_agrees_with_the_c(name, real, tmp_path):
     model, programs = load.compile(name, real=real), programs_of(bundled(name))
     (tmp_path / "lib.rs").write_text(crate(bundled(name), real)["rust/src/lib.rs"], encoding="utf-8")

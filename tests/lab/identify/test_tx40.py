@@ -118,6 +118,7 @@ def test_in_the_coordinates_of_the_drives(case, everything):
     np.testing.assert_allclose(drive_torques, joint_torques @ S, atol=1e-10 * np.abs(joint_torques).max())
 
 
+@pytest.mark.sweep  # other held-out rows of the same recording
 def test_first_60_percent(case):
     """The protocol of the reference has no guard band; with that of the filters the figure is a little larger."""
     result = found(case, "first:0.6", guard=0.0)

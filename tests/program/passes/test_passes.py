@@ -7,6 +7,8 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import pytest
+
 from program.passes.programs import PORTS, STATE, recorded
 from rrrgen.program import Builder, Port, Role, Status
 from rrrgen.program.passes.common_factors import Collect
@@ -71,6 +73,7 @@ for name in ("scara",):
 """
 
 
+@pytest.mark.sweep  # tests/emit/test_determinism.py compares all files of two robots
 def test_programs_do_not_depend_on_the_hash_seed():
     texts = set()
     for seed in ("0", "31337"):
