@@ -3,7 +3,8 @@
     PYTHONPATH=tests python tests/lab/identify/recordings_study.py NAME
 
 It prints a line per case: coverage of the 95 % intervals of the parameters (``coverage``), what the diagnosis says of
-single mistakes (``detection``) and of two at once (``pairs``), each on sets with fresh motion and noise.
+single mistakes (``detection``) and of two at once (``pairs``), what the bands of held-out torques hold where the model errs
+(``bands``), each on sets with fresh motion and noise.
 """
 
 from __future__ import annotations
@@ -23,9 +24,11 @@ from rrrgen.lab.estimate.statistics import confidence_factor
 from rrrgen.lab.identify.diagnosis.causes import Wording
 from rrrgen.lab.identify.diagnosis.hypotheses import Comparison
 from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, linear_stand_ins, sample_of
+from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.identification import Identification, Options, identify
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
+from rrrgen.lab.identify.scores import BAND
 from samples.recordings import fourier_motion
 
 PERIOD = 0.01
@@ -105,6 +108,44 @@ def coverage(sets: int, robot: str) -> Iterator[str]:
                 f"(white {100 * np.mean(plain):.1f}), worst parameter {100 * np.min(np.mean(inside, axis=0)):.0f} %, "
                 f"rms z {np.sqrt(np.mean(np.square(z))):.2f}"
             )
+
+
+def unmodelled(given: Case, seed: int) -> Case:
+    """The set with effects that no column describes: two ripples over the position of every joint and Stribeck friction.
+
+    Each has 1 to 3 % of the RMS torque of its joint; friction falls within 0.05 to 0.2 of the RMS speed.
+    """
+    random = np.random.default_rng([seed, 6])
+    log = given.log
+    tau, dq = np.array(log.tau), np.gradient(log.q, PERIOD, axis=0)
+    for j, size in enumerate(np.sqrt(np.mean(tau**2, axis=0))):
+        for order in random.integers(4, 60, 2):
+            tau[:, j] += size * random.uniform(0.01, 0.03) * np.sin(order * log.q[:, j] + random.uniform(0.0, 6.3))
+        slow = random.uniform(0.05, 0.2) * np.sqrt(np.mean(dq[:, j] ** 2))
+        tau[:, j] += size * random.uniform(0.01, 0.03) * np.sign(dq[:, j]) * np.exp(-((dq[:, j] / slow) ** 2))
+    return replace(given, log=replace(log, tau=tau))
+
+
+def bands(sets: int, robot: str) -> Iterator[str]:
+    """Share of held-out torques inside their 95 % band where the model errs, over all rows and at the worst joint."""
+    model = model_of(robot)
+    for seconds in (30.0, 150.0):
+        for split in ("first:0.6", "blocks:2"):
+            for consistent in (False, True):
+                shares, worst, width = [], [], []
+                for seed in range(sets):
+                    given = unmodelled(case(model, seed, seconds, 0.1, noise=0.01), seed)
+                    found = identified(given, split=Split.parse(split), consistent=consistent)
+                    covered = found.band.coverage(found.held_out_blocks)
+                    assert covered is not None
+                    shares.append(covered.share)
+                    worst.append(min(covered.joints))
+                    width.append(float(np.mean(found.band.factor)) / BAND)
+                yield (
+                    f"{robot} {seconds:.0f} s, {split}, {'consistent' if consistent else 'unconstrained'}: band holds "
+                    f"{100 * np.mean(shares):.1f} % of the rows (least set {100 * np.min(shares):.1f}), worst joint "
+                    f"{100 * np.mean(worst):.1f} % (least set {100 * np.min(worst):.1f}), width {np.mean(width):.2f}"
+                )
 
 
 def comparison(given: Case) -> Comparison:
@@ -215,6 +256,7 @@ def mistaken(given: Case, mistake: str) -> Case:
 
 STUDIES: dict[str, Callable[[int, str], Iterator[str]]] = {
     "coverage": coverage,
+    "bands": bands,
     "detection": detection,
     "pairs": pairs,
 }
