@@ -12,19 +12,13 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rrrgen.base.arrays import Array
-from rrrgen.lab.estimate.linear import solve
-from rrrgen.lab.friction.initial_values import SPEEDS, sliding_samples
 from rrrgen.lab.friction.joint_recording import JointData
+from rrrgen.lab.friction.sliding_model import SlidingModel
 
-SLOWEST = 0.03  # rad/s (m/s): slower rows depend on the bristles
-BLOCK, FOLDS = 2.0, 5  # s; interleaved folds of blocks
 GAIN, AHEAD, UNLIKELY = 0.05, 2.0, 0.01
 """A drift is reported if it explains 5 % of the held-out squares, the mean gain of a block is two standard errors and
 the test over blocks has p < 0.01. The last alone reports drift where there is none, in 10 to 20 % of recordings."""
-FEWEST_BLOCKS = 8
 
 
 @dataclass(frozen=True)
@@ -85,78 +79,21 @@ def friction_drift(data: JointData, gravity: int, delay: float) -> Drift | None:
 
     ``gravity`` is the number of gravity coefficients; the motion lags the torque by ``delay`` sampling periods.
     """
-    samples = sliding_samples(data, delay)
-    fast = np.abs(samples.dq) > SLOWEST
-    s = samples.t[fast] / (len(data.q) * data.period) - 0.5
-    block = np.unique((samples.t[fast] / BLOCK).astype(int), return_inverse=True)[1]
-    if fast.sum() < 100 or block[-1] + 1 < FEWEST_BLOCKS:
+    alone = SlidingModel.of(data, gravity, delay)
+    if alone is None:
         return None
-    dq, tau = samples.dq[fast], samples.tau[fast]
-    sign = np.sign(dq)
-    # the delay is one of a grid: what is left of it acts through the derivative of the torque
-    ahead, behind = (sliding_samples(data, delay + side).tau[fast] for side in (0.5, -0.5))
-    others = [*(column[fast] for column in samples.rigid_columns(gravity)), ahead - behind]
-    change = np.column_stack([s * dq, s * sign])
-    fits = []
-    for speed in SPEEDS * data.speed:
-        ratio = (dq / speed) ** 2
-        stribeck = [sign * np.exp(-ratio), sign * ratio * np.exp(-ratio)]  # with its derivative by the Stribeck speed
-        W = np.column_stack([dq, sign, *others, *stribeck])
-        A = np.column_stack([W, change])
-        fits.append((float(np.sum(solve(A, tau).residual(tau) ** 2)), W))
-    W = min(fits, key=lambda fit: fit[0])[1]
-    A = np.column_stack([W, change])
-    before, after = (_held_out(columns, tau, block) for columns in (W, A))
-    decrease = before - after
-    spread = float(np.std(decrease, ddof=1)) / np.sqrt(len(decrease))
-    x = solve(A, tau).x
-    covariance = _jackknife(A, tau, block)[-2:, -2:]
-    moved = x[-2:]
-    std = np.sqrt(np.diag(covariance))
+    s = alone.time / (len(data.q) * data.period) - 0.5
+    model = alone.beside(np.column_stack([s * alone.dq, s * np.sign(alone.dq)]))
+    evidence, x = model.evidence(2), model.x
+    std = np.sqrt(np.diag(model.covariance))[-2:]
     return Drift(
-        float(moved[0]),
-        float(std[0]),
-        float(moved[1]),
-        float(std[1]),
-        float(x[0]),
-        float(x[1]),
-        float(np.sum(decrease) / max(float(np.sum(before)), np.finfo(float).tiny)),
-        float(np.mean(decrease)) / spread if spread > 0.0 else 0.0,
-        _probability(float(moved @ np.linalg.pinv(covariance) @ moved), 2, len(decrease)),
+        viscous=float(x[-2]),
+        viscous_std=float(std[0]),
+        coulomb=float(x[-1]),
+        coulomb_std=float(std[1]),
+        mean_viscous=float(x[0]),
+        mean_coulomb=float(x[1]),
+        gain=evidence.gain,
+        t=evidence.t,
+        p=evidence.p,
     )
-
-
-def _held_out(A: Array, y: Array, block: NDArray[np.int64]) -> Array:
-    """Squared errors of every block, (B,), predicted by a fit to the other folds."""
-    errors = np.zeros(int(block[-1]) + 1)
-    for fold in range(FOLDS):
-        out = block % FOLDS == fold
-        if out.any() and not out.all():
-            left = y[out] - A[out] @ solve(A[~out], y[~out]).x
-            errors += np.bincount(block[out], left**2, minlength=len(errors))
-    return errors
-
-
-def _jackknife(A: Array, y: Array, block: NDArray[np.int64]) -> Array:
-    """Covariance of the least-squares estimate from those that leave out one of the G blocks each.
-
-    ``(G - 1)/G sum (x_g - mean)(x_g - mean)'``; the sum of squared scores of the residuals is too small where, as here,
-    a few blocks determine a parameter, since the fit follows their errors.
-    """
-    count = int(block[-1]) + 1
-    rows = np.column_stack([A, y])
-    products = np.stack([rows[block == k].T @ rows[block == k] for k in range(count)])
-    left = np.sum(products, axis=0) - products
-    size = np.sqrt(np.einsum("gii->gi", left[:, :-1, :-1])).max(axis=0)
-    H = left[:, :-1, :-1] / (size[:, None] * size)
-    x = np.stack([np.linalg.pinv(each) @ (row / size) / size for each, row in zip(H, left[:, :-1, -1], strict=True)])
-    x -= x.mean(axis=0)
-    return np.asarray((count - 1) / count * x.T @ x)
-
-
-def _probability(statistic: float, parameters: int, blocks: int) -> float:
-    """Probability of Hotelling's statistic or more with ``parameters`` q and ``blocks`` G: F(q, G - q)."""
-    from scipy.stats import f as fisher
-
-    freedom = max(1, blocks - parameters)
-    return float(fisher.sf(statistic * freedom / (parameters * max(1, blocks - 1)), parameters, freedom))

@@ -28,6 +28,7 @@ from rrrgen.lab.friction.multiple_shooting import (
     resampled,
     rigid_limit,
 )
+from rrrgen.lab.friction.ripple import Ripple, find_ripples, without_ripples
 
 # ------------------------------------------------------------------------------------------------------------------
 # Warnings to the user: what a recording hardly tells about the friction of a joint, and what two models share.
@@ -221,7 +222,8 @@ class FrictionEstimate:
 
     ``noise_ratio`` is the estimated ratio of torque noise to encoder noise, ``windows`` the number of windows into
     which the recording was cut, and ``notes`` are warnings to the user. ``data`` are without the ``drift`` of the
-    friction, if there is one; the estimates are then those in the middle of the recording.
+    friction, if there is one; the estimates are then those in the middle of the recording. They are also without the
+    ``ripples`` of the torque over position.
     """
 
     data: JointData
@@ -231,6 +233,7 @@ class FrictionEstimate:
     windows: int
     notes: tuple[str, ...] = ()
     drift: Drift | None = None
+    ripples: tuple[Ripple, ...] = ()
 
     def lines(self) -> list[str]:
         """The table of laws and the parameters of the chosen one as text."""
@@ -245,7 +248,8 @@ class FrictionEstimate:
             )
         lines.append("  held-out error in standard deviations of the noise; * chosen")
         values = self.chosen.values.items()
-        return [*lines, *(f"  {name:<16} {value:>12.5g} +- {self.chosen.std[name]:.2g}" for name, value in values)]
+        lines += (f"  {name:<16} {value:>12.5g} +- {self.chosen.std[name]:.2g}" for name, value in values)
+        return [*lines, *(f"  {'ripple':<16} {ripple.line}" for ripple in self.ripples)]
 
     def to_json(self) -> dict[str, Any]:
         """The estimate as plain data for ``results/friction.json``."""
@@ -271,6 +275,7 @@ class FrictionEstimate:
             "windows": self.windows,
             "noise_ratio": self.noise_ratio,
             "drift": None if self.drift is None else self.drift.to_json(),
+            "ripples": [ripple.to_json() for ripple in self.ripples],
             "notes": list(self.notes),
         }
 
@@ -281,15 +286,16 @@ def estimate_friction(
     names: Sequence[str] = (),
     seed: int = 0,
     progress: Progress | None = None,
+    revolute: bool = True,
 ) -> FrictionEstimate:
     """Estimate inertia, gravity and friction of one joint with every law, and choose one law.
 
     ``data`` is the recording. ``gravity`` is the number of gravity coefficients: 2 for a revolute joint, 1 for a
-    prismatic one, 0 where gravity does not act; the torque may have an offset. ``names`` are the laws to try, all
-    if empty. ``seed`` is that of the resampling for standard deviations; ``progress(done, total, message)`` is called
-    between steps. Least squares on sliding samples give initial values for an extended Kalman filter (14.15), whose
-    result is the initial value of the output-error fit over short windows. Raises :class:`DerivationError` if the
-    motion does not determine inertia or friction.
+    prismatic one, 0 where gravity does not act; the torque may have an offset. ``revolute`` says which the joint is.
+    ``names`` are the laws to try, all if empty. ``seed`` is that of the resampling for standard deviations;
+    ``progress(done, total, message)`` is called between steps. Least squares on sliding samples give initial values for
+    an extended Kalman filter (14.15), whose result is the initial value of the output-error fit over short windows.
+    Raises :class:`DerivationError` if the motion does not determine inertia or friction.
     """
     tell = progress or (lambda done, total, message: None)
     tell(0, 0, "start values")
@@ -301,6 +307,10 @@ def estimate_friction(
     drift = None if drift is None or not drift.is_certain else drift
     if drift is not None:
         data = drift.removed(data)
+    tell(0, 0, "torque ripple")
+    ripples = find_ripples(data, max(gravity, 1), delay, revolute)
+    if ripples:
+        data = without_ripples(data, ripples, delay)
     started = {law.name: start_values(law, data, delay) for law in laws}
     _check_start(list(started.values()), data)
     least = {name: theta for name, (theta, _) in started.items()}
@@ -332,10 +342,11 @@ def estimate_friction(
         chosen = estimates[best]
     remarks = (
         *(() if drift is None else (drift.sentence,)),
+        *(ripple.sentence for ripple in ripples),
         *notes(chosen, data),
         *stiff_bristles(chosen, estimates, largest),
     )
-    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), remarks, drift)
+    return FrictionEstimate(data, tuple(estimates), chosen, work.noise.ratio, len(work.whole), remarks, drift, ripples)
 
 
 class _OutputError:

@@ -176,10 +176,11 @@ class RecordedJoint:
 
     ``gravity`` is the number of coefficients of its gravity torque: 2 for ``a cos q + b sin q``, 1 for a constant
     force, 0 for none. ``resolution`` is that of its encoder, rad (m), None if the file does not state it; ``units`` are
-    those of its speed and torque.
+    those of its speed and torque. ``revolute`` says whether it turns.
     """
 
     name: str
+    revolute: bool
     gravity: int
     resolution: float | None
     units: tuple[str, str]
@@ -206,7 +207,7 @@ def recorded_joint(spec: Any, recording: LogMapping | Log, joint: str) -> Record
     row = spec.joints[names.index(joint)]
     resolution = None if row.drive is None else row.drive.encoder_resolution
     units = ("rad/s", "N m") if row.is_revolute else ("m/s", "N")
-    return RecordedJoint(joint, _gravity_coefficients(spec, names.index(joint)), resolution, units)
+    return RecordedJoint(joint, row.is_revolute, _gravity_coefficients(spec, names.index(joint)), resolution, units)
 
 
 def _gravity_coefficients(spec: Any, joint: int) -> int:

@@ -206,7 +206,7 @@ def _estimate(
     log, *resting = logs.load()
     findings(log.repairs)
     data = joint_data(log, moving.name, moving.resolution)
-    found = estimate(data, moving.gravity, chosen.laws, chosen.seed, progress)
+    found = estimate(data, moving.gravity, chosen.laws, chosen.seed, progress, moving.revolute)
     loop = None if controller is None else refine(found, log, controller, progress)
     found = found if loop is None else loop.estimate
     rest = _bristles(found, resting, moving) if resting else None

@@ -3,8 +3,8 @@
     PYTHONPATH=tests python tests/lab/identify/recordings_study.py NAME
 
 It prints a line per case: coverage of the 95 % intervals of the parameters (``coverage``), what the diagnosis says of
-single mistakes (``detection``) and of two at once (``pairs``), what the bands of held-out torques hold where the model errs
-(``bands``), each on sets with fresh motion and noise.
+single mistakes (``detection``) and of two at once (``pairs``), what the bands of held-out torques hold where the model
+errs (``bands``), each on sets with fresh motion and noise.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def coverage(sets: int, robot: str) -> Iterator[str]:
 
 
 def unmodelled(given: Case, seed: int) -> Case:
-    """The set with effects that no column describes: two ripples over the position of every joint and Stribeck friction.
+    """The set with effects that no column describes: two ripples over position and Stribeck friction at every joint.
 
     Each has 1 to 3 % of the RMS torque of its joint; friction falls within 0.05 to 0.2 of the RMS speed.
     """
