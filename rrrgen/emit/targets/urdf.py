@@ -92,7 +92,8 @@ def _joint(body: NumericBody, parent: str, child: str, kinds: Mapping[str, str])
         lines.append(f"    <limit {' '.join(texts)}/>")
     if len(body.follows) > 1:
         leaders = " and ".join(name for name, _ in body.follows)
-        raise DerivationError(f"joint '{joint.name}' follows {leaders}; in a URDF a joint follows one (mjcf has sums)")
+        wrong = f"joint '{joint.name}' follows {leaders}"
+        raise DerivationError(f"{wrong}; in a URDF it may follow one joint (mjcf has sums)")
     for name, factor in body.follows:
         lines.append(f'    <mimic joint="{name}" multiplier="{number(factor)}" offset="0"/>')
     friction = joint.friction

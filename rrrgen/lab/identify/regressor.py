@@ -104,16 +104,15 @@ def standstill(regressor: FullRegressor, processing: Processing, period: float) 
     """The samples at which a joint with Coulomb friction may stand; none for a joint without.
 
     Between two directions of motion it carries any torque up to its Coulomb friction, while the sign of the
-    reconstructed speed is that of an error, also as far as the reconstruction spreads the reversal. Friction with a
-    state describes a reversal; methods of reconstruction that state no uncertainty leave no sample out. ``period`` is
-    that of the sampling, s.
+    reconstructed speed is that of an error, also as far as the reconstruction spreads the reversal. Samples
+    stay where a law with a state describes the reversal, or one with shapes needs the low speeds, and with methods of
+    reconstruction that state no uncertainty. ``period`` is that of the sampling, s.
     """
     method = processing.reconstructor() if processing.method in KALMAN else None
     if not isinstance(method, KalmanSmoother):
         return Standstill()
     n = regressor.model.n
     signs = [column.direction for column in regressor.terms.columns(n) if column.kind == "coulomb"]
-    signs += [surface.direction for surface in regressor.surfaces if not surface.has_state]
     deviations = np.zeros(n)
     for direction in signs:
         if np.count_nonzero(direction) == 1:
