@@ -53,7 +53,10 @@ def corners(spec: RobotSpec, frames: Array, tip: Array) -> Array:
 
 
 def plot_arm(path: Array, frames: Array, ax: Any, title: str) -> Any:
-    """Draw arms whose links pass ``path`` (k, p, 3) and the axes of ``frames`` (k, m, 4, 4); returns the axes."""
+    """Draw k configurations of an arm as lines through the points ``path`` (k, p, 3), m.
+
+    The x, y and z axes of ``frames`` (k, m, 4, 4) are drawn too. Returns the matplotlib axes.
+    """
     ax = _axes(ax, path, title)
     size = 0.12 * _extent(path)[1]
     for k, (points, triads) in enumerate(zip(path, frames, strict=True)):

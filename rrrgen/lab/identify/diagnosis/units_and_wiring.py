@@ -175,7 +175,7 @@ class Change:
 
     @property
     def is_scale(self) -> bool:
-        """Whether the fault is a wrong unit."""
+        """Whether the fault is a wrong unit: ``matrix`` has entries other than 0, 1 and -1."""
         return bool(np.any(~np.isin(self.matrix, (-1.0, 0.0, 1.0))))
 
 
