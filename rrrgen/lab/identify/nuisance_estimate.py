@@ -38,7 +38,8 @@ from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, stands
 
 CHOICES = ("zeros", "gains", "delay", "delays", "tilt", "drift")
 LARGEST_STD = {"zero": math.radians(20.0), "gain": 0.3, "delay": 0.1, "tilt": math.radians(20.0)}
-"""Prior standard deviations (rad, factor, s); a parameter that the torques tell no better counts as undetermined."""
+"""Prior standard deviations (rad, factor, s); a parameter that the torques tell no better is left out if the others
+explain the torques as well without it."""
 LARGEST_SHIFT_STD = 0.1  # m, of the zero of a prismatic joint
 SIGNIFICANT = 2.0  # standard deviations from zero from which on there is something to write
 PASSES = 4  # steps over all rows, from the values of the sample
@@ -393,9 +394,9 @@ def start(
         excess = [s / _largest(term, model.spec) for s, term in zip(std, values, strict=True)]
         over = [k for k, share in enumerate(excess) if share > 1.0]
         # of parameters that the torques tell together only, the one that the diagnosis names is wrong more probably
-        unnamed = [k for k in over if list(values)[k] not in first]
-        if over:
-            worst = max(unnamed or over, key=lambda k: excess[k])
+        over.sort(key=lambda k: (list(values)[k] in first, -excess[k]))
+        worst = next((k for k in over if _dispensable(fit, values, list(values)[k])), None)
+        if worst is not None:
             term = list(values)[worst]
             shown = text_of(term, 0.0, float(std[worst]), model.spec)[1]
             size = f"{100 * std[worst]:.0f} %" if term.kind == "gain" else shown
@@ -466,6 +467,16 @@ def _reason(term: Term, has_effect: bool) -> str:
             "`rrrgen experiment drive-gains` tells it from a known load"
         )
     return "the parameters of the model can take it up" if has_effect else "it changes no torque of this motion"
+
+
+def _dispensable(fit: NuisanceFit, values: Mapping[Term, float], term: Term) -> bool:
+    """Whether the others, fitted again without ``term``, explain the torques as well, to what a cause must explain.
+
+    A deviation alone does not tell: where residuals are slow it is large, also that of a factor of two without which
+    nothing fits.
+    """
+    rest = fit.converged([other for other in values if other != term], values)
+    return _error(fit, values) ** 2 > (1.0 - POSSIBLE) * _error(fit, rest) ** 2
 
 
 def doubtful(fit: NuisanceFit, values: Mapping[Term, float], spec: Any) -> tuple[Term, float] | None:
