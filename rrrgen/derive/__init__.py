@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rrrgen.derive.closed_forms import ClosedForm
     from rrrgen.derive.derived_model import Derivation, DerivedModel, ParametrizedRobot, RecordedModel
     from rrrgen.derive.functions.model_function import ModelFunction
+    from rrrgen.derive.functions.table import Part
     from rrrgen.robot.spec import RobotSpec
 
 
@@ -67,15 +68,15 @@ def parametrized(derivation: Derivation) -> ParametrizedRobot:
     )
 
 
-def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> RecordedModel:
-    """Derive the functions of ``groups`` and the minimal base parameters of ``spec``, before optimization.
+def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",), part: Part = "all") -> RecordedModel:
+    """Derive functions of ``groups`` and the minimal base parameters of ``spec``, before optimization.
 
     Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
     has no nominal value.
     """
     from rrrgen.derive.functions.table import functions_for
 
-    return record(prepare(spec), functions_for(spec, groups))
+    return record(prepare(spec), functions_for(spec, groups, part))
 
 
 def record(derivation: Derivation, functions: Sequence[ModelFunction]) -> RecordedModel:
@@ -124,7 +125,11 @@ def _dot(row: list[Fraction | int], phi: list[Fraction]) -> Fraction:
 
 @without_collection()
 def derive(
-    spec: RobotSpec, jobs: int = 1, groups: Sequence[str] = ("model",), tell: Tell | None = None
+    spec: RobotSpec,
+    jobs: int = 1,
+    groups: Sequence[str] = ("model",),
+    tell: Tell | None = None,
+    part: Part = "all",
 ) -> DerivedModel:
     """Derive the functions of a robot: optimized programs, with their ``_nominal`` specializations.
 
@@ -133,30 +138,38 @@ def derive(
         jobs: the largest number of processes; the result does not depend on it.
         groups: names of groups of functions: "model", "control", "observer", "points", "trajectory".
         tell: called as ``tell(done, total, message)`` as the work proceeds.
+        part: "all" of these functions, or those that Python compiles "at once" or "on demand".
 
     Raises:
         DerivationError: a function does not exist for this robot.
     """
     from rrrgen.derive.optimizer import Optimizer
 
-    return Optimizer()(derive_model(spec, groups), jobs, tell)
+    return Optimizer()(derive_model(spec, groups, part), jobs, tell)
 
 
-def derive_once(spec: RobotSpec, groups: Sequence[str] = ("model",)) -> DerivedModel:
+def derive_once(spec: RobotSpec, groups: Sequence[str] = ("model",), part: Part = "all") -> DerivedModel:
     """The result of :func:`derive`, from the user's cache if this robot has been derived before.
 
     Args:
         spec: the robot, as :func:`rrrgen.load_spec` reads it.
         groups: names of groups of functions, as for :func:`derive`.
+        part: "all" of these functions, or those that Python compiles "at once" or "on demand".
 
     Raises:
         DerivationError: a function does not exist for this robot.
     """
-    from rrrgen.derive.derived_model import recall
+    from rrrgen.derive.derived_model import joined, recall
+    from rrrgen.derive.functions.table import functions_for
     from rrrgen.robot.identity import identify
 
+    if part == "all":  # the cache holds the parts: what one call has derived, every other finds
+        most = derive_once(spec, groups, "at once")
+        if "model" not in groups:  # no function of another group is left for later
+            return most
+        return joined(most, derive_once(spec, ("model",), "on demand"), functions_for(spec, groups))
     one = identify(replace(spec, ik="general"))  # no function depends on the choice of a solver
-    return recall(spec, one, partial(derive, groups=groups), groups)
+    return recall(spec, one, partial(derive, groups=groups, part=part), (*groups, part))
 
 
 def closed_form(spec: RobotSpec, function: str) -> ClosedForm:

@@ -18,10 +18,11 @@ import sympy as sp
 from rrrgen.base.cache import digest, keep
 from rrrgen.base.cache import recall as recall_bytes
 from rrrgen.base.errors import StorageError
+from rrrgen.derive.functions.model_function import ModelFunction
 from rrrgen.derive.functions.recording import Parametrization, Recording
 from rrrgen.derive.parameters.base_parameters import BaseParameter, BaseSet, Regrouping
 from rrrgen.derive.parameters.user_basis import BasisChange
-from rrrgen.program import OperationCount, Port, Program, Role
+from rrrgen.program import OperationCount, Port, Program, Role, nominal_name
 from rrrgen.program.passes.interface import PassReport
 from rrrgen.program.program import ARITY, Domain, Failure, Node, Op, Status
 from rrrgen.robot.identity import Identity
@@ -139,6 +140,21 @@ class DerivedModel(ParametrizedRobot):
 
     programs: dict[str, Program]
     passes: tuple[PassReport, ...]
+
+
+def joined(first: DerivedModel, second: DerivedModel, functions: Sequence[ModelFunction]) -> DerivedModel:
+    """The model with the functions of two models of one robot, in the order of ``functions``.
+
+    A function in both is that of ``first``.
+    """
+    order = {name: k for k, f in enumerate(functions) for name in (f.name, nominal_name(f.name))}
+    programs = second.programs | first.programs
+    passes = (*first.passes, *(report for report in second.passes if report.function not in first.programs))
+    return replace(
+        first,
+        programs={name: programs[name] for name in sorted(programs, key=order.__getitem__)},
+        passes=tuple(sorted(passes, key=lambda report: order[report.function])),
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -292,14 +308,14 @@ def _expression(plain: Any) -> sp.Expr:
 
 
 def recall(
-    spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel], groups: Sequence[str] = ("model",)
+    spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel], words: Sequence[str] = ("model",)
 ) -> DerivedModel:
     """Return the derived model of a robot from the cache, or derive it by ``derive(spec)`` and store it there.
 
-    A cached model is used if ``identity`` (the content of the robot file), ``groups`` (of functions), and the version
+    A cached model is used if ``identity`` (the content of the robot file), ``words`` (which functions), and the version
     of rrrgen agree. The cache holds all fields except ``spec``, which is taken from the caller.
     """
-    name = f"{spec.name}-{digest(identity.model_hash, *groups, _compiler_hash())[:24]}.derived"
+    name = f"{spec.name}-{digest(identity.model_hash, *words, _compiler_hash())[:24]}.derived"
     found = _load(name)
     if found is None:
         derived = derive(spec)

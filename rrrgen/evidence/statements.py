@@ -66,8 +66,8 @@ def rounding_rows(
     if not has_wide_format(precision):
         return [], [("rounding bounds", "this machine has no format with more digits than double")]
     rows, skipped = [], []
-    programs = model.derived.programs
-    for done, (name, program) in enumerate(programs.items()):
+    programs = {name: (program, part) for part in model.parts for name, program in part.derived.programs.items()}
+    for done, (name, (program, part)) in enumerate(programs.items()):
         if tell is not None:
             tell(done, len(programs), f"rounding of {name}")
         box = box_of(program, model.spec, nominal_beta(model.derived), ranges)
@@ -76,7 +76,7 @@ def rounding_rows(
         except NoBoundError as reason:
             skipped.append((f"rounding of {name}", str(reason)))
             continue
-        compiled = partial(_called, model.engine, program) if model.engine.name == "c" else None
+        compiled = partial(_called, part.engine, program) if part.engine.name == "c" else None
         found = largest_errors(program, box, precision, samples, seed, compiled=compiled)
         bounds = np.array([bound for row in (proven.double if real == "double" else proven.single) for bound in row])
         shares = np.divide(found, bounds, out=np.where(found > 0.0, np.inf, 0.0), where=bounds > 0.0)

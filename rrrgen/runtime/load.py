@@ -21,6 +21,7 @@ from rrrgen.runtime.model import Model
 if TYPE_CHECKING:
     from rrrgen.derive.closed_forms import ClosedForm
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.derive.functions.table import Part
     from rrrgen.emit.c.language import Dialect
     from rrrgen.program import Program
     from rrrgen.robot.file import Robot
@@ -109,7 +110,8 @@ def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Di
 def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> Model:
     """A callable model of a robot: derive, emit, build and load it.
 
-    Derivations and built libraries are cached by content, so that the second call for a robot is fast.
+    Derivations and built libraries are cached by content, so that the second call for a robot is fast. Derivatives of
+    the dynamics, and functions that are emitted on request only, are derived and built when they are first called.
 
     Args:
         robot: path of a robot file, name of a bundled robot such as "rrr", or a RobotSpec.
@@ -131,9 +133,11 @@ def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> M
 
 
 @without_collection()
-def _compile(spec: RobotSpec, backend: EngineName, real: Real, groups: Sequence[str] = ("model",)) -> Model:
-    """Make a callable model with the functions of ``groups``; other groups are compiled when first called."""
+def _compile(
+    spec: RobotSpec, backend: EngineName, real: Real, groups: Sequence[str] = ("model",), part: Part = "at once"
+) -> Model:
+    """Make a callable model with a ``part`` of the functions of ``groups``; others are compiled when first called."""
     identity = identify(spec)
-    derived = derive_once(spec, groups)
+    derived = derive_once(spec, groups, part)
     again = partial(_compile, backend=backend, real=real)
     return load_model(derived, identity, backend, real, lambda name: closed_form(spec, name), again)

@@ -333,7 +333,8 @@ class Model(
             return made
         from rrrgen.emit.casadi import derivative_functions, with_own_derivatives
 
-        programs = {**self.derived.programs, **self._with("inverse_dynamics_hessian").derived.programs}
+        models = (*self.parts, self._with("inverse_dynamics_hessian"))
+        programs = {each: one for model in models for each, one in model.derived.programs.items()}
         own = derivative_functions(program, programs)
         if own is None:
             known = ", ".join(each for each in programs if derivative_functions(programs[each], programs))

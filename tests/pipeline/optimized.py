@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from functools import cache
 
-from rrrgen.derive import derive
-from rrrgen.derive.derived_model import DerivedModel, recall
+from rrrgen.derive import derive_once
+from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.robot.file import load_spec
-from rrrgen.robot.identity import identify
 
 
 @cache
 def bundled(name: str) -> DerivedModel:
     """The bundled robot with all passes, or what the cache kept of it (tests/runtime/test_derived_model.py)."""
-    spec = load_spec(name)
-    return recall(spec, identify(spec), derive)
+    return derive_once(load_spec(name))

@@ -5,13 +5,15 @@ from __future__ import annotations
 import dataclasses
 import pickle
 
+import numpy as np
 import pytest
 import sympy as sp
 
+import rrrgen
 from emit.c_tools import IDENTITY
 from emit.planar import planar_model
 from rrrgen.base.cache import cache_directory, keep
-from rrrgen.derive import derive_model, derive_once, derived_model
+from rrrgen.derive import derive, derive_model, derive_once, derived_model
 from rrrgen.derive.derived_model import dumps, loads
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.model.exact_transforms import cosine_sine
@@ -51,14 +53,14 @@ def test_a_robot_is_derived_once(cache, monkeypatch):
 def test_the_choice_of_a_solver_derives_nothing_again(cache, monkeypatch):
     model, calls = planar_model(), []
 
-    def derive(spec, groups):
-        calls.append(spec)
+    def derive(spec, groups, part):
+        calls.append(part)
         return model
 
     monkeypatch.setattr("rrrgen.derive.derive", derive)
     for ik in ("general", "nominal_first"):
         assert derive_once(dataclasses.replace(model.spec, ik=ik)).spec.ik == ik
-    assert len(calls) == 1
+    assert calls == ["at once", "on demand"]
 
 
 def test_what_stands_in_the_cache_is_never_run(cache):
@@ -105,3 +107,33 @@ def test_an_angle_whose_cosine_is_held_back_is_read_back_equal(degrees):
     again = loads(dumps({"entry": entry}))["entry"]
     assert again == entry
     assert again.has(sp.UnevaluatedExpr) == entry.has(sp.UnevaluatedExpr)
+
+
+@pytest.mark.parametrize("robot", ["rrr", "scara"])
+def test_the_parts_of_a_model_join_to_the_whole(robot):
+    """Python compiles derivatives when they are called; what `derive_once` joins is what `derive` makes in one go."""
+    spec = load_spec(robot)
+    whole, both = derive(spec), derive_once(spec)
+    assert list(both.programs) == list(whole.programs)
+    assert both == whole
+    late = {name for name in whole.programs if name.startswith(("inverse_dynamics_deri", "forward_dynamics_deri"))}
+    assert set(derive_once(spec, part="at once").programs) == set(whole.programs) - late
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_derivatives_are_compiled_when_they_are_called(backend):
+    model = rrrgen.compile("pendulum", backend=backend)
+    assert "inverse_dynamics_derivatives" not in model.derived.programs
+    q = [0.3]
+    tau, _, _, M = model.inverse_dynamics_derivatives(q, [0.1], [0.2])
+    np.testing.assert_allclose(tau, model.inverse_dynamics(q, [0.1], [0.2]), rtol=1e-14)
+    np.testing.assert_allclose(M, model.mass_matrix(q), rtol=1e-14)
+    assert model.bind("inverse_dynamics_derivatives").outputs
+    with pytest.raises(ValueError, match=r"no function 'inverse_dynamics_derivative'; there are .*_derivatives"):
+        model.bind("inverse_dynamics_derivative")
+
+
+def test_a_robot_without_masses_has_no_derivatives_with_numbers():
+    model = rrrgen.compile(dataclasses.replace(load_spec("pendulum"), links=None), backend="numpy")
+    with pytest.raises(ValueError, match="no function 'inverse_dynamics_derivatives_nominal'"):
+        model.bind("inverse_dynamics_derivatives_nominal")

@@ -53,7 +53,7 @@ class ModelFunction:
     ``more_joints_than``, ``most_joints`` (0 for any number) and ``needs`` say for which robots the function exists, and
     ``absent`` why it does not; with ``closed_loops`` False it does not for robots with such loops. ``of_tip``: it is
     about the tip, and a robot with named tips has one for each of them too (:meth:`at_tip`); ``tip`` is the name of
-    that tip.
+    that tip. ``on_demand``: it takes long to derive and few programs call it, so Python compiles it when it is called.
     """
 
     name: str
@@ -78,6 +78,7 @@ class ModelFunction:
     absent: str = ""
     closed_loops: bool = True
     by_hand: bool = False
+    on_demand: bool = False
     of_tip: bool = False
     tip: str = ""
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive.functions.model_function import ModelFunction, Needs, about_tip
@@ -217,6 +217,7 @@ TABLE = (
         combine=f"{DERIVATIVES}:differentiated",
         of=("inverse_dynamics",),
         result="InverseDynamicsDerivatives",
+        on_demand=True,
     ),
     ModelFunction(
         "forward_dynamics_derivatives",
@@ -233,6 +234,7 @@ TABLE = (
             ("numpy.linalg.LinAlgError", "M is indefinite or singular at some state, and ``with_status`` is False."),
         ),
         result="ForwardDynamicsDerivatives",
+        on_demand=True,
         status=True,
     ),
     ModelFunction(
@@ -1204,6 +1206,7 @@ TABLE = (
         status=True,
         needs=Needs.FLOATING_BASE,
         absent=STATE_FLOATING_BASE,
+        on_demand=True,
     ),
     ModelFunction(
         "friction",
@@ -1385,8 +1388,14 @@ def exists(function: ModelFunction, spec: RobotSpec) -> bool:
     return True
 
 
-def functions_for(spec: RobotSpec, groups: Sequence[str]) -> tuple[ModelFunction, ...]:
-    """The functions of ``groups`` that the robot ``spec`` has, in the order of emission.
+Part = Literal["all", "at once", "on demand"]
+"""Functions of a group: all, those that Python compiles at once, or those that it compiles when they are called."""
+
+
+def functions_for(spec: RobotSpec, groups: Sequence[str], part: Part = "all") -> tuple[ModelFunction, ...]:
+    """The functions of ``groups`` that the robot ``spec`` has, in the order of emission: all, or a ``part`` of them.
+
+    Those on demand come with the functions whose derivatives they are.
 
     Raises DerivationError if a group has functions for robots with fewer joints alone.
     """
@@ -1396,7 +1405,13 @@ def functions_for(spec: RobotSpec, groups: Sequence[str]) -> tuple[ModelFunction
     if "model" in groups:
         last = [group for group in ALWAYS if group != "model"]
         groups = (*(group for group in groups if group not in last), *last)
-    return tuple(f for f in _at_all_tips(dict.fromkeys(groups), spec.tips) if exists(f, spec))
+    every = tuple(f for f in _at_all_tips(dict.fromkeys(groups), spec.tips) if exists(f, spec))
+    if part == "all":
+        return every
+    if part == "at once":
+        return tuple(f for f in every if not f.on_demand)
+    sources = {name for f in every if f.on_demand for name in f.of}
+    return tuple(f for f in every if f.on_demand or f.name in sources)
 
 
 def with_sources(functions: Sequence[ModelFunction]) -> tuple[ModelFunction, ...]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import takewhile
 from typing import Any, NamedTuple
 
 from rrrgen.base.templates import render
-from rrrgen.derive import derive
-from rrrgen.derive.derived_model import DerivedModel, recall
+from rrrgen.derive import derive_once
+from rrrgen.derive.derived_model import DerivedModel
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.derive.functions.table import GROUPS, find
 from rrrgen.emit import Real
@@ -130,9 +129,7 @@ def any_gravity_code(spec: RobotSpec, real: Real = "double", further: Sequence[s
 
 def derived_model(spec: RobotSpec, further: Sequence[str] = ()) -> tuple[DerivedModel, Identity]:
     """The model of ``spec`` with the groups of functions among the words ``further``, from the cache if it is there."""
-    groups = ("model", *(group for group in GROUPS if group in further))
-    identity = identify(spec)
-    return recall(spec, identity, partial(derive, groups=groups), groups), identity
+    return derive_once(spec, ("model", *(group for group in GROUPS if group in further))), identify(spec)
 
 
 # ------------------------------------------------------------------------------------------------------------------

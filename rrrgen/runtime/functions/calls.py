@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,17 +80,38 @@ class Calls:
         entry = find(name)
         if entry is not None and 0 < entry.most_joints < self.n:
             raise ValueError(f"{name}: {entry.absent}")
+        late = {*self._on_demand, *map(nominal_name, self._on_demand)}
+        if name in late and "on demand" not in self._groups:
+            self._groups["on demand"] = self._compiler()(self.spec, part="on demand")
+            return self._with(name)
         for group in GROUPS:
             functions = functions_of(group, self.n, self.spec.tips)
             offered = {*functions, *map(nominal_name, functions)}
             if name in offered and self._compiled is not None and group not in self._groups:
                 self._groups[group] = self._compiled(self.spec, groups=(group,))
                 return self._with(name)
-        derived = [each for model in self._groups.values() for each in model.derived.programs]
+        derived = [*self._on_demand, *(each for model in self._groups.values() for each in model.derived.programs)]
         further = [group for group in GROUPS if group not in (*ALWAYS, *self._groups)] if self._compiled else []
         others = [each for group in further for each in functions_of(group, self.n, self.spec.tips)]
         known = sorted({*self.derived.programs, *derived, *others})
         raise ValueError(f"no function '{name}'; there are inverse_kinematics, {', '.join(known)}")
+
+    @cached_property
+    def _on_demand(self) -> tuple[str, ...]:
+        """Names of the functions that are compiled when they are called; none where nothing more can be compiled."""
+        from rrrgen.derive.functions.table import functions_for
+
+        functions = functions_for(self.spec, ("model",), "on demand") if self._compiled else ()
+        return tuple(f.name for f in functions if f.on_demand)
+
+    def _has(self, name: str) -> bool:
+        """Whether the robot has the function ``name`` of those that need no request, compiled already or not."""
+        return name in self.derived.programs or name in self._on_demand
+
+    @property
+    def parts(self) -> tuple[Model, ...]:
+        """Models that together have all functions that need no request: this one, and that of derivatives."""
+        return tuple(dict.fromkeys((cast("Model", self), *map(self._with, self._on_demand))))
 
     def _at_tip(self, name: str, tip: str) -> str:
         """The name of the function ``name`` about the named ``tip``. Raises ValueError if the robot has no such tip."""

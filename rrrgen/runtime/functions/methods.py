@@ -220,7 +220,7 @@ def _body(function: ModelFunction) -> Iterator[str]:
     if function.of_tip:
         yield f"{INDENT}name = {function.name!r} if tip is None else self._at_tip({function.name!r}, tip)"
     if function.absent and function.group in ALWAYS:
-        yield f"{INDENT}if {_name(function)} not in self.derived.programs:"
+        yield f"{INDENT}if not self._has({_name(function)}):"
         yield f"{INDENT * 2}raise ValueError({function.absent!r})"
     results = _evaluation(function)
     if function.status:
@@ -254,7 +254,7 @@ def _evaluation(function: ModelFunction) -> str:
         values = "".join(f"{_value(function, q)}, " for q in inputs)
         if chosen:
             return f"self._evaluate({name}, ({values.rstrip(' ')}){given})"
-        engine = "self.engine" if function.group in ALWAYS else f"self._with({name}).engine"
+        engine = "self.engine" if function.group in ALWAYS and not function.on_demand else f"self._with({name}).engine"
         return f"{engine}.call({name}, ({values.rstrip(' ')}))"
     values = ", ".join(f"{q.name!r}: {_value(function, q)}" for q in inputs)
     return f"self._named({name}, {{{values}}}{given})"
