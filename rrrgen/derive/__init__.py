@@ -71,6 +71,8 @@ def parametrized(derivation: Derivation) -> ParametrizedRobot:
 def derive_model(spec: RobotSpec, groups: Sequence[str] = ("model",), part: Part = "all") -> RecordedModel:
     """Derive functions of ``groups`` and the minimal base parameters of ``spec``, before optimization.
 
+    ``part`` is "all" of these functions, or those that Python compiles "at once" or "on demand".
+
     Raises InputError if the base parameters chosen in the robot file are no basis, DerivationError if a named parameter
     has no nominal value.
     """

@@ -143,13 +143,11 @@ class DerivedModel(ParametrizedRobot):
 
 
 def joined(first: DerivedModel, second: DerivedModel, functions: Sequence[ModelFunction]) -> DerivedModel:
-    """The model with the functions of two models of one robot, in the order of ``functions``.
-
-    A function in both is that of ``first``.
-    """
+    """The model with the functions of two models of one robot, in the order of ``functions``."""
     order = {name: k for k, f in enumerate(functions) for name in (f.name, nominal_name(f.name))}
-    programs = second.programs | first.programs
-    passes = (*first.passes, *(report for report in second.passes if report.function not in first.programs))
+    programs = first.programs | second.programs
+    # functions of the first may have been optimized again for those of the second that are made of them
+    passes = (*first.passes, *(report for report in second.passes if report.function in second.programs))
     return replace(
         first,
         programs={name: programs[name] for name in sorted(programs, key=order.__getitem__)},

@@ -53,14 +53,15 @@ def load_model(
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
     from rrrgen.emit.c.language import Dialect, InlineSinCos
-    from rrrgen.emit.c.robot_files import NOMINAL, header_and_sources, source_parts
+    from rrrgen.emit.c.robot_files import DERIVATIVES, NOMINAL, header_and_sources, source_parts
     from rrrgen.emit.description import programs_of
 
     dialect = Dialect(derived.spec.name, real)
     programs = {name: program for name, program in programs_of(derived).items() if program.inputs}
     code = header_and_sources(derived, identity, dialect, InlineSinCos())
     parts = source_parts(programs.values())
-    later = {name: part for part, names in parts.items() if part not in ("", NOMINAL) for name in names}
+    first = [part for part in ("", NOMINAL) if parts.get(part)] or [DERIVATIVES]
+    later = {name: part for part, names in parts.items() if part not in first for name in names}
 
     def built(*wanted: str) -> tuple[Any, dict[str, Any]]:
         """Compile the source files of the parts ``wanted``."""
@@ -71,7 +72,7 @@ def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> Compiled
     def build_later(name: str) -> dict[str, Any]:
         return built(later[name])[1]
 
-    ffi, functions = built("", NOMINAL)
+    ffi, functions = built(*first)
 
     def build_loops(names: Sequence[str]) -> dict[str, Any]:
         return _loops({name: programs[name] for name in names}, code, dialect)

@@ -1395,8 +1395,6 @@ Part = Literal["all", "at once", "on demand"]
 def functions_for(spec: RobotSpec, groups: Sequence[str], part: Part = "all") -> tuple[ModelFunction, ...]:
     """The functions of ``groups`` that the robot ``spec`` has, in the order of emission: all, or a ``part`` of them.
 
-    Those on demand come with the functions whose derivatives they are.
-
     Raises DerivationError if a group has functions for robots with fewer joints alone.
     """
     for function in TABLE:
@@ -1406,20 +1404,14 @@ def functions_for(spec: RobotSpec, groups: Sequence[str], part: Part = "all") ->
         last = [group for group in ALWAYS if group != "model"]
         groups = (*(group for group in groups if group not in last), *last)
     every = tuple(f for f in _at_all_tips(dict.fromkeys(groups), spec.tips) if exists(f, spec))
-    if part == "all":
-        return every
-    if part == "at once":
-        return tuple(f for f in every if not f.on_demand)
-    sources = {name for f in every if f.on_demand for name in f.of}
-    return tuple(f for f in every if f.on_demand or f.name in sources)
+    return every if part == "all" else tuple(f for f in every if f.on_demand == (part == "on demand"))
 
 
 def with_sources(functions: Sequence[ModelFunction]) -> tuple[ModelFunction, ...]:
-    """The ``functions``, behind those others that they are made of where nothing records them."""
+    """The ``functions``, behind those others that they are, or may be, made of."""
     needed = list(functions)
     for function in needed:  # grows on the way
-        if not function.record or function not in functions:
-            needed += [FUNCTIONS[name] for name in function.of if FUNCTIONS[name] not in needed]
+        needed += [FUNCTIONS[name] for name in function.of if FUNCTIONS[name] not in needed]
     return (*(f for f in TABLE if f in needed and f not in functions), *functions)
 
 

@@ -110,7 +110,7 @@ class Calls:
 
     @property
     def parts(self) -> tuple[Model, ...]:
-        """Models that together have all functions that need no request: this one, and that of derivatives."""
+        """Models that together have all functions that need no request: this one, and one of those on demand."""
         return tuple(dict.fromkeys((cast("Model", self), *map(self._with, self._on_demand))))
 
     def _at_tip(self, name: str, tip: str) -> str:
