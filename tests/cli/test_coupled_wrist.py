@@ -85,6 +85,7 @@ def states(count=200):
     return [rng.uniform(-limit, limit, (count, 2)) for limit in (2.0, 3.0, 10.0)]
 
 
+@pytest.mark.sweep
 def test_the_written_file_is_the_robot_that_was_simulated(folder, identified):
     truth = torques(load_spec(folder / "wrist.yaml"), states())
     found = torques(identified, states())

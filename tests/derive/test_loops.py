@@ -133,6 +133,7 @@ def beta_of(spec):
     return K @ nominal_parameters(spec).ravel()
 
 
+@pytest.mark.sweep
 def test_a_loop_with_nearly_equal_sides_moves_as_the_parallelogram():
     """Sides off by 1e-6 m: torques differ from those of the constant coupling by about as much."""
     text = PALLETISER.read_text(encoding="utf-8").replace("a: 900", "a: 945.001").replace("-1345", "-1325.001")

@@ -32,6 +32,7 @@ def test_bare_metal_arm(name, tmp_path):
         assert done.returncode == 0, done.stderr[:2000]
 
 
+@pytest.mark.sweep
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="cppcheck is not installed")
 def test_static_analysis_finds_nothing_in_the_inverse_kinematics(tmp_path):
     from rrrgen.emit.c.ik.files import sources as ik_sources

@@ -12,6 +12,7 @@ from examples.script import exit_code
 pytest.importorskip("mujoco", reason="the arm of this example is simulated by MuJoCo")
 
 
+@pytest.mark.sweep
 def test_a_push_stops_the_arm_and_a_hand_guides_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_code("guidance", "--c") == 0
     assert "stopped at 10" in capsys.readouterr().out

@@ -130,6 +130,7 @@ def test_float_seldom_proves_what_is_nearly_a_continuum():
     assert loss.silent <= 0.025 * POSES
 
 
+@pytest.mark.sweep
 def test_python_seldom_proves_what_is_nearly_a_continuum():
     """Solutions of poses nearby counted as those of the target: two of five targets had the status OK."""
     solver, T = load_solver(robot("crx10ia"), backend="numpy"), reference(ROWS["crx10ia"], near_a_continuum(3, 1e-9))

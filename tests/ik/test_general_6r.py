@@ -90,6 +90,7 @@ def test_roots_that_two_solutions_share_are_no_multiple_solutions():
     assert all(np.linalg.svd(solver.plan.chain.jacobian(x))[1][-1] < 1e-5 for x in flagged)
 
 
+@pytest.mark.sweep
 def test_an_elimination_of_almost_the_right_degree_is_not_used():
     """Axes antiparallel but for 3e-4 rad: one elimination costs few digits and has a remainder of 4e-10 above degree 8.
 

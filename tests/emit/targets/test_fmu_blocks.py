@@ -56,6 +56,7 @@ def set_path(block, points: int) -> rrrgen.TimedPath:
     return rrrgen.compile(arm()).time_path(path, **given)
 
 
+@pytest.mark.sweep
 def test_timing_of_a_path(folder, tmp_path):
     block = slave(folder, tmp_path, "arm_timing")
     run("gcc", "-std=c99", *STRICT, "-fsyntax-only", "arm_timing_fmu.c", cwd=block.folder / "sources")

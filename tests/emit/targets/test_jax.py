@@ -47,6 +47,7 @@ def worst(value, expected):
     return np.max(np.abs(np.asarray(value) - expected)) / np.max(np.abs(expected))
 
 
+@pytest.mark.sweep
 def test_hessian_of_jax_is_that_of_the_emitted_function(tmp_path):
     module, model = imported(tmp_path, "planar2r", ("hessian",)), rrrgen.compile("planar2r", backend="numpy")
     q, dq, ddq = states(model.n, 1)[:, 0]

@@ -101,6 +101,7 @@ def test_values_out_of_reach_and_many_outliers_are_explained(tmp_path):
     assert estimate_checked(nominal, table.measurements(NOISE, 1e-4), table, robust=True).outliers == list(range(12))
 
 
+@pytest.mark.sweep
 def test_up_to_half_outliers_are_set_aside_and_more_are_refused_with_their_share(tmp_path):
     """Outliers are off alike, as by a target that slipped; from Huber's weights alone the estimate follows them."""
     spec, random = load_spec("rrr"), np.random.default_rng(2)

@@ -96,6 +96,7 @@ def test_the_loop_explains_the_torque_better_than_before(refined):
     assert set(record["multiple_shooting"]) >= set(LIMITS)
 
 
+@pytest.mark.sweep
 def test_bristles_are_simulated_and_found():
     """LuGre's law, from parameters that are off: the joint vibrates at 280 Hz on its bristles."""
     sigma0, sigma1 = 2e5, 90.0

@@ -196,6 +196,7 @@ def test_friction_with_a_state_is_simulated_and_found(drive, tmp_path, law):
     assert loop.fit.relative_error < 2e-3
 
 
+@pytest.mark.sweep
 def test_the_virtual_arm_writes_its_controller(tmp_path):
     """Three coupled joints, a Kalman observer, a delay, noise, friction with a state and of the load in the loop.
 

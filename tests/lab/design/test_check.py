@@ -14,6 +14,7 @@ from rrrgen.lab.design.design import ExcitationLimits, check_trajectory, design_
 from samples.casadi_arms import double_pendulum_tip, double_pendulum_torque
 
 
+@pytest.mark.sweep
 def test_rrr_check_reports_what_a_dense_grid_shows(rrr_start) -> None:
     problem, result = rrr_start
     dense = check_trajectory(problem, result.trajectory, 40_000)

@@ -60,6 +60,7 @@ def test_every_fault_of_a_problem_is_reported() -> None:
         pendulum_problem(design_samples=8)
 
 
+@pytest.mark.sweep
 def test_torques_with_friction_stay_within_the_drives_by_default() -> None:
     """The drive of the pendulum cannot hold it where it is level: the motion must not stop there."""
     text = bundled_path("pendulum").read_text(encoding="utf-8")

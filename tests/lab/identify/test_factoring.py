@@ -198,6 +198,7 @@ np.save({out!r}, factor_recordings(Observations((stream,), maker)).fit.R)
 """
 
 
+@pytest.mark.sweep
 def test_a_recording_ten_times_larger_than_the_memory(tmp_path):
     pytest.importorskip("resource", reason="limits of memory are those of POSIX")
     if not os.path.exists("/proc/self/statm"):

@@ -119,6 +119,7 @@ def test_scores_by_joint(arm):
     assert f"{100 * held_out.joint_relative[1]:.3g} %" in lines[2]
 
 
+@pytest.mark.sweep
 def test_the_commands(tmp_path, arm, monkeypatch, capsys):
     """identify --cross-validate prints the table; validate --split scores the part that was not fitted, and says so."""
     from functools import partial

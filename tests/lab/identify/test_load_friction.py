@@ -70,6 +70,7 @@ def log():
     return Log(("a", "b"), t, states[:, :2], tau, dq=states[:, 2:], ddq=ddq, period=PERIOD)
 
 
+@pytest.mark.sweep
 def test_the_law_is_chosen_and_its_parameters_are_those_simulated(arm, log):
     options = Options(
         friction=LawChoice.parse(["auto"], arm.spec), correlated=False, poses=2, split=Split.parse("first:0.7")

@@ -134,6 +134,7 @@ def test_lugre_presliding_is_a_spring_and_sliding_the_stribeck_curve() -> None:
     assert float(LUGRE.torque(np.array([speed]))[0]) == pytest.approx(2.2, rel=2e-3)
 
 
+@pytest.mark.sweep
 def test_bristles_beside_a_law_that_jumps() -> None:
     """One joint's bristles have a state, the other joint's friction jumps at rest: it holds, then slides."""
     dahl = FrictionModel(LAWS["dahl"], np.array([[1.0, 0.3, 1e-3]]))

@@ -155,6 +155,7 @@ def test_step_in_c_equals_python(recorded, tmp_path, name, flags, real):
     assert np.abs(y - reference).max() < (1e-12 if real == "double" else 1e-4) * np.abs(reference).max()
 
 
+@pytest.mark.sweep
 def test_python_control_has_the_same_response(recorded, tmp_path):
     file = recorded / "model/results/response_model.json"
     model = read_response_models(file)[1]
