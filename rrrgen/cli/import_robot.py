@@ -51,7 +51,7 @@ class _WithFormats(click.Command):
     default=1e-5,
     show_default=True,
     metavar="RAD",
-    help="URDF, MJCF: angles this near to a multiple of 15 degrees are taken as exact.",
+    help="URDF, MJCF, .par: angles this near to a multiple of 15 degrees are taken as exact.",
 )
 @click.option("--force", is_flag=True, help="Overwrite the file.")
 @click.option("-v", "--verbose", is_flag=True, help="List what has no effect on a model too, such as shapes.")

@@ -82,7 +82,8 @@ def import_robot(
     importer = _choose(text, file, form)
     faults = FaultList(file, text)
     given = {key: parse_value(key, entry) for key, entry in (values or {}).items()}
-    if chain is not None and chain != ChainChoice() and not importer.describes_trees:
+    usual = ChainChoice(angle_tolerance=chain.angle_tolerance) if chain and importer.rounds_angles else ChainChoice()
+    if chain not in (None, usual) and not importer.describes_trees:
         hint = "base, tip, held joints, convention and angle tolerance choose a chain of a tree of bodies"
         raise InputError([Fault(file, 0, 0, f"a file of the format {importer.name} is one chain already", hint=hint)])
     source = Source(text, given, _from_stem(Path(file).stem), chain or ChainChoice())

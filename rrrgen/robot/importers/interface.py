@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import sympy as sp
@@ -13,6 +13,9 @@ from rrrgen.robot.spec import Convention, RobotSpec
 DEFAULT_ANGLE_TOLERANCE = 1e-5
 """Largest difference (rad) between an angle and a multiple of 15 degrees that it is taken for: 1.5708 and 3.1416 stand
 for pi/2 and pi, and differ from them by 4e-6 and 7e-6."""
+
+ROUNDING = 1e-12
+"""Change of an angle (rad) up to which nothing is said: rounding errors of programs that compute with doubles."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,17 @@ class ChainChoice:
     convention: Convention = "standard"
     angle_tolerance: float = DEFAULT_ANGLE_TOLERANCE
     further_tips: tuple[str, ...] = ()
+
+
+def warn_of_rounded_angles(changes: Iterable[float], tolerance: float, faults: FaultList) -> None:
+    """Add a warning if any of the ``changes`` (rad) that made angles exact is more than rounding of doubles."""
+    larger = [change for change in changes if change > ROUNDING]
+    if larger:
+        angles = (
+            "1 angle was taken as a multiple" if len(larger) == 1 else f"{len(larger)} angles were taken as multiples"
+        )
+        hint = f"within {tolerance:g} rad; --angle-tolerance 0 keeps the decimals of the file"
+        faults.warning(None, f"{angles} of 15 degrees; the largest change is {max(larger):.1e} rad", hint)
 
 
 @dataclass(frozen=True)
@@ -79,7 +93,8 @@ class Importer:
     ``recognises`` says whether a text is of this format. ``read`` converts it to a robot, or returns None after adding
     every error, with its place, to the list of faults. What a robot file cannot represent is a warning in that list, or
     an error where leaving it out would change the robot. ``describes_trees`` says whether the importer uses the choice
-    ``Source.chain``; for other formats such a choice is refused.
+    ``Source.chain``, ``rounds_angles`` whether of this choice it uses the tolerance of angles alone; for other formats
+    such a choice is refused.
     """
 
     name: str
@@ -88,3 +103,4 @@ class Importer:
     recognises: Callable[[str], bool]
     read: Callable[[Source, FaultList], Found | None]
     describes_trees: bool = False
+    rounds_angles: bool = False

@@ -12,6 +12,7 @@ With closed loops, ``Type = 2``, the frames 1 to NL are those of a tree of links
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from rrrgen.base.yamltext.expressions import FUNCTIONS, ExpressionError, Name, p
 from rrrgen.robot.file.fields import MAX_JOINTS
 from rrrgen.robot.file.mechanism import mechanism_of_rows
 from rrrgen.robot.file.quantities import LARGEST_BARE_LENGTH, held_fault, held_number
-from rrrgen.robot.importers.interface import Found, Importer, Source
+from rrrgen.robot.importers.interface import Found, Importer, Source, warn_of_rounded_angles
 from rrrgen.robot.spec import (
     DriveSpec,
     FixedTransform,
@@ -64,6 +65,8 @@ class Assignments:
         self.text = _COMMENT.sub(lambda found: re.sub(r"\S", " ", found.group()), source.text)
         self.items: dict[str, tuple[str, int]] = {}
         self.place: dict[str, Place] = {}
+        self.rounded: list[float] = []
+        """Changes of angles that were taken as multiples of 15 degrees, rad."""
         self._lists: dict[tuple[str, int], list[ListEntry]] = {}
         self._split()
 
@@ -130,7 +133,19 @@ class Assignments:
             words, hint = held_fault(expr)
             self.faults.error(place, f"{name}: an entry {words}", hint)
             return ListEntry(ZERO, place)
-        return ListEntry(expr, place)
+        return ListEntry(self._exact(expr) if name in ANGLES else expr, place)
+
+    def _exact(self, angle: sp.Expr) -> sp.Expr:
+        """``angle`` (rad), such as t2 + 1.5708, its number taken as the multiple of 15 degrees that it means."""
+        decimal, rest = angle.as_coeff_Add()
+        if decimal == 0 or rest.has(sp.pi):
+            return angle
+        exact = sp.Rational(round(float(decimal) * 12 / math.pi), 12) * sp.pi
+        change = abs(float(sp.N(exact - decimal, 30)))
+        if change > self.source.chain.angle_tolerance:
+            return angle
+        self.rounded.append(change)
+        return rest + exact
 
     def words(self) -> set[str]:
         """All names that occur in the file."""
@@ -159,6 +174,7 @@ class Assignments:
 # OpenSYMORO ``.par``
 # ------------------------------------------------------------------------------------------------------------------
 
+ANGLES = ("gamma", "alpha", "theta")
 GEOMETRY = ("ant", "sigma", "b", "d", "r", "gamma", "alpha", "theta")
 INERTIA = ("XX", "YY", "ZZ", "XY", "XZ", "YZ")
 MOMENTS = ("MX", "MY", "MZ")
@@ -184,6 +200,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
     table = _table(file)
     if table is None:
         return None
+    warn_of_rounded_angles(file.rounded, source.chain.angle_tolerance, faults)
     _refuse_unknown_values(file)
     kinds = [entry.expr for entry in table["sigma"]]
     links = len(kinds) - 2 * _cuts(file)
@@ -663,4 +680,5 @@ IMPORTER = Importer(
     (".par",),
     lambda text: re.search(r"^\s*[Ss]igma\s*=\s*\{", text, re.MULTILINE) is not None,
     _read,
+    rounds_angles=True,
 )

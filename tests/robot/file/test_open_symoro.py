@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from oracles import khalil
 from rrrgen.base.errors import InputError
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.importers.importing import import_robot
+from rrrgen.robot.importers.interface import ChainChoice
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 from tests.robot.file.par_files import ELBOW, LOOPS, SLIDING, TREE, VALUES, inertia, numbers, text
@@ -51,6 +53,21 @@ def test_kinematics_and_energies_are_those_of_the_file(arm, tmp_path):
     K, U = model.energy(q, dq)
     np.testing.assert_allclose(K, kinetic, rtol=1e-12)
     np.testing.assert_allclose(U - U[0], potential - potential[0], atol=1e-12 * np.abs(potential).max())
+
+
+def test_decimals_of_right_angles_are_right_angles(tmp_path):
+    """Six digits of pi/2 would make a general arm of one that has a closed form."""
+    columns, gravity = columns_of("elbow")
+    content = text(columns, "elbow", gravity)
+    rounded = re.sub(r"(?i)\bpi/2", "1.5707963", content)
+    assert rounded != content
+    exact = import_robot(write(tmp_path, content), values=given("elbow"))
+    found = import_robot(write(tmp_path, rounded), values=given("elbow"))
+    assert found.spec == exact.spec
+    (warning,) = [str(each) for each in found.notes if "15 degrees" in str(each)]
+    assert re.search(r"angles were taken as multiples of 15 degrees; the largest change is 2\.7e-08 rad", warning)
+    kept = import_robot(write(tmp_path, rounded), values=given("elbow"), chain=ChainChoice(angle_tolerance=0.0))
+    assert kept.spec != exact.spec
 
 
 def test_a_tree_is_the_one_of_the_file(tmp_path):

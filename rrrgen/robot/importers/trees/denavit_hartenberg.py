@@ -31,7 +31,7 @@ import sympy as sp
 
 from rrrgen.base.yamltext.document import FaultList
 from rrrgen.robot.file.quantities import LARGEST_BARE_LENGTH
-from rrrgen.robot.importers.interface import ChainChoice, Found, ImportedChain, Source
+from rrrgen.robot.importers.interface import ChainChoice, Found, ImportedChain, Source, warn_of_rounded_angles
 from rrrgen.robot.importers.trees.bodies import Inertia, Tree
 from rrrgen.robot.importers.trees.exact_numbers import (
     EQUAL,
@@ -314,7 +314,7 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     if chain is None:
         return None
     table = denavit_hartenberg(chain, choice.convention, choice.angle_tolerance, fixed_rows=True)
-    _tell_about_angles([*rounded, *table.rounded], choice, faults)
+    warn_of_rounded_angles(map(float, [*rounded, *table.rounded]), choice.angle_tolerance, faults)
     _tell_about_distance(chain, table, faults)
     _tell_about_held(chain, faults)
     names = _joint_names(chain, faults)
@@ -366,14 +366,6 @@ def _tips(table: DenavitHartenberg, rows: list[JointSpec], faults: FaultList) ->
             faults.warning(None, f"tip '{link}' is called {name}", "a name is a C identifier")
         tips[name] = TipSpec(rows[row].name, fixed_transform(tool))
     return tips
-
-
-def _tell_about_angles(rounded: list[Any], choice: ChainChoice, faults: FaultList) -> None:
-    changes = [float(change) for change in rounded if change > NOISE]
-    if changes:
-        message = f"{len(changes)} angles were taken as multiples of 15 degrees; the largest change is "
-        hint = f"within {choice.angle_tolerance:g} rad; --angle-tolerance 0 keeps the decimals of the file"
-        faults.warning(None, f"{message}{max(changes):.1e} rad", hint)
 
 
 def _tell_about_distance(chain: SerialChain, table: DenavitHartenberg, faults: FaultList) -> None:
