@@ -7,7 +7,7 @@ predicted linearly from earlier errors, farther back than the filters reach: noi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any
@@ -243,3 +243,8 @@ def remainder_notes(
 def remainder_record(found: Sequence[Remainder]) -> list[dict[str, Any]]:
     """Plain data of ``found`` for JSON, one entry for each output."""
     return [vars(each) | {"is_left": each.is_left} for each in found]
+
+
+def recorded_remainders(record: Sequence[Mapping[str, Any]]) -> tuple[Remainder, ...]:
+    """The inverse of :func:`remainder_record`."""
+    return tuple(Remainder(**{key: value for key, value in each.items() if key != "is_left"}) for each in record)

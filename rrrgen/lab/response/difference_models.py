@@ -15,6 +15,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError, require
 from rrrgen.base.option_names import option_name
 from rrrgen.lab.estimate.linear import scaled, solve
+from rrrgen.lab.estimate.remainder import Errors, Piece, Remainder, remainder_record, remainders
 from rrrgen.lab.estimate.search import search
 from rrrgen.lab.response.resonances import check_resonances
 from rrrgen.lab.response.response_file import ResponseRecording
@@ -272,6 +273,9 @@ def fit_difference_model(
     _, order, kind, delay = min((each[1], each) for each in finite if each[0] <= limit)[1]
     equation = _fit(kind, u, y, start, stop, order, delay)
     fit = _scores(equation, u, y, start, stop)
+    if fit["held_out"]:
+        left = left_after(equation, u, y, start, stop, record.period, as_sensor=kind == "output_error" and not short)
+        fit["held_out_remainder"] = remainder_record(left)
     if short:
         begin, end = fit["scored_rows"]
         fit["free_run"] = fit["value"]
@@ -478,6 +482,38 @@ def _short_run_error(equation: Equation, u: Array, y: Array, begin: int, end: in
     return _relative(np.concatenate(parts), y[starts[0] : starts[-1] + SHORT_RUN])
 
 
+def left_after(
+    equation: Equation, u: Array, y: Array, start: int, stop: int, period: float, *, as_sensor: bool
+) -> tuple[Remainder, ...]:
+    """Test what noise does not explain in the errors of the rows from ``stop`` on; the rows [start, stop) were fitted.
+
+    Rows lie ``period`` s apart. The errors are those of the free run where the noise was taken for that of a sensor
+    (``as_sensor``), which is in them as it is. They are those of the one-step prediction, relative to the change of y
+    in a sample, where the noise passes through the equation: in a free run it would ring on.
+    """
+    first, end = start + max(equation.past, 1), len(y)
+
+    def errors_of(model: Array, size: Array, begin: int) -> Errors | None:
+        rows = np.arange(begin, begin + len(model))
+        pieces = [Piece(period * rows, size[:, None], (y[rows] - model)[:, None], np.zeros(len(rows), np.int64))]
+        return Errors.of(pieces, 0 if as_sensor else equation.past)
+
+    if as_sensor:
+        held = errors_of(continued_run(equation, u, y, start, stop, end), y[stop:], stop)
+        fitted = errors_of(free_run(equation, u, y, first, stop), y[first:stop], first)
+        return remainders(held, fitted, ("the free run",))
+    held = errors_of(_one_step(equation, u, y, stop, end), np.diff(y[stop - 1 :]), stop)
+    fitted = errors_of(_one_step(equation, u, y, first, stop), np.diff(y[first - 1 : stop]), first)
+    return remainders(held, fitted, ("the one-step prediction",))
+
+
+def _one_step(equation: Equation, u: Array, y: Array, begin: int, end: int) -> Array:
+    """Predictions of the outputs of the rows [begin, end) from the measured values before each."""
+    k = np.arange(begin, end)
+    step = sum(c * y[k - i] for i, c in enumerate(equation.a, start=1))
+    return np.asarray(step + sum(c * u[k - equation.delay - j] for j, c in enumerate(equation.b)))
+
+
 def _relative(error: Array, y: Array) -> float:
     size = float(np.linalg.norm(y - y.mean()))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -505,9 +541,7 @@ def _scores(equation: Equation, u: Array, y: Array, start: int, stop: int) -> di
     """
     after = len(y) - stop >= 10 * max(len(equation.a), 1)
     begin, end = (stop, len(y)) if after else (start + equation.past, stop)
-    k = np.arange(begin, end)
-    step = sum(c * y[k - i] for i, c in enumerate(equation.a, start=1))
-    step = step + sum(c * u[k - equation.delay - j] for j, c in enumerate(equation.b))
+    step = _one_step(equation, u, y, begin, end)
     quiet = free_run(equation, u, np.zeros_like(y), 0, end)[begin:]
     continued = continued_run(equation, u, y, start, begin, end) if after else free_run(equation, u, y, begin, end)
     part = y[begin:end]

@@ -15,6 +15,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError, require
 from rrrgen.base.tables import text_table
 from rrrgen.emit.controller.state_space import StateSpace, in_parallel, realize
+from rrrgen.lab.estimate.remainder import recorded_remainders, remainder_notes
 
 # ------------------------------------------------------------------------------------------------------------------
 # The discrete-time controller of a recorded control loop, as a transfer function.
@@ -51,6 +52,8 @@ CERTAIN = {"frequency": 0.0025, "damping": 0.05}
 """Relative standard deviations above which frequency or damping of a resonance counts as uncertain."""
 LOWEST_SHARE = 1e-3  # of the sampling rate: lowest frequency at which the rounding of a and b is determined
 COARSE = 1e-6  # relative error by the rounding of a and b from which on the report states it
+NOT_LINEAR = "a mode that the order leaves out, friction or backlash, or a slow disturbance"
+"""Effects that let prediction errors follow each other, in words."""
 OTHER_PROTOCOLS = {
     "free_run_with_state_from_fitted_rows": "free run with the state that the fitted rows lead to",
     "free_run_from_zero_state": "free run from the state zero",
@@ -208,6 +211,8 @@ class ResponseModel:
         if "scored_rows" in fit:
             first, last = fit["scored_rows"]
             lines.append(f"  scored on rows {first}:{last}{'' if fit['held_out'] else ', which were fitted'}")
+        left = recorded_remainders(fit.get("held_out_remainder", ()))
+        lines += (f"  note: {note}" for note in remainder_notes(left, "errors", NOT_LINEAR))
         if self.rounding > COARSE:
             held = f"{100.0 * self.rounding:.2g} %"
             lines.append(f"  a and b, in double precision, hold the response to {held}: take the state space")
