@@ -27,12 +27,14 @@ ARMS = [
     "ur20",
     "xarm6",
     "piper",
+    "vx300s",
     "so101",
     "iiwa14",
     "panda",
     "fr3",
     "gen3",
     "xarm7",
+    "openarm",
 ]  # simple ones first, then by number of joints
 COLUMNS = 4
 

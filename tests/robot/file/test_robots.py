@@ -15,7 +15,8 @@ from rrrgen.robot.file import RobotSpec, bundled_names, bundled_path, load_spec
 JOINTS = {"rrr": "RRR", "planar2r": "RR", "scara": "RRPR", "stanford": "RRPRRR", "puma560": "RRRRRR", "ur5": "RRRRRR",
           "ur10e": "RRRRRR", "iiwa14": "RRRRRRR", "panda": "RRRRRRR", "pendulum": "R", "gantry": "PPP",
           "ur3e": "RRRRRR", "ur5e": "RRRRRR", "ur20": "RRRRRR", "xarm6": "RRRRRR", "so101": "RRRRR", "gen3": "RRRRRRR",
-          "xarm7": "RRRRRRR", "piper": "RRRRRR", "fr3": "RRRRRRR"}  # fmt: skip
+          "xarm7": "RRRRRRR", "openarm": "RRRRRRR", "vx300s": "RRRRRR",
+          "piper": "RRRRRR", "fr3": "RRRRRRR"}  # fmt: skip
 MODIFIED = ("panda", "fr3", "gen3", "xarm7", "piper")
 AS_BUILT = ("gen3", "so101")
 """Arms with small offsets in the maker's own data, of which a file is warned."""
@@ -116,7 +117,8 @@ def test_rrr_is_table_14_1() -> None:
 # tip of the zero pose, worked out by hand from the drawings (m)
 ZERO_POSES = {"panda": (0.088, 0, 0.926), "iiwa14": (0, 0, 1.306), "ur5": (-0.81725, -0.19145, -0.005491),
               "puma560": (0.4521, -0.15005, 0.4318), "planar2r": (0.9, 0, 0), "scara": (0.6, 0, 0.387),
-              "stanford": (0, 0.154, 0.675), "gantry": (0, 0, 0), "pendulum": (0.5, 0, 0)}  # fmt: skip
+              "openarm": (0, -0.174, 0.062), "vx300s": (0.536494, 0, 0.42705), "stanford": (0, 0.154, 0.675),
+              "gantry": (0, 0, 0), "pendulum": (0.5, 0, 0)}  # fmt: skip
 
 
 def forward(spec: RobotSpec, q: list[float]) -> np.ndarray:
@@ -150,7 +152,12 @@ def test_gantry_moves_along_the_axes_of_its_base() -> None:
 def test_angles_are_exact() -> None:
     for name in bundled_names():
         for joint in load_spec(name).joints:
-            if name in ("xarm6", "so101", "piper"):  # zero positions that the makers chose by the shape of their links
+            if name in (
+                "xarm6",
+                "so101",
+                "piper",
+                "vx300s",
+            ):  # zero positions that the makers chose by the shape of their links
                 assert (joint.alpha / (sp.pi / 2)).is_Integer
                 continue
             assert (joint.alpha / (sp.pi / 2)).is_Integer
