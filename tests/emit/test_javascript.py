@@ -14,7 +14,7 @@ import pytest
 from emit.c_tools import IDENTITY
 from emit.planar import planar_model
 from pages.test_pages import ROOT, blocks
-from pipeline.optimized import bundled
+from pipeline.optimized import bundled, engine_of
 from rrrgen.emit.description import programs_of
 from rrrgen.emit.package import emit
 from rrrgen.emit.targets.javascript import _RESERVED, JavaScriptBackend, _function, _JavaScript
@@ -82,7 +82,9 @@ def test_every_function_agrees_with_the_c(name, tmp_path):
             expected = [np.array([float(x) for x in row]) for row in derived.nominal.values()]
         else:
             expected = [
-                each for k, each in enumerate(model.engine.call(program.name, values)) if not program.is_status(k)
+                each
+                for k, each in enumerate(engine_of(model, program.name).call(program.name, values))
+                if not program.is_status(k)
             ]
         wanted = np.concatenate([np.ravel(each) for each in expected])
         error = np.abs(flat(result, program.data_outputs) - wanted).max()

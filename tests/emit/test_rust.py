@@ -15,7 +15,7 @@ import pytest
 from emit.c_tools import IDENTITY
 from emit.planar import planar_model
 from pages.test_pages import ROOT, blocks
-from pipeline.optimized import bundled
+from pipeline.optimized import bundled, engine_of
 from rrrgen.base.errors import BackendError
 from rrrgen.base.templates import template_text
 from rrrgen.derive import derive
@@ -100,7 +100,7 @@ def test_every_function_agrees_with_the_c(name, real, tmp_path):
         if not program.inputs:  # constants, which the runtime takes from the model
             expected = [np.array([float(x) for x in row]) for row in bundled(name).nominal.values()]
         else:
-            results = model.engine.call(program.name, values)
+            results = engine_of(model, program.name).call(program.name, values)
             expected = [each for k, each in enumerate(results) if not program.is_status(k)]
         wanted = np.concatenate([np.ravel(each) for each in expected])
         scale = max(1.0, float(np.abs(wanted).max()))
