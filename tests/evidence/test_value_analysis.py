@@ -32,6 +32,7 @@ def test_the_controller_has_no_run_time_error_and_stays_finite(model, entry, tmp
 
 
 @needs_frama_c
+@pytest.mark.sweep
 def test_a_tick_of_few_modes_needs_more_states(model, tmp_path, monkeypatch):
     """With the first number of states alone EVA joins what the gates have checked with what they have not."""
     analyse, each = value_analysis.alarms, []

@@ -19,6 +19,7 @@ MAX_WORD = 5_000  # characters without a blank; YAML scanners are quadratic in t
 MAX_DEPTH = 12
 MAX_ALIASES = 100
 MAX_FAULTS = 100
+LATEST = 16  # parsed texts that are kept
 
 _LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x80-\x84\x86-\x9f\ud800-\udfff\ufeff\ufffe\uffff]")
@@ -177,13 +178,29 @@ def _check_characters(text: str, faults: FaultList) -> None:
             )
 
 
+_latest: dict[str, list[Any]] = {}
+
+
 def _events(text: str, faults: FaultList) -> Iterator[Any]:
-    """Parsing events of ruamel.yaml; the exceptions of the parser are recorded as faults."""
+    """Parsing events of ruamel.yaml; the exceptions of the parser are recorded as faults.
+
+    Parsing takes most of the time of reading a file, and programs read the file of one robot many times: the events of
+    the latest texts without a fault are kept.
+    """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+    if text in _latest:
+        yield from _latest[text]
+        return
+    events = []
     try:
-        yield from YAML(typ="safe", pure=True).parse(text)
+        for event in YAML(typ="safe", pure=True).parse(text):
+            events.append(event)
+            yield event
+        _latest[text] = events
+        if len(_latest) > LATEST:
+            del _latest[next(iter(_latest))]
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = Place(mark.line + 1, mark.column + 1) if mark else None
