@@ -138,7 +138,7 @@ class Assignments:
     def _exact(self, angle: sp.Expr) -> sp.Expr:
         """``angle`` (rad), such as t2 + 1.5708, its number taken as the multiple of 15 degrees that it means."""
         decimal, rest = angle.as_coeff_Add()
-        if decimal == 0 or rest.has(sp.pi):
+        if not 0 < abs(decimal) <= LARGEST_ANGLE or rest.has(sp.pi):
             return angle
         exact = sp.Rational(round(float(decimal) * 12 / math.pi), 12) * sp.pi
         change = abs(float(sp.N(exact - decimal, 30)))
@@ -175,6 +175,7 @@ class Assignments:
 # ------------------------------------------------------------------------------------------------------------------
 
 ANGLES = ("gamma", "alpha", "theta")
+LARGEST_ANGLE = 7  # rad, a turn: larger numbers are not taken as multiples of 15 degrees
 GEOMETRY = ("ant", "sigma", "b", "d", "r", "gamma", "alpha", "theta")
 INERTIA = ("XX", "YY", "ZZ", "XY", "XZ", "YZ")
 MOMENTS = ("MX", "MY", "MZ")

@@ -68,6 +68,8 @@ def test_decimals_of_right_angles_are_right_angles(tmp_path):
     assert re.search(r"angles were taken as multiples of 15 degrees; the largest change is 2\.7e-08 rad", warning)
     kept = import_robot(write(tmp_path, rounded), values=given("elbow"), chain=ChainChoice(angle_tolerance=0.0))
     assert kept.spec != exact.spec
+    with pytest.raises(InputError, match=r"1e.?320"):  # larger than any double
+        import_robot(write(tmp_path, content.replace("th2-Pi/2", "th2-1e320")), values=given("elbow"))
 
 
 def test_a_tree_is_the_one_of_the_file(tmp_path):
