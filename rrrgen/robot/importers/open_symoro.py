@@ -12,7 +12,6 @@ With closed loops, ``Type = 2``, the frames 1 to NL are those of a tree of links
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,6 +24,7 @@ from rrrgen.robot.file.fields import MAX_JOINTS
 from rrrgen.robot.file.mechanism import mechanism_of_rows
 from rrrgen.robot.file.quantities import LARGEST_BARE_LENGTH, held_fault, held_number
 from rrrgen.robot.importers.interface import Found, Importer, Source, warn_of_rounded_angles
+from rrrgen.robot.importers.trees.exact_numbers import exact_angle, exact_multiple, number
 from rrrgen.robot.spec import (
     DriveSpec,
     FixedTransform,
@@ -138,14 +138,14 @@ class Assignments:
     def _exact(self, angle: sp.Expr) -> sp.Expr:
         """``angle`` (rad), such as t2 + 1.5708, its number taken as the multiple of 15 degrees that it means."""
         decimal, rest = angle.as_coeff_Add()
-        if not 0 < abs(decimal) <= LARGEST_ANGLE or rest.has(sp.pi):
+        if decimal == 0 or rest.has(sp.pi):
             return angle
-        exact = sp.Rational(round(float(decimal) * 12 / math.pi), 12) * sp.pi
-        change = abs(float(sp.N(exact - decimal, 30)))
-        if change > self.source.chain.angle_tolerance:
+        given = number(decimal)
+        exact = exact_multiple(given, number(self.source.chain.angle_tolerance))
+        if exact == given:
             return angle
-        self.rounded.append(change)
-        return rest + exact
+        self.rounded.append(float(abs(exact - given)))
+        return rest + exact_angle(exact)
 
     def words(self) -> set[str]:
         """All names that occur in the file."""
@@ -175,7 +175,6 @@ class Assignments:
 # ------------------------------------------------------------------------------------------------------------------
 
 ANGLES = ("gamma", "alpha", "theta")
-LARGEST_ANGLE = 7  # rad, a turn: larger numbers are not taken as multiples of 15 degrees
 GEOMETRY = ("ant", "sigma", "b", "d", "r", "gamma", "alpha", "theta")
 INERTIA = ("XX", "YY", "ZZ", "XY", "XZ", "YZ")
 MOMENTS = ("MX", "MY", "MZ")

@@ -102,7 +102,7 @@ class Calls:
         from rrrgen.derive.functions.table import functions_for
 
         functions = functions_for(self.spec, ("model",), "on demand") if self._compiled else ()
-        return tuple(f.name for f in functions if f.on_demand)
+        return tuple(f.name for f in functions)
 
     def _has(self, name: str) -> bool:
         """Whether the robot has the function ``name`` of those that need no request, compiled already or not."""
