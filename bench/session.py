@@ -59,8 +59,7 @@ def bench(plan: Plan, tell: Tell) -> Results:
 
 def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
     from bench.contenders.emitted import emitted_contenders
-    from rrrgen.derive import derive
-    from rrrgen.derive.derived_model import recall
+    from rrrgen.derive import derive_once
     from rrrgen.robot.file import read
     from rrrgen.robot.identity import identify
 
@@ -68,7 +67,7 @@ def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: 
     case = make_case(spec)
     if "functions" in plan.parts:
         say(f"{robot}: deriving")
-        derived = recall(spec, identify(spec), derive)
+        derived = derive_once(spec)
         groups = [emitted_contenders(case, derived), *_rivals(case, plan, toolchain, results)]
         say(f"{robot}: compiling and measuring (Pinocchio's headers take minutes, once)")
         results.scores += race(case, groups, toolchain, plan.effort)
@@ -156,22 +155,21 @@ def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> No
     from bench.measurements.control_loop import GROUPS, SEVEN_JOINTS, loop_tick
     from bench.measurements.control_tick import control_ticks
     from bench.measurements.path_timing import path_timings
-    from rrrgen.derive import derive
-    from rrrgen.derive.derived_model import recall
+    from rrrgen.derive import derive_once
     from rrrgen.robot.file import read
     from rrrgen.robot.identity import identify
 
     for robot in plan.robots:
         say(f"{robot}: one tick of the controller")
         spec = read(robot)
-        derived = recall(spec, identify(spec), derive)
+        derived = derive_once(spec)
         results.ticks += control_ticks(derived, toolchain, max(10, plan.effort.rounds // 4))
         say(f"{robot}: timing of a path")
-        along = recall(spec, identify(spec), partial(derive, groups=("timing",)), ("timing",))
+        along = derive_once(spec, ("timing",))
         results.paths += path_timings(derived, along, toolchain, max(10, plan.effort.rounds // 4))
     for robot in dict.fromkeys((*plan.robots, SEVEN_JOINTS)):
         say(f"{robot}: one tick of a whole loop")
-        derived = derive(read(robot), groups=GROUPS)
+        derived = derive_once(read(robot), GROUPS)
         results.ticks.append(loop_tick(derived, toolchain, max(10, plan.effort.rounds // 4)))
 
 

@@ -58,15 +58,18 @@ def generations(robots: Sequence[str], toolchain: Toolchain, rounds: int = ROUND
     Nothing of a robot is taken from a cache. The peak is None where the system does not tell it.
     """
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
-        _generate("pendulum", place)
-    runs = [[_attempt(robot, toolchain) for robot in robots] for _ in range(rounds)]
+        cache = Path(place, "cache")
+        _generate("pendulum", f"{place}/out", cache)
+        runs = [[_attempt(robot, toolchain, cache) for robot in robots] for _ in range(rounds)]
     return [min(same, key=lambda run: run.generate + run.compile) for same in zip(*runs, strict=True)]
 
 
-def _attempt(robot: str, toolchain: Toolchain) -> Generation:
+def _attempt(robot: str, toolchain: Toolchain, cache: Path) -> Generation:
+    for derived in cache.glob("*.derived"):
+        derived.unlink()
     with tempfile.TemporaryDirectory(prefix="rrrgen-bench-") as place:
         start = time.perf_counter()
-        done = _generate(robot, f"{place}/out")
+        done = _generate(robot, f"{place}/out", cache)
         if done.returncode:
             raise BuildError(f"rrrgen generate {robot} failed: {done.stderr[:500]}")
         between = time.perf_counter()
@@ -78,7 +81,8 @@ def _attempt(robot: str, toolchain: Toolchain) -> Generation:
     return Generation(robot, between - start, end - between, int(peak) / 1024 if peak.isdigit() else None)
 
 
-def _generate(robot: str, place: str) -> subprocess.CompletedProcess[str]:
+def _generate(robot: str, place: str, cache: Path) -> subprocess.CompletedProcess[str]:
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    environment["RRRGEN_CACHE"] = str(cache)
     command = [sys.executable, "-c", GENERATE, robot, place]
     return subprocess.run(command, capture_output=True, text=True, check=False, env=environment)

@@ -117,15 +117,14 @@ def _compiled(
 @cache
 def _reference_sources() -> dict[str, str]:
     """The C of the RRR's model, with which times are compared."""
-    from rrrgen.derive import derive
-    from rrrgen.derive.derived_model import recall
+    from rrrgen.derive import derive_once
     from rrrgen.emit.c.language import Dialect, sincos_strategy
     from rrrgen.emit.c.robot_files import header_and_sources
     from rrrgen.robot.file import load_spec
     from rrrgen.robot.identity import identify
 
     spec = load_spec("rrr")
-    derived = recall(spec, identify(spec), derive)
+    derived = derive_once(spec)
     return header_and_sources(derived, identify(spec), Dialect("rrr", "double"), sincos_strategy("inline"))
 
 

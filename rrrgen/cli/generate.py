@@ -26,7 +26,7 @@ from rrrgen.cli.arguments import (
 from rrrgen.cli.long_help import LongHelpCommand
 from rrrgen.cli.terminal import progress_bar, say
 from rrrgen.controller.table import GROUPS as UNIT_GROUPS
-from rrrgen.derive import derive
+from rrrgen.derive import derive_once
 from rrrgen.robot.file.fields import EMIT, LANGUAGES
 from rrrgen.robot.friction.laws import LAWS
 
@@ -513,10 +513,10 @@ def emitted(
     groups = ("model", *sorted(needed & set(GROUPS)))
     languages = tuple(each for each in LANGUAGES if each in wanted)
     tell(0, 0, "deriving")
-    model = derive(spec, jobs, groups, tell)
+    model = derive_once(spec, groups, jobs=jobs, tell=tell)
     code = controller_files(model, real, experiment)
     code |= files_beside(spec, real, groups, trig)
-    any_gravity = derive(spec.in_any_gravity(), jobs, groups, tell) if "gravity" in wanted else None
+    any_gravity = derive_once(spec.in_any_gravity(), groups, jobs=jobs, tell=tell) if "gravity" in wanted else None
     checks = checks_beside(spec, groups)
     chosen = _chosen(experiment, spec.n) if "controller" in wanted else {}
     if chosen:

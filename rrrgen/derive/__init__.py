@@ -150,28 +150,46 @@ def derive(
     return Optimizer()(derive_model(spec, groups, part), jobs, tell)
 
 
-def derive_once(spec: RobotSpec, groups: Sequence[str] = ("model",), part: Part = "all") -> DerivedModel:
+def derive_once(
+    spec: RobotSpec,
+    groups: Sequence[str] = ("model",),
+    part: Part = "all",
+    jobs: int = 1,
+    tell: Tell | None = None,
+) -> DerivedModel:
     """The result of :func:`derive`, from the user's cache if this robot has been derived before.
 
     Args:
         spec: the robot, as :func:`rrrgen.load_spec` reads it.
         groups: names of groups of functions, as for :func:`derive`.
         part: "all" of these functions, or those that Python compiles "at once" or "on demand".
+        jobs: the largest number of processes; the result does not depend on it.
+        tell: called as ``tell(done, total, message)`` as the work proceeds.
 
     Raises:
         DerivationError: a function does not exist for this robot.
     """
-    from rrrgen.derive.derived_model import joined, recall
+    from rrrgen.derive.derived_model import joined, recall, store
     from rrrgen.derive.functions.table import functions_for
     from rrrgen.robot.identity import identify
 
-    if part == "all":  # the cache holds the parts: what one call has derived, every other finds
-        most = derive_once(spec, groups, "at once")
-        if "model" not in groups:  # no function of another group is left for later
-            return most
-        return joined(most, derive_once(spec, ("model",), "on demand"), functions_for(spec, groups))
-    one = identify(replace(spec, ik="general"))  # no function depends on the choice of a solver
-    return recall(spec, one, partial(derive, groups=groups, part=part), (*groups, part))
+    identity = identify(replace(spec, ik="general"))  # no function depends on the choice of a solver
+    # the cache holds the parts: what one call has derived, every other finds; no group but "model" leaves any for later
+    parts: tuple[tuple[Sequence[str], Part], ...] = ((groups, part),)
+    if part == "all":
+        parts = ((groups, "at once"), (("model",), "on demand")) if "model" in groups else ((groups, "at once"),)
+    found = [recall(spec, identity, (*of, which)) for of, which in parts]
+    if not any(found):
+        whole = derive(spec, jobs, groups, tell, part)
+        for of, which in parts:
+            store(whole, identity, (*of, which), functions_for(spec, of, which))
+        return whole
+    models = []
+    for model, (of, which) in zip(found, parts, strict=True):
+        models.append(model or derive(spec, jobs, of, tell, which))
+        if model is None:
+            store(models[-1], identity, (*of, which), functions_for(spec, of, which))
+    return joined(models, functions_for(spec, groups, part))
 
 
 def closed_form(spec: RobotSpec, function: str) -> ClosedForm:

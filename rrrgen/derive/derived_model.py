@@ -142,17 +142,32 @@ class DerivedModel(ParametrizedRobot):
     passes: tuple[PassReport, ...]
 
 
-def joined(first: DerivedModel, second: DerivedModel, functions: Sequence[ModelFunction]) -> DerivedModel:
-    """The model with the functions of two models of one robot, in the order of ``functions``."""
-    order = {name: k for k, f in enumerate(functions) for name in (f.name, nominal_name(f.name))}
-    programs = first.programs | second.programs
-    # functions of the first may have been optimized again for those of the second that are made of them
-    passes = (*first.passes, *(report for report in second.passes if report.function in second.programs))
+def joined(parts: Sequence[DerivedModel], functions: Sequence[ModelFunction]) -> DerivedModel:
+    """The model with the functions of several models of one robot, in the order of ``functions``."""
+    order = _order(functions)
+    programs = {name: program for part in parts for name, program in part.programs.items()}
+    # functions of one part may have been optimized again for those of another that are made of them
+    passes = [report for part in parts for report in part.passes if report.function in part.programs]
     return replace(
-        first,
+        parts[0],
         programs={name: programs[name] for name in sorted(programs, key=order.__getitem__)},
         passes=tuple(sorted(passes, key=lambda report: order[report.function])),
     )
+
+
+def _part(model: DerivedModel, functions: Sequence[ModelFunction]) -> DerivedModel:
+    """The model with some of its ``functions`` alone."""
+    wanted = _order(functions)
+    return replace(
+        model,
+        programs={name: program for name, program in model.programs.items() if name in wanted},
+        passes=tuple(report for report in model.passes if report.function in wanted),
+    )
+
+
+def _order(functions: Sequence[ModelFunction]) -> dict[str, int]:
+    """The place of every program of ``functions``, a function before its specialization to the nominal parameters."""
+    return {name: k for k, f in enumerate(functions) for name in (f.name, nominal_name(f.name))}
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -305,23 +320,26 @@ def _expression(plain: Any) -> sp.Expr:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def recall(
-    spec: RobotSpec, identity: Identity, derive: Callable[[RobotSpec], DerivedModel], words: Sequence[str] = ("model",)
-) -> DerivedModel:
-    """Return the derived model of a robot from the cache, or derive it by ``derive(spec)`` and store it there.
+def recall(spec: RobotSpec, identity: Identity, words: Sequence[str]) -> DerivedModel | None:
+    """The derived model of a robot from the cache, None if it is not there.
 
     A cached model is used if ``identity`` (the content of the robot file), ``words`` (which functions), and the version
     of rrrgen agree. The cache holds all fields except ``spec``, which is taken from the caller.
     """
-    name = f"{spec.name}-{digest(identity.model_hash, *words, _compiler_hash())[:24]}.derived"
-    found = _load(name)
-    if found is None:
-        derived = derive(spec)
-        found = {field.name: getattr(derived, field.name) for field in fields(derived) if field.name != "spec"}
-        # optional: the cache may be full or read-only
-        with contextlib.suppress(OSError, StorageError):
-            keep(name, dumps(found))
-    return DerivedModel(spec=spec, **found)
+    found = _load(_file(spec, identity, words))
+    return None if found is None else DerivedModel(spec=spec, **found)
+
+
+def store(model: DerivedModel, identity: Identity, words: Sequence[str], functions: Sequence[ModelFunction]) -> None:
+    """Keep those ``functions`` of a derived model for :func:`recall`, unless the cache is full or read-only."""
+    part = _part(model, functions)
+    kept = {field.name: getattr(part, field.name) for field in fields(part) if field.name != "spec"}
+    with contextlib.suppress(OSError, StorageError):
+        keep(_file(model.spec, identity, words), dumps(kept))
+
+
+def _file(spec: RobotSpec, identity: Identity, words: Sequence[str]) -> str:
+    return f"{spec.name}-{digest(identity.model_hash, *words, _compiler_hash())[:24]}.derived"
 
 
 def _load(name: str) -> dict[str, Any] | None:

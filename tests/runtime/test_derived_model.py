@@ -10,12 +10,13 @@ import pytest
 import sympy as sp
 
 import rrrgen
-from emit.c_tools import IDENTITY
 from emit.planar import planar_model
 from rrrgen.base.cache import cache_directory, keep
 from rrrgen.derive import derive, derive_model, derive_once, derived_model
 from rrrgen.derive.derived_model import dumps, loads
+from rrrgen.derive.functions.table import functions_for
 from rrrgen.robot.file import load_spec
+from rrrgen.robot.identity import identify
 from rrrgen.robot.model.exact_transforms import cosine_sine
 
 
@@ -27,54 +28,66 @@ def cache(tmp_path, monkeypatch):
     cache_directory.cache_clear()
 
 
-def test_a_robot_is_derived_once(cache, monkeypatch):
-    model = planar_model()
-    calls = []
+@pytest.fixture
+def calls(monkeypatch):
+    """The parts of a model that were derived, each from an empty cache by the planar model."""
+    derived = []
 
-    def derive(spec):
-        calls.append(spec)
-        return model
+    def derive(spec, jobs, groups, tell, part):
+        derived.append(part)
+        return dataclasses.replace(planar_model(), spec=spec)
 
-    first = derived_model.recall(model.spec, IDENTITY, derive)
-    described = dataclasses.replace(model.spec, description="other words for the same robot")
-    second = derived_model.recall(described, IDENTITY, derive)
+    monkeypatch.setattr("rrrgen.derive.derive", derive)
+    return derived
+
+
+def test_a_robot_is_derived_once(cache, calls, monkeypatch):
+    spec = planar_model().spec
+    first = derive_once(spec, part="at once")
+    described = dataclasses.replace(spec, description="other words for the same robot")
+    second = derive_once(described, part="at once")
     assert len(calls) == 1
-    assert first.programs == second.programs == model.programs
+    assert first.programs == second.programs == planar_model().programs
     assert second.spec.description == described.description
     (file,) = cache.glob("*.derived")
     file.write_bytes(file.read_bytes()[:-100])
-    assert derived_model.recall(model.spec, IDENTITY, derive).programs == model.programs
+    assert derive_once(spec, part="at once").programs == first.programs
     assert len(calls) == 2
     monkeypatch.setattr(derived_model, "_compiler_hash", lambda: "another version of the compiler")
-    derived_model.recall(model.spec, IDENTITY, derive)
+    derive_once(spec, part="at once")
     assert len(calls) == 3
 
 
-def test_the_choice_of_a_solver_derives_nothing_again(cache, monkeypatch):
-    model, calls = planar_model(), []
-
-    def derive(spec, groups, part):
-        calls.append(part)
-        return model
-
-    monkeypatch.setattr("rrrgen.derive.derive", derive)
+def test_the_choice_of_a_solver_derives_nothing_again(cache, calls):
     for ik in ("general", "nominal_first"):
-        assert derive_once(dataclasses.replace(model.spec, ik=ik)).spec.ik == ik
-    assert calls == ["at once", "on demand"]
+        assert derive_once(dataclasses.replace(planar_model().spec, ik=ik)).spec.ik == ik
+    assert calls == ["all"]
 
 
-def test_what_stands_in_the_cache_is_never_run(cache):
+def test_parts_of_what_was_derived_in_one_go_are_known(cache, calls):
+    spec = planar_model().spec
+    derive_once(spec)
+    for part in ("at once", "on demand", "all"):
+        derive_once(spec, part=part)
+    assert calls == ["all"]
+    late = derived_model.recall(spec, identify(spec), ("model", "on demand"))
+    assert late is not None
+    assert not late.programs
+
+
+def test_what_stands_in_the_cache_is_never_run(cache, calls):
     """A pickle in the place of a derived model, with a sound checksum, is no derived model."""
 
     class Attack:
         def __reduce__(self):
             return pytest.fail, ("code from the cache was run",)
 
-    model = planar_model()
-    derived_model.recall(model.spec, IDENTITY, lambda spec: model)
+    spec = planar_model().spec
+    derive_once(spec, part="at once")
     (file,) = cache.glob("*.derived")
     keep(file.name, pickle.dumps(Attack()))
-    assert derived_model.recall(model.spec, IDENTITY, lambda spec: model).programs == model.programs
+    assert derive_once(spec, part="at once").programs == planar_model().programs
+    assert len(calls) == 2
 
 
 @pytest.mark.parametrize("robot", ["rrr", "scara", "puma560"])
@@ -110,10 +123,14 @@ def test_an_angle_whose_cosine_is_held_back_is_read_back_equal(degrees):
 
 
 @pytest.mark.parametrize("robot", ["rrr", "scara"])
-def test_the_parts_of_a_model_join_to_the_whole(robot):
-    """Python compiles derivatives when they are called; what `derive_once` joins is what `derive` makes in one go."""
+def test_the_parts_of_a_model_join_to_the_whole(robot, cache):
+    """Python compiles derivatives when they are called; the parts are those of what `derive` makes in one go."""
     spec = load_spec(robot)
+    early, derivatives = derive_once(spec, part="at once"), derive_once(spec, part="on demand")
     whole, both = derive(spec), derive_once(spec)
+    for words, part in ((("model", "at once"), early), (("model", "on demand"), derivatives)):
+        derived_model.store(whole, identify(spec), words, functions_for(spec, ("model",), words[1]))
+        assert derive_once(spec, part=words[1]) == derived_model.joined([part], functions_for(spec, ("model",)))
     assert list(both.programs) == list(whole.programs)
     assert both == whole
     late = {name for name in whole.programs if name.startswith(("inverse_dynamics_deri", "forward_dynamics_deri"))}
