@@ -61,7 +61,6 @@ def _robot(robot: str, plan: Plan, toolchain: Toolchain, results: Results, say: 
     from bench.contenders.emitted import emitted_contenders
     from rrrgen.derive import derive_once
     from rrrgen.robot.file import read
-    from rrrgen.robot.identity import identify
 
     spec = read(robot)
     case = make_case(spec)
@@ -157,7 +156,6 @@ def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> No
     from bench.measurements.path_timing import path_timings
     from rrrgen.derive import derive_once
     from rrrgen.robot.file import read
-    from rrrgen.robot.identity import identify
 
     for robot in plan.robots:
         say(f"{robot}: one tick of the controller")

@@ -121,6 +121,16 @@ def digest(*parts: str) -> str:
     return state.hexdigest()
 
 
+@cache
+def compiler_hash() -> str:
+    """The hash of all source files of this package and of the version of Python: another one may compute otherwise."""
+    root = Path(__file__).resolve().parents[1]
+    parts = [sys.version]
+    for path in sorted(root.rglob("*.py")):
+        parts += [path.relative_to(root).as_posix(), path.read_text(encoding="utf-8")]
+    return digest(*parts)
+
+
 def store(path: Path, data: bytes) -> None:
     """Write ``data`` to ``path`` atomically, even across a power failure, readable by the user only.
 

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import json
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from functools import cache
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 import sympy as sp
 
-from rrrgen.base.cache import digest, keep
+from rrrgen.base.cache import compiler_hash, digest, keep
 from rrrgen.base.cache import recall as recall_bytes
 from rrrgen.base.errors import StorageError
 from rrrgen.derive.functions.model_function import ModelFunction
@@ -339,7 +336,7 @@ def store(model: DerivedModel, identity: Identity, words: Sequence[str], functio
 
 
 def _file(spec: RobotSpec, identity: Identity, words: Sequence[str]) -> str:
-    return f"{spec.name}-{digest(identity.model_hash, *words, _compiler_hash())[:24]}.derived"
+    return f"{spec.name}-{digest(identity.model_hash, *words, compiler_hash(), sp.__version__)[:24]}.derived"
 
 
 def _load(name: str) -> dict[str, Any] | None:
@@ -348,15 +345,3 @@ def _load(name: str) -> dict[str, Any] | None:
         return None if data is None else loads(data)
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
         return None  # not the format of this version; the model is derived again and replaces it
-
-
-@cache
-def _compiler_hash() -> str:
-    """The hash of all source files of this package and of the versions of SymPy and Python."""
-    import sympy
-
-    root = Path(__file__).resolve().parents[1]
-    parts = [sys.version, sympy.__version__]
-    for path in sorted(root.rglob("*.py")):
-        parts += [path.relative_to(root).as_posix(), path.read_text(encoding="utf-8")]
-    return digest(*parts)

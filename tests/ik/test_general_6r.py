@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import re
 import shutil
@@ -14,12 +15,14 @@ from ik.checks import sample
 from ik.robots import ROWS, make, reference, robot, table
 from oracles.inverse_kinematics import same_sets, solve_all
 from oracles.newton_euler import Robot, jacobian
+from rrrgen.base.cache import cache_directory
 from rrrgen.base.errors import DerivationError
 from rrrgen.emit.c.ik.files import emit
 from rrrgen.emit.casadi.inverse_kinematics import branch_function
 from rrrgen.emit.latex.inverse_kinematics import closed_form
 from rrrgen.ik.classify import plan
-from rrrgen.ik.solutions.elimination import eliminations
+from rrrgen.ik.solutions import elimination
+from rrrgen.ik.solutions.elimination import Elimination, eliminations
 from rrrgen.ik.solutions.general_6r import general6r_tables, tables_of
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import INEXACT, MULTIPLE
@@ -194,6 +197,31 @@ def test_eliminations_are_ranked_and_singular_ones_left_out():
     for pointless in (0.0 * rows, np.array([[1.0, 0.0, 0.0]] * 5 + [[1.0, 0.0, 1.0]])):  # nothing moves the tip
         with pytest.raises(DerivationError):
             general6r_tables(*pointless.T)
+
+
+def test_eliminations_are_searched_once(tmp_path, monkeypatch):
+    """The cache gives what the search found, whether or not it can be written; the chain decides, to the last bit."""
+    monkeypatch.setenv("RRRGEN_CACHE", str(tmp_path / "cache"))
+    cache_directory.cache_clear()
+    searched = []
+
+    def search(*chain):
+        searched.append(chain)
+        return [Elimination(4, -1, 0, 1, 2, 1.25, -3.5, True)]
+
+    monkeypatch.setattr(elimination, "_search", search)
+    rows = [row[1:4] for row in random_arm(1)]
+    assert eliminations(rows) == eliminations(np.array(rows)) == search(rows)
+    assert len(searched) == 2
+    nearby = [rows[0], (np.nextafter(rows[1][0], 9.0), *rows[1][1:]), *rows[2:]]
+    for other in ((nearby,), (rows, 2), (rows, 2, 0.5)):
+        eliminations(*other)
+    assert len(searched) == 5
+    if os.name == "posix":
+        (tmp_path / "cache").chmod(0o777)  # others may write to it
+        cache_directory.cache_clear()
+        assert eliminations(rows) == search(rows)
+    cache_directory.cache_clear()
 
 
 @pytest.mark.parametrize("name", ["random 1", "UR5 1e-5 off"])

@@ -24,12 +24,16 @@ revolute. A labelling for which the determinant then has a degree above 8 is rej
 
 from __future__ import annotations
 
+import contextlib
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from math import cos, hypot, log10, pi, prod, sin, sqrt
 from operator import mul
 from random import Random
 
+from rrrgen.base.cache import compiler_hash, digest, keep, recall
+from rrrgen.base.errors import StorageError
 from rrrgen.ik.geometry.chain import IDENTITY, Link, Matrix, inverse, lifted, multiply, turned
 from rrrgen.ik.tolerances import NOISE, SHALLOW, SPURIOUS, USABLE
 
@@ -80,11 +84,24 @@ class Elimination:
 
 
 def eliminations(table: Sequence[Sequence[float]], slide: int | None = None, turn: float = 0.0) -> list[Elimination]:
-    """Find the usable eliminations of a chain, best first.
+    """Find the usable eliminations of a chain, best first; what was found before comes from the user's cache.
 
     ``table`` is the DH table, six rows of alpha (rad), a, d, with lengths scaled to the order of one. Joint ``slide``
     (0 .. 5), if any, is prismatic; ``turn`` (rad) is its constant angle theta, and its d is zero.
     """
+    chain = repr(([[float(x) for x in row] for row in table], slide, float(turn)))
+    name = f"{digest(chain, compiler_hash())[:32]}.eliminations"
+    with contextlib.suppress(StorageError):  # a cache in which others may write is no reason to compute nothing
+        if (known := recall(name)) is not None:
+            return [Elimination(*values) for values in json.loads(known)]
+    found = _search(table, slide, turn)
+    with contextlib.suppress(OSError, StorageError):  # nor is one that is full or read-only
+        keep(name, json.dumps([astuple(each) for each in found]).encode())
+    return found
+
+
+def _search(table: Sequence[Sequence[float]], slide: int | None, turn: float) -> list[Elimination]:
+    """Score all eliminations of a chain on sample poses: some seconds of processor time; see :func:`eliminations`."""
     rows = [(cos(alpha), sin(alpha), float(a), float(d)) for alpha, a, d in table]
     links = constant_links(rows, slide, (cos(turn), sin(turn)))
     draw = Random(6)
