@@ -60,7 +60,7 @@ types: setup  ## static types
 unit: setup  ## the tests, on all processors
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
-python: $(READY_CORE)  ## the tests of what depends on the version of Python; continuous integration runs them on every one
+python: $(READY_CORE)  ## the tests of what depends on the version of Python; continuous integration runs them on the oldest and the newest
 	$(BIN)/python -m pytest -q -n auto --dist worksteal $(PYTHON_TESTS)
 
 sweep: setup  ## ten times the random draws, fresh ones of Hypothesis, more robots, compilers and damaged files; hours

@@ -16,6 +16,7 @@ from rrrgen.base.files import write
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the writer is killed in a forked process")
 
 
+@pytest.mark.sweep(but=["True"])
 @pytest.mark.parametrize("after", [False, True])
 def test_where_folders_cannot_be_exchanged_the_next_run_completes_what_was_decided(tmp_path, after, monkeypatch):
     def refuse(*_):

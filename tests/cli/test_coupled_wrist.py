@@ -97,6 +97,7 @@ def test_the_written_file_is_the_robot_that_was_simulated(folder, identified):
     np.testing.assert_allclose(held, (0.008, 0.01, 1e-4, 2e-4, 3e-5), rtol=0.05)
 
 
+@pytest.mark.sweep
 def test_emitted_code_numpy_and_the_reference_agree_on_it(identified):
     assert np.abs(torques(identified, states()) - torques(identified, states(), "numpy")).max() < 1e-12
     report = verify(rrrgen.compile(identified), samples=20)

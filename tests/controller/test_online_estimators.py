@@ -76,6 +76,7 @@ def relative_torque_error(model, estimator):
     return np.linalg.norm(Y @ (np.array(found) - truth)) / np.linalg.norm(Y @ truth)
 
 
+@pytest.mark.sweep(but=["rrr-c-float-0.002-0.99", "rrr-numpy-double-1e-09-0.99", "damped-numpy-double-1e-09-1.0"])
 @pytest.mark.parametrize(
     ("name", "backend", "real", "tolerance", "forgetting"),
     [

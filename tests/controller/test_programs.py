@@ -61,6 +61,7 @@ def test_a_change_of_mode_in_motion_is_without_a_step(rrr, controller, mode):
     assert np.abs(np.diff(torques, axis=0)).max() < max(0.2 * bump, 2.0)
 
 
+@pytest.mark.sweep(but=["rrr"])
 @pytest.mark.parametrize(
     ("robot", "real", "parts", "compiler", "flags"),
     [

@@ -53,7 +53,7 @@ SEVEN = {
 
 
 @pytest.mark.parametrize("name", SEVEN)
-@pytest.mark.sweep(but=["Panda 1e-3 off", "seven joints, the first slides"])
+@pytest.mark.sweep(but=["Panda 1e-3 off"])
 def test_seven_joints_are_complete_with_an_end_joint_prescribed(name):
     rows, locked, companion = SEVEN[name]
     result = sample("arm", rows, N=POSES)
@@ -67,6 +67,7 @@ def test_seven_joints_are_complete_with_an_end_joint_prescribed(name):
     assert np.all(result.batch.statuses == 0)
 
 
+@pytest.mark.sweep(but=["1e-05"])
 @pytest.mark.parametrize("error", [1e-5, 5e-3])
 def test_a_calibrated_stanford_arm_is_complete(error):
     result = sample("arm", calibrated(ROWS["stanford"], error), N=POSES)
@@ -76,7 +77,7 @@ def test_a_calibrated_stanford_arm_is_complete(error):
 
 
 @pytest.mark.parametrize("place", range(6))
-@pytest.mark.sweep(but=["0", "3", "5"])
+@pytest.mark.sweep(but=["3"])
 def test_a_joint_that_slides_may_stand_anywhere(place):
     types = "RRRRRR"[:place] + "P" + "RRRRRR"[place + 1 :]
     result = sample("arm", arm(types, 1), N=POSES)

@@ -140,7 +140,7 @@ def run(command, **options):
     + [(COMPILERS[2], "double"), (COMPILERS[3], "float")],  # what is C++ and what is float are told apart above
     ids=lambda value: value if isinstance(value, str) else value[0],
 )
-@pytest.mark.sweep(but=["gcc-double", "clang-float", "g++-double"])
+@pytest.mark.sweep(but=["gcc-double", "clang-float"])
 def test_no_warning_in_c_and_c_plus_plus(command, real, tmp_path):
     if shutil.which(command[0]) is None:
         pytest.skip(f"{command[0]} is not installed")
@@ -237,7 +237,7 @@ int main(int argc, char **argv)
 
 
 @pytest.mark.parametrize("name", ["rrr", "puma", "ur5", "stanford", "iiwa14", "nearly", "general", "sliding"])
-@pytest.mark.sweep(but=["rrr", "puma", "iiwa14", "general", "sliding"])
+@pytest.mark.sweep(but=["general", "rrr"])
 def test_sanitizers(name, tmp_path):
     """Address and undefined-behaviour sanitizers over ordinary, singular, unreachable and absurd targets."""
     if shutil.which("gcc") is None:
@@ -323,7 +323,7 @@ def assert_rows_are_right(name, limits, build, folder):
         assert np.all(row <= high + 1e-9)
 
 
-@pytest.mark.sweep(but=["rrr", "puma", "iiwa14", "general", "nominal", "point"])
+@pytest.mark.sweep(but=["general", "rrr", "point"])
 @pytest.mark.parametrize("name", VARIANTS)
 def test_the_optimizer_has_no_warning_and_keeps_rows_symbols_and_size(name, tmp_path):
     """Nothing but the documented functions is visible, nothing but mathematics is needed, nothing can be written to."""
@@ -356,10 +356,9 @@ ARITHMETIC = [
 @pytest.mark.parametrize(("command", "name", "flags"), ARITHMETIC)
 @pytest.mark.sweep(
     but=[
-        "gcc-general--Ofast",
         "gcc-general--O2 -std=gnu99 -mfpmath=387",
-        "gcc-rrr--O2 -ffast-math -march=native",
         "clang-ur5--O2 -ffast-math -march=native",
+        "gcc-rrr--O2 -ffast-math -march=native",
     ]
 )
 def test_rows_are_right_however_the_compiler_treats_arithmetic(name, command, flags, tmp_path):

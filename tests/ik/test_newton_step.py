@@ -41,6 +41,7 @@ def asked(rows, name="arm"):
     return replace(make(name, rows), ik="nominal_first")
 
 
+@pytest.mark.sweep(but=["Panda 1e-3 off"])
 @pytest.mark.parametrize(
     "name", ["UR list", "Panda 1e-3 off", pytest.param("Stanford 1e-5 off", marks=pytest.mark.sweep)]
 )

@@ -106,6 +106,7 @@ def test_python_on_the_first_page_runs(monkeypatch, tmp_path):
     assert (tmp_path / "postures.png").stat().st_size > 10_000
 
 
+@pytest.mark.sweep(but=["examples/control_loop/run.py", "examples/path-timing/figure.py"])
 @pytest.mark.parametrize("name", sorted(FIGURES.values()))
 def test_scripts_of_the_examples_take_a_folder(name, tmp_path):
     """``-o`` is an option of every script, none takes it for the name of a file; a wrong word is refused."""

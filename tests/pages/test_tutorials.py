@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PARTS = re.compile(r"(?:^`(?P<file>[\w./-]+)`:\n\n)?^```(?P<language>\w+)\n(?P<text>.*?)^```", re.S | re.M)
 
 
+@pytest.mark.sweep(but=["first-model", "optimal-control"])
 @pytest.mark.parametrize("page", ["first-model", "first-identification", "first-calibration", "optimal-control"])
 def test_every_line_of_the_tutorial_runs(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]

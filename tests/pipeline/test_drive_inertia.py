@@ -69,6 +69,7 @@ def test_friction_is_its_own_function(case):
     assert np.abs(model.friction(dq) - expected).max() <= ROUND_OFF * np.abs(expected).max()
 
 
+@pytest.mark.sweep(but=["1-joints"])
 def test_the_model_is_verified_with_them(case):
     report = verify(case[1], samples=20)
     assert report.ok, report.to_text()

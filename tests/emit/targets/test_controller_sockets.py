@@ -586,7 +586,7 @@ LEAST = {"modes": ("free",), "parts": ()}
     ],
     ids=["wheel", "fmu", "fmu-least", "matlab-least", "ros2", "embedded-least"],
 )
-@pytest.mark.sweep(but=["wheel", "fmu-least", "matlab-least", "embedded-least"])
+@pytest.mark.sweep(but=["fmu-least", "matlab-least"])
 def test_packages_take_a_choice_of_modes_and_parts(target, chosen, tmp_path):
     """They compile without what is left out: joint speeds, if a filter computes them, and references of other modes."""
     folder = exported(target, tmp_path, chosen=chosen)

@@ -73,6 +73,7 @@ def compiler():
         pytest.skip(str(error))
 
 
+@pytest.mark.sweep
 def test_it_compiles_without_spills_in_single_precision(compiler):
     """Every word of --with as well, on fewer joints; registers of a real device are not needed for that."""
     kernels = compiled(header("rrr", "float")["rrr.cuh"])

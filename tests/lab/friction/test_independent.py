@@ -17,6 +17,7 @@ pytestmark = pytest.mark.usefixtures("no_figures")
 QUICK = {"seconds": 15.1, "loop": SampledLoop(period=2e-3, delay=1, noise=0.005)}
 
 
+@pytest.mark.sweep(but=["asymmetric, motor side-laws0-", "stribeck, offset-laws1-"])
 @pytest.mark.parametrize(
     ("name", "laws", "note"),
     [
