@@ -75,19 +75,19 @@ async function derive(call, ...values) {
 
 async function showArm(picture, keep) {
   const q = viewer.state.q.slice();
-  let solver = null;
+  const solvers = {};
   if (arm) arm.worker.terminate();
   arm = new Asked("arm-worker.js", () => {}, 10);
-  if (picture.solver) {
-    const mine = arm, loaded = mine.ask({ name: "solver", source: picture.solver });
-    const call = (name) => async (...values) => { await loaded; return mine.ask({ name: "solver", call: name, values }); };
-    solver = { inverse_kinematics: call("inverse_kinematics"), approach: call("approach") };
+  for (const [tip, source] of Object.entries(picture.solvers)) {
+    const mine = arm, name = `solver ${tip}`, loaded = mine.ask({ name, source });
+    const asked = (call) => async (...values) => { await loaded; return mine.ask({ name, call, values }); };
+    solvers[tip] = { inverse_kinematics: asked("inverse_kinematics"), approach: asked("approach") };
   }
   jointNames = picture.scene.joints.map((joint) => joint.name);
-  viewer.load(picture.scene, solver);
+  viewer.load(picture.scene, solvers);
   if (keep && q.length === picture.scene.start.length) { viewer.state.q = q; viewer.show(); }
   document.body.dataset.arm = picture.name;
-  $("hint").hidden = !solver;
+  $("hint").hidden = !Object.keys(solvers).length;
   $("about").textContent = (picture.description ? picture.description + ". " : "") + "Inverse kinematics: " + picture.family + ".";
 }
 /* Mass matrix and gravity torques in the posture shown; while one is computed, the last posture asked for waits. */

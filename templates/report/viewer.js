@@ -1,15 +1,15 @@
 /* The interactive view of an arm: draws it from its Denavit-Hartenberg table on a canvas, without libraries.
  *
- * armViewer() makes the view in the elements of the page and returns { load, show, state }. load(scene, solver) shows an
- * arm; `solver` has inverse_kinematics(T, near) and approach(T, q, turning) of an emitted <name>_ik.mjs, or functions that
- * return promises of their results; null where the tip cannot be dragged. */
+ * armViewer() makes the view in the elements of the page and returns { load, show, state }. load(scene, solvers) shows an
+ * arm; `solvers` has for every tip that can be dragged, by its name ("" for the one without), inverse_kinematics(T, near)
+ * and approach(T, q, turning) of an emitted <name>_ik.mjs, or functions that return promises of their results. */
 "use strict";
 function armViewer(changed) {
   const canvas = document.getElementById("view");
   const paint = canvas.getContext("2d");
   const root = document.getElementById("viewer"), page = document.documentElement;
   const state = { q: [], azimuth: -0.9, elevation: 0.38, zoom: 1, frames: true, others: [], trace: [], held: null };
-  let scene = null, solver = null, start = [], rows = [], tipRow = 0, sliders = [], motion = 0, room = null;
+  let scene = null, hands = [], hand = null, start = [], rows = [], tipRow = 0, sliders = [], motion = 0, room = null;
   let list = [], target = null, busy = false, loaded = 0, drawing = 0;
 
   /* -- geometry: 4x4 transforms as arrays of rows ------------------------------------------------------------------ */
@@ -66,18 +66,46 @@ function armViewer(changed) {
     const named = (scene.tips || []).map((tip) => {
       T = frames[tip.row + 1];
       step(tip.tool);
-      return { at: origin(T), text: tip.name };
+      return T;
     });
-    return { frames: frames, joints: joints, lines: lines, tip: frames[frames.length - 1], named: named };
+    const tips = [frames[frames.length - 1], ...named];
+    return { frames: frames, joints: joints, lines: lines, tips: tips, tip: tips[hand ? hand.tip : 0] };
+  }
+
+  /* -- hands: the tips that can be dragged, each with the joints that move it ----------------------------------------- */
+
+  /* The tip without a name, and after it the named ones, as pose() counts them; solved in the frame of the row that
+   * carries their joints, by a solver that knows these joints alone. */
+  function handsOf(solvers) {
+    const all = scene.joints.map((_, i) => i);
+    const tips = [{ name: "", joints: all, carrier: -1 }, ...(scene.tips || [])].map((each, tip) => ({ ...each, tip: tip }));
+    return tips.filter((each) => solvers[each.name]).map((each) => ({ ...each, solver: solvers[each.name] }));
+  }
+  function local(T, q) {
+    if (hand.carrier < 0) return T;
+    const F = pose(q).frames[hand.carrier + 1], p = origin(F);
+    return [0, 1, 2].map((i) => [0, 1, 2, 3].map((c) => dot(axis(F, i), [T[0][c], T[1][c], T[2][c]]) - (c === 3 ? dot(axis(F, i), p) : 0)));
+  }
+  function own(q) { return hand.joints.map((j) => q[j]); }
+  function whole(part, q) {
+    const joints = hand.joints;
+    return q.map((x, j) => (joints.includes(j) ? part[joints.indexOf(j)] : x));
+  }
+  async function solved(T, q) {
+    const found = await hand.solver.inverse_kinematics(local(T, q), own(q));
+    return found.map((each) => ({ ...each, q: whole(each.q, q) }));
+  }
+  async function approached(T, q, turning) {
+    return whole((await hand.solver.approach(local(T, q), own(q), turning)).q, q);
   }
 
   /* -- projection ---------------------------------------------------------------------------------------------------- */
 
   let width = 0, height = 0, eye = null;
 
-  /* Middle and radius of what the view shows: the arm in its first pose and in the offered configurations. */
+  /* Middle and radius of what the view shows: the arm in its first pose. */
   function shownRoom() {
-    const points = [start].concat(...scene.poses.map((solutions) => solutions.map((each) => each.q))).flatMap((q) => [origin(scene.base)].concat(...pose(q).lines));
+    const points = [origin(scene.base)].concat(...pose(start).lines);
     const middle = [0, 1, 2].map((k) => {
       const values = points.map((p) => p[k]);
       return (Math.min(...values) + Math.max(...values)) / 2;
@@ -203,10 +231,10 @@ function armViewer(changed) {
   function hue(index) {  // far apart for neighbours, and legible on both grounds
     return "hsl(" + (25 + 137 * index) % 360 + " 62% 52%)";
   }
-  function ring(T, colors) {
+  function ring(T, colors, held) {
     const [x, y] = project(origin(T));
     paint.strokeStyle = colors.trace;
-    paint.lineWidth = state.held ? 4 : 2.5;
+    paint.lineWidth = held ? 4 : 2.5;
     paint.beginPath();
     paint.arc(x, y, 15, 0, 2 * Math.PI);
     paint.stroke();
@@ -253,8 +281,9 @@ function armViewer(changed) {
     shown.forEach((T) => triad(T, length, colors));
     triad(arm.tip, 1.3 * length, colors);
     const frames = shown.map((T, k) => ({ at: origin(T), text: String(k) }));
-    write([...frames, ...arm.named, { at: origin(arm.tip), text: "tip" }], colors);
-    if (solver) ring(arm.tip, colors);
+    const names = ["tip", ...(scene.tips || []).map((tip) => tip.name)];
+    write([...frames, ...arm.tips.map((T, k) => ({ at: origin(T), text: names[k] }))], colors);
+    hands.forEach((each) => ring(arm.tips[each.tip], colors, each === hand && (state.held || hands.length > 1)));
     report(arm.tip);
   }
 
@@ -343,14 +372,13 @@ function armViewer(changed) {
       while (target && mine === loaded) {
         const wanted = target;
         target = null;
-        const before = state.q.slice(), found = await solver.inverse_kinematics(wanted.T, before);
+        const before = state.q.slice(), found = await solved(wanted.T, before);
         const apart = (q) => Math.max(...q.map((x, i) => Math.abs(x - before[i]) / (scene.joints[i].revolute ? 1 : scene.reach)));
         const best = found.filter((each) => each.within).sort((x, y) => apart(x.q) - apart(y.q))[0];
         let q = null, word = "";
         if (best && (!wanted.dragged || apart(best.q) < 0.7)) q = best.q;
         else {
-          const near = await solver.approach(wanted.T, before, wanted.dragged ? 0.02 : 0);
-          q = near.q;
+          q = await approached(wanted.T, before, wanted.dragged ? 0.02 : 0);
           word = blocked(q, wanted.T);
         }
         if (mine !== loaded) return;
@@ -367,17 +395,19 @@ function armViewer(changed) {
   function blocked(q, T) {
     const tip = origin(pose(q).tip), miss = size(plus(tip, [T[0][3], T[1][3], T[2][3]], -1));
     if (miss < 2e-3 * scene.reach) return "";
-    const stops = scene.joints.filter((joint, i) => (joint.limited[0] && q[i] - joint.lower < 1e-3) || (joint.limited[1] && joint.upper - q[i] < 1e-3));
+    const stopped = (x, lower, upper) => (lower !== null && x - lower < 1e-3) || (upper !== null && upper - x < 1e-3);
+    const stops = scene.joints.filter((joint, i) => hand.joints.includes(i) && stopped(q[i], joint.limited[0] ? joint.lower : null, joint.limited[1] ? joint.upper : null));
+    stops.push(...(scene.followers || []).filter((row) => stopped(row.along.reduce((sum, f, k) => sum + f * q[k], 0), row.lower, row.upper)));
     return stops.length ? "Stopped by the limit of " + stops.map((joint) => joint.name).join(" and ") + "." : "Out of reach from here.";
   }
 
   /* All configurations with the tip where it is, as buttons and as thin lines. */
   async function offer() {
-    if (!solver) return;
-    const mine = loaded, q = state.q.slice(), found = await solver.inverse_kinematics(pose(q).tip, q);
-    if (mine !== loaded || q.some((x, i) => x !== state.q[i])) return;
+    if (!hand) return;
+    const mine = loaded, of = hand, q = state.q.slice(), found = await solved(pose(q).tip, q);
+    if (mine !== loaded || of !== hand || q.some((x, i) => x !== state.q[i])) return;
     list = found.map((each, index) => ({ q: each.q, within: each.within, index: index, name: named(each.branch) }));
-    offered("Configurations", [list]);
+    offered(list);
     state.others = list.filter((each) => !same(each.q, q));
     draw();
   }
@@ -387,27 +417,25 @@ function armViewer(changed) {
   function named(branch) {
     return Object.entries(branch).map(([name, value]) => name.replace(/_/g, " ") + " " + "+\u2212"[value] || value).join(", ") || "the only one";
   }
-  function offered(title, groups) {
+  function offered(solutions) {
     const choices = document.getElementById("configurations");
     choices.textContent = "";
-    if (groups[0].length === 0) return;
-    groups.forEach((solutions, k) => {
-      const row = element("p", choices, "", { className: "choice" });
-      element("span", row, groups.length > 1 ? "Pose " + (k + 1) + ":" : title + ":");
-      solutions.forEach((solution, j) => {
-        const button = element("button", row, String(j + 1), { type: "button", title: solution.name });
-        const outside = solution.within === false ? ", outside the joint limits" : "";
-        button.setAttribute("aria-label", "configuration " + (j + 1) + ": " + solution.name + outside);
-        button.setAttribute("aria-pressed", String(same(solution.q, state.q)));
-        button.style.setProperty("--hue", hue(solution.index === undefined ? j : solution.index));
-        if (outside) button.classList.add("outside");
-        button.addEventListener("click", () => {
-          release();
-          state.others = solutions.filter((other) => other !== solution);
-          Array.from(choices.querySelectorAll("button")).forEach((b) => b.setAttribute("aria-pressed", String(b === button)));
-          say(solution.name + outside);
-          move(solution.q);
-        });
+    if (solutions.length === 0) return;
+    const row = element("p", choices, "", { className: "choice" });
+    element("span", row, "Configurations:");
+    solutions.forEach((solution) => {
+      const button = element("button", row, String(solution.index + 1), { type: "button", title: solution.name });
+      const outside = solution.within ? "" : ", outside the joint limits";
+      button.setAttribute("aria-label", "configuration " + (solution.index + 1) + ": " + solution.name + outside);
+      button.setAttribute("aria-pressed", String(same(solution.q, state.q)));
+      button.style.setProperty("--hue", hue(solution.index));
+      if (outside) button.classList.add("outside");
+      button.addEventListener("click", () => {
+        release();
+        state.others = solutions.filter((other) => other !== solution);
+        Array.from(row.querySelectorAll("button")).forEach((b) => b.setAttribute("aria-pressed", String(b === button)));
+        say(solution.name + outside);
+        move(solution.q);
       });
     });
   }
@@ -453,7 +481,12 @@ function armViewer(changed) {
     });
     const place = document.getElementById("place");
     place.textContent = "";
-    if (!solver) return;
+    if (!hand) return;
+    if (hands.length > 1) {
+      const choice = element("select", element("label", place, "Tip "));
+      hands.forEach((each, k) => choice.add(new Option(each.name || "tip", k, false, each === hand)));
+      choice.addEventListener("change", () => take(hands[choice.value]));
+    }
     ["x", "y", "z"].forEach((name, i) => {
       const label = element("label", place, name + " ");
       const input = element("input", label, "", { type: "number", step: 10 });
@@ -466,6 +499,19 @@ function armViewer(changed) {
       });
     });
     element("span", place, "mm");
+  }
+
+  /* Another tip is dragged from now on. */
+  function take(next) {
+    if (next === hand) return;
+    hand = next;
+    const choice = document.querySelector("#place select");
+    choice.value = hands.indexOf(hand);
+    release();
+    say("");
+    document.getElementById("configurations").textContent = "";
+    draw();
+    offer();
   }
 
   /* -- motions: played in real time, interpolated between their samples --------------------------------------------------- */
@@ -532,14 +578,18 @@ function armViewer(changed) {
     const box = canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
   }
-  function overTip(event) {
-    if (!solver || !eye) return false;
-    const [x, y] = at(event), tip = project(origin(pose(state.q).tip));
-    return Math.hypot(x - tip[0], y - tip[1]) < (event.pointerType === "touch" ? 34 : 22);
+  function overTip(event) {  // the hand whose ring is under the pointer
+    if (!hand || !eye) return null;
+    const [x, y] = at(event), tips = pose(state.q).tips;
+    const away = (each) => { const p = project(origin(tips[each.tip])); return Math.hypot(x - p[0], y - p[1]); };
+    const nearest = hands.reduce((best, each) => (away(each) < away(best) ? each : best));
+    return away(nearest) < (event.pointerType === "touch" ? 34 : 22) ? nearest : null;
   }
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
-    if (overTip(event)) {
+    const under = overTip(event);
+    if (under) {
+      take(under);
       const tip = pose(state.q).tip, p = project(origin(tip)), [x, y] = at(event);
       state.held = { T: tip, from: [x, y], scale: eye.scale * eye.far / (eye.far - p[2]), right: eye.right, up: eye.up };
       cancelAnimationFrame(motion);
@@ -560,7 +610,7 @@ function armViewer(changed) {
       return;
     }
     if (!state.drag) {
-      canvas.classList.toggle("over", overTip(event));
+      canvas.classList.toggle("over", overTip(event) !== null);
       return;
     }
     state.azimuth = state.drag[2] - 0.008 * (event.clientX - state.drag[0]);
@@ -595,9 +645,10 @@ function armViewer(changed) {
   }
   window.addEventListener("resize", () => { draw(); reachable(); });
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
-  function load(next, inverse) {
+  function load(next, solvers) {
     scene = next;
-    solver = inverse;
+    hands = handsOf(solvers);
+    hand = hands[0] || null;
     loaded += 1;
     target = null;
     busy = false;
@@ -611,8 +662,7 @@ function armViewer(changed) {
     controls();
     players();
     say("");
-    if (scene.poses.length) offered("", scene.poses.map((solutions) => solutions.map((each) => ({ q: each.q, name: each.branch }))));
-    else document.getElementById("configurations").textContent = "";
+    document.getElementById("configurations").textContent = "";
     show();
     reachable();
     offer();

@@ -1,6 +1,6 @@
 """The inverse kinematics in JavaScript against the solver evaluated in Python, which shares only the recorded steps.
 
-That of general arms, a translation of the emitted C, is compared with the compiled C.
+That of general arms and of mechanisms, a translation of the emitted C, is compared with the compiled C.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 from math import pi
+from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -17,15 +18,20 @@ import pytest
 
 from ik.robots import ROWS, make
 from ik.test_calibrated import arm, calibrated
+from ik.test_mechanisms import TEXTS, poses
 from rrrgen.base.errors import InternalError
 from rrrgen.emit.targets.javascript_from_c import translate
-from rrrgen.emit.targets.javascript_ik import module
+from rrrgen.emit.targets.javascript_ik import module, modules
+from rrrgen.ik.classify import tip_plans
 from rrrgen.ik.inverse_kinematics import evaluated_solver
+from rrrgen.robot.file import loads_spec
 from rrrgen.robot.file.reader import load_spec, read_spec
 from rrrgen.robot.identity import identify
+from rrrgen.robot.model.mechanism import follower_limits
 from rrrgen.runtime.inverse_kinematics import load_solver
 from rrrgen.runtime.results import OUTSIDE
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 NODE = shutil.which("node")
 pytestmark = pytest.mark.skipif(NODE is None, reason="node is not installed")
 
@@ -135,6 +141,81 @@ def test_a_general_arm_is_solved_as_in_c(name, tmp_path):
         assert [row["within"] for row in answer["solutions"]] == [not flags & OUTSIDE for flags in expected.flags]
         for row, q in zip(answer["solutions"], expected.q, strict=True):
             np.testing.assert_allclose(row["q"], q, rtol=0, atol=1e-9)
+
+
+def mechanism(name):
+    return loads_spec(TEXTS[name]) if name in TEXTS else load_spec(EXAMPLES / name)
+
+
+@pytest.mark.parametrize("name", ["palletiser", "geared", "wristed", "redundant", "sliding", "tx40/drives.yaml"])
+@pytest.mark.sweep(but=["palletiser", "geared", "redundant", "sliding"])
+def test_a_mechanism_is_solved_as_in_c(name, tmp_path):
+    """Joint values for every way in which the drives stand; targets in reach, beside it, and out of it."""
+    spec = mechanism(name)
+    solver, draw = load_solver(spec), Random(5)
+    coupling, chain = solver.plan.coupling, solver.plan.chain
+    targets, references, calls = [], [], []
+    for k in range(24):
+        q = [draw.uniform(-1.5, 1.5) if turning else draw.uniform(0.0, 0.5) for turning in coupling.revolute]
+        T = np.array(chain.forward(coupling.rows(q)))
+        calls += [["tip_pose", q], ["redundancy_of", q]]
+        targets.append(T.copy())
+        targets[-1][:3, 3] *= 3.0 if k % 12 == 1 else 1.0
+        references.append([draw.uniform(-1, 1) for _ in q] if solver.plan.locked is None else q)
+        calls.append(["solve", targets[-1].tolist(), references[-1]])
+        np.testing.assert_allclose(T, poses(spec, np.array([q]))[0], atol=1e-12)
+    answers, found = called(tmp_path, spec, calls), 0
+    for k, (T, near) in enumerate(zip(targets, references, strict=True)):
+        tip, parameter, answer = answers[3 * k : 3 * k + 3]
+        q = calls[3 * k][1]
+        np.testing.assert_allclose(tip, poses(spec, np.array([q]))[0, :3], atol=1e-12)
+        assert parameter == pytest.approx(solver.parameter(q) if solver.plan.locked is not None else 0.0, abs=1e-12)
+        expected = solver.solve(T, near, limits=False)
+        assert answer["status"] == expected.status
+        names = [solver.branch_names(each) for each in expected.branch]
+        assert [row["branch"] for row in answer["solutions"]] == names
+        assert [row["within"] for row in answer["solutions"]] == [not flags & OUTSIDE for flags in expected.flags]
+        np.testing.assert_allclose([row["q"] for row in answer["solutions"]], expected.q.tolist(), rtol=0, atol=1e-9)
+        found += len(expected.q)
+    assert found > 24
+
+
+def test_the_limits_of_followers_hold_while_a_tip_is_dragged(tmp_path):
+    """The forearm of the palletiser is stopped by its own limits; the other joints go on to where they come nearest."""
+    spec = mechanism("palletiser")
+    (forearm,) = follower_limits(spec)
+    start, draw = np.array([0.1, 0.9, 0.3, 0.2]), Random(2)
+    targets = []
+    for k in range(16):  # where the forearm would have to go beyond one of its limits
+        upper, lower = (1.4, draw.uniform(-0.3, -0.1)) if k % 2 else (draw.uniform(-0.6, -0.3), 1.5)
+        targets.append(poses(spec, np.array([[draw.uniform(-0.5, 0.8), upper, lower, 0.1]]))[0])
+    calls = [["approach", T.tolist(), start.tolist(), 0.0, 200] for T in targets]
+    for T, answer in zip(targets, called(tmp_path, spec, calls), strict=True):
+        q = np.array(answer["q"])
+        for value, limits in zip(q, (joint.limits for joint in spec.joints), strict=True):
+            assert limits.lower - 1e-9 <= value <= limits.upper + 1e-9
+        value = float(np.dot(forearm.factors, q))
+        assert min(value - forearm.lower, forearm.upper - value) == pytest.approx(0.0, abs=1e-6)
+        near = [np.linalg.norm(poses(spec, each[None])[0, :3, 3] - T[:3, 3]) for each in (start, q)]
+        assert near[1] < 0.5 * near[0]
+        turned = poses(spec, np.array([q + [0.01, 0, 0, 0], q - [0.01, 0, 0, 0]]))[
+            :, :3, 3
+        ]  # a free joint gains nothing
+        assert np.linalg.norm(turned - T[:3, 3], axis=1).min() > near[1]
+
+
+def test_every_named_tip_has_a_module(tmp_path):
+    spec = load_spec(EXAMPLES / "trees/torso.yaml")
+    found = modules(spec, identify(spec))
+    assert sorted(found) == ["left", "right"]
+    arm, plan = tip_plans(spec)["right"]
+    q = [0.3, -0.4, 0.5, 0.2, 0.6, -0.1]
+    T = plan.chain.forward(q)
+    (answer,) = called(tmp_path, arm, [["inverse_kinematics", T.tolist(), q]])
+    assert (tmp_path / "robot.mjs").read_text(encoding="utf-8").replace(identify(arm).model_hash, "") == found[
+        "right"
+    ].replace(identify(spec).model_hash, "")
+    assert len(answer) == len(evaluated_solver(arm).solve(T, q, limits=False).q) > 1
 
 
 C = """

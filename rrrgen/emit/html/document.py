@@ -16,7 +16,7 @@ from rrrgen.emit.html.mathml import MathmlMarkup
 from rrrgen.emit.html.scene import as_json, scene
 from rrrgen.emit.html.sketch import frame_sketch, zero_pose
 from rrrgen.emit.latex import Form, Walk, trig_abbreviates
-from rrrgen.emit.targets.javascript_ik import module
+from rrrgen.emit.targets.javascript_ik import modules
 from rrrgen.robot.identity import identify
 
 if TYPE_CHECKING:
@@ -48,10 +48,8 @@ def html_report(
     spec, parameters = model.spec, listing(model)
     walk = Walk(MathmlMarkup(), trig_abbreviates(closed_forms))
     _, _, tip = zero_pose(spec)
-    inverse = module(spec, identify(spec))
-    view = scene(spec, model.programs["forward_kinematics"]) | {
-        "motions": [motion.as_data(spec.n) for motion in motions]
-    }
+    view = scene(spec) | {"motions": [motion.as_data(spec.n) for motion in motions]}
+    solvers = [(tip, Markup(script_text(text))) for tip, text in modules(spec, identify(spec)).items()]
     return (
         environment()
         .get_template("report/report.html.j2")
@@ -81,8 +79,7 @@ def html_report(
             tips=facts.solvers_of_tips(spec),
             figures=figures,
             scene=Markup(as_json(view)),
-            solver=Markup(script_text(inverse or "")),
-            draggable=inverse is not None,
+            solvers=solvers,
         )
     )
 

@@ -16,6 +16,7 @@ from rrrgen.base.yamltext.document import FaultList, MappingNode, Node, ScalarNo
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import Derivation
+    from rrrgen.ik.plan import SolverPlan
     from rrrgen.robot.spec import RobotSpec
 
 FILE = "robot.yaml"
@@ -85,9 +86,9 @@ def _cell(node: Node | None) -> dict[str, Any] | None:
 
 
 def picture(text: str) -> dict[str, Any]:
-    """What the view needs of a robot without faults: ``scene``, and ``solver``, its inverse kinematics in JavaScript.
+    """What the view needs of a robot without faults: ``scene``, and ``solvers``, inverse kinematics in JavaScript by tip.
 
-    ``family`` says in words how it is solved, or why it is not. Raises InputError with the faults.
+    ``family`` says in words how its tips are solved, or why they are not. Raises InputError with the faults.
     """
     return _picture(_spec(text))
 
@@ -102,19 +103,21 @@ def _spec(text: str) -> RobotSpec:
 
 def _picture(spec: RobotSpec) -> dict[str, Any]:
     from rrrgen.emit.html.scene import scene
-    from rrrgen.emit.targets.javascript_ik import module
-    from rrrgen.ik.classify import plan
+    from rrrgen.emit.targets.javascript_ik import modules
+    from rrrgen.ik.classify import plan, tip_plans
+    from rrrgen.ik.result_layout import most_rows
     from rrrgen.robot.identity import identify
 
-    found = plan(spec)
-    words = f"{found.title}: at most {found.max_solutions} configurations" if found.solvable else found.reason
+    def words(found: SolverPlan) -> str:
+        return f"{found.title}: at most {most_rows(found)} configurations" if found.solvable else found.reason
+
+    tips = [f"{tip}: {words(found)}" for tip, (_, found) in tip_plans(spec).items()]
     return {
         "name": spec.name,
         "description": spec.description or "",
         "scene": scene(spec),
-        "solver": module(spec, identify(spec)),
-        "closed": found.solver is not None,
-        "family": words,
+        "solvers": modules(spec, identify(spec)),
+        "family": "; ".join(tips) or words(plan(spec)),
     }
 
 

@@ -1,4 +1,4 @@
-"""The data of the interactive view in the report: geometry, limits, and solutions of the inverse kinematics."""
+"""The data of the interactive view in the report and the playground: geometry, limits, and what moves each tip."""
 
 from __future__ import annotations
 
@@ -15,13 +15,10 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.base.small_matrices import singular_values
 from rrrgen.emit.html.sketch import zero_pose
 from rrrgen.ik.geometry.chain import numeric_chain
-from rrrgen.program import evaluate_floats
-from rrrgen.robot.model.mechanism import refuse_loops
+from rrrgen.robot.model.mechanism import follower_limits, refuse_loops, tip_arm
 
 if TYPE_CHECKING:
     from rrrgen.base.arrays import Array
-    from rrrgen.ik.inverse_kinematics import InverseKinematics
-    from rrrgen.program import Program
     from rrrgen.robot.spec import JointSpec, RobotSpec
 
 
@@ -106,8 +103,6 @@ def _width(drawing: Path) -> int | None:
 # ------------------------------------------------------------------------------------------------------------------
 
 DIGITS = 9  # decimals of lengths (m) and angles (rad): one nanometre; rounding that differs between machines is smaller
-POSES = 4  # number of tip poses for which the view offers all configurations
-CANDIDATES = 16  # number of poses from which those that reach farthest are chosen, because a folded arm shows little
 GOLDEN = 0.6180339887498949  # golden ratio: its multiples modulo 1 spread evenly over [0, 1)
 
 
@@ -117,15 +112,14 @@ def as_json(content: dict[str, Any]) -> str:
     return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
 
 
-def scene(spec: RobotSpec, forward_kinematics: Program | None = None) -> dict[str, Any]:
-    """The data of the view: geometry at nominal parameters (SI units), joint ranges, configurations of equal tip pose.
+def scene(spec: RobotSpec) -> dict[str, Any]:
+    """The data of the view: geometry at nominal parameters (SI units), joint ranges, tips.
 
     ``joints`` holds per joint name, type, alpha, a, d, theta, the sign if it is -1, and the ends of its slider: the
     limits of the robot file, else one turn or the reach; ``limited`` says for both ends whether the file states them.
     ``start`` is the configuration to begin with.
     In a mechanism, ``rows`` holds the Denavit-Hartenberg rows instead, each with the number of the row that carries it
-    and the factors of q in its displacement, and ``poses`` lists of configurations ``q`` of equal tip pose with the
-    names of their branches, if its ``forward_kinematics`` are given. Those of a chain are found by the page itself.
+    and the factors of q in its displacement. The configurations of a tip pose are found by the page itself.
     """
     refuse_loops(spec, "the drawing")
     base, stages, _ = zero_pose(spec)
@@ -158,7 +152,6 @@ def scene(spec: RobotSpec, forward_kinematics: Program | None = None) -> dict[st
         "reach": _short(reach),
         "joints": joints,
         "start": _first_pose(spec, ends),
-        "poses": [] if spec.mechanism is None or forward_kinematics is None else _poses(spec, forward_kinematics, ends),
     } | _mechanism(spec, table)
 
 
@@ -166,7 +159,9 @@ def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]
     """Data of a mechanism: its Denavit-Hartenberg rows ``rows`` and the row ``tip_row`` of the tip; empty for a chain.
 
     Each row has its ``parent``, the number of the row that carries it, and ``factors`` of q in its displacement.
-    ``tips`` are the named tips with their rows and tools, if there are any.
+    ``tips`` are the named tips with their rows and tools, if there are any; of one that has joints of its own, which its
+    inverse kinematics moves, ``joints`` are their numbers and ``carrier`` the row that carries them. ``followers`` are
+    the limits of rows that follow several joints.
     """
     if spec.mechanism is None:
         return {}
@@ -182,9 +177,24 @@ def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]
             "row": spec.at_tip(name).tip_row,
             "tool": _rows([[float(spec.nominal(v)) for v in line] for line in tip.tool.matrix().tolist()]),
         }
+        | _own_joints(spec, name)
         for name, tip in spec.tips.items()
     ]
-    return {"rows": rows, "tip_row": spec.tip_row} | ({"tips": tips} if tips else {})
+    followers = [
+        {"name": each.name, "along": each.factors, "lower": each.lower, "upper": each.upper}
+        for each in follower_limits(spec)
+    ]
+    found = {"tips": tips, "followers": followers}
+    return {"rows": rows, "tip_row": spec.tip_row} | {name: values for name, values in found.items() if values}
+
+
+def _own_joints(spec: RobotSpec, tip: str) -> dict[str, Any]:
+    """The ``joints`` that move this tip alone and the row that is their ``carrier`` (-1: the base), if there are any."""
+    try:
+        arm = tip_arm(spec, tip)
+    except DerivationError:
+        return {}
+    return {"joints": list(arm.joints), "carrier": arm.carrier}
 
 
 def _range(joint: JointSpec, reach: float) -> tuple[float, float]:
@@ -231,38 +241,6 @@ def _first_pose(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]
         if score > best[0] + 1e-9:  # round-off does not decide
             best = (score, q)
     return best[1]
-
-
-def _poses(spec: RobotSpec, program: Program, ends: list[tuple[float, float]]) -> list[list[dict[str, Any]]]:
-    """All configurations for each of :data:`POSES` tip poses; empty where the solver needs a compiler or is missing."""
-    from rrrgen.ik.inverse_kinematics import evaluated_solver
-
-    try:
-        solver = evaluated_solver(spec)
-    except DerivationError:
-        return []
-    candidates = []
-    for k in range(CANDIDATES):
-        parts = [0.15 + 0.7 * ((GOLDEN * (k * len(ends) + i + 1)) % 1.0) for i in range(len(ends))]
-        q = [lower + part * (upper - lower) for part, (lower, upper) in zip(parts, ends, strict=True)]
-        (T,) = evaluate_floats(program, q)
-        candidates.append((_short(hypot(T[3], T[7], T[11])), [T[4 * i : 4 * i + 4] for i in range(4)], q))
-    candidates.sort(key=lambda candidate: -candidate[0])
-    found = [_configurations(solver, T, q) for _, T, q in candidates[:POSES]]
-    return [pose for pose in found if pose]
-
-
-def _configurations(solver: InverseKinematics, T: list[list[float]], q: list[float]) -> list[dict[str, Any]]:
-    solved = solver.solve(T, q)
-    return [
-        {"q": [_short(float(v)) for v in row], "branch": _branch(solver, int(branch))}
-        for row, branch in zip(solved.q, solved.branch, strict=True)
-    ]
-
-
-def _branch(solver: InverseKinematics, branch: int) -> str:
-    """Text with the name and value of each choice of a branch, such as ``shoulder 0, elbow 1``."""
-    return ", ".join(f"{name} {value}" for name, value in solver.branch_names(branch).items())
 
 
 def _rows(matrix: Sequence[Sequence[float]]) -> list[list[float]]:

@@ -28,7 +28,7 @@ from rrrgen.emit.printing import (
     with_free_ports,
     wrapped,
 )
-from rrrgen.emit.targets.javascript_ik import module as inverse_kinematics
+from rrrgen.emit.targets.javascript_ik import modules as inverse_kinematics
 from rrrgen.program import Op, Port, Program, Status, count_operations
 from rrrgen.robot.identity import Identity
 
@@ -50,17 +50,21 @@ _MATHS = {Op.SQRT: "Math.sqrt", Op.ABS: "Math.abs", Op.EXP: "Math.exp", Op.TANH:
 
 
 class JavaScriptBackend:
-    """Prints ``<name>.mjs`` and ``<name>_ik.mjs`` in the folder ``javascript``."""
+    """Prints ``<name>.mjs``, ``<name>_ik.mjs`` and ``<name>_<tip>_ik.mjs`` in the folder ``javascript``."""
 
     def tasks(self, model: DerivedModel, identity: Identity, real: Real) -> list[Callable[[], str]]:
         """A single task, which prints the module; ``real`` is of no account, since JavaScript has doubles alone."""
         return [partial(module, model, identity)]
 
     def assemble(self, model: DerivedModel, identity: Identity, results: Sequence[str]) -> dict[str, str]:
-        """The module, and beside it that of the inverse kinematics of a serial arm."""
-        files = {f"javascript/{model.spec.name}.mjs": results[0]}
-        inverse = None if model.spec.gravity_input else inverse_kinematics(model.spec, identity)
-        return files if inverse is None else files | {f"javascript/{model.spec.name}_ik.mjs": inverse}
+        """The module, and beside it those of the inverse kinematics of the tip and of the named tips."""
+        name = model.spec.name
+        files = {f"javascript/{name}.mjs": results[0]}
+        if model.spec.gravity_input:
+            return files
+        for tip, text in inverse_kinematics(model.spec, identity).items():
+            files[f"javascript/{name}{'_' * bool(tip)}{tip}_ik.mjs"] = text
+        return files
 
 
 BACKEND: Backend = JavaScriptBackend()

@@ -2,8 +2,9 @@
 
 ``<name>_ik.mjs`` has no dependencies. Views move an arm by it: all configurations of a tip pose, or the nearest one by
 damped least squares where the pose cannot be reached or the arm has no solver. A controller uses the emitted C, which
-treats round-off at singular configurations with more care. A general arm, which has no closed form, is solved by the
-statements of that C in JavaScript.
+treats round-off at singular configurations with more care. A general arm, which has no closed form, and a mechanism,
+whose joint values are found for every way in which the drives can stand, are solved by the statements of that C in
+JavaScript.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from rrrgen.emit.interface import ATOM, PRODUCT, SUM, UNARY, Text
 from rrrgen.emit.printing import wrapped
 from rrrgen.emit.targets.javascript_from_c import Translation, translate
 from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.classify import tip_plans
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
 from rrrgen.ik.recording.float_builder import OUTSIDE
@@ -38,7 +40,7 @@ from rrrgen.ik.recording.steps import (
     TurnStep,
     WristStep,
 )
-from rrrgen.ik.result_layout import STATUS
+from rrrgen.ik.result_layout import STATUS, labels
 from rrrgen.program import Op
 
 if TYPE_CHECKING:
@@ -46,25 +48,31 @@ if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
 
 
+def modules(spec: RobotSpec, identity: Identity) -> dict[str, str]:
+    """The modules of the tip, named ``""``, and of every named tip that has a solver, by the name of the tip."""
+    found = {"": module(spec, identity)}
+    for tip, (arm, _) in tip_plans(spec).items():
+        found[tip] = module(arm, identity)
+    return {name: text for name, text in found.items() if text is not None}
+
+
 def module(spec: RobotSpec, identity: Identity) -> str | None:
-    """Print the module of the inverse kinematics; None for a mechanism, whose joint values the C alone distributes."""
+    """Print the module of the inverse kinematics; None for a mechanism without a solver."""
     plan = make_plan(spec)
-    if plan.coupling is not None:
+    if spec.mechanism is not None and not plan.solvable:
         return None
-    chain, solver = plan.chain, plan.solver
-    kernels = _translated(spec, plan) if plan.general else None
+    chain, solver, coupling = plan.chain, plan.solver, plan.coupling
+    kernels = _translated(spec, plan) if plan.general or coupling is not None else None
     matrices = [[[float(x) for x in row] for row in matrix] for matrix in chain.transforms]
-    joints = [
-        {
-            "name": joint.name,
-            "revolute": joint.revolute,
-            "sign": joint.sign,
-            "offset": float(joint.offset),
-            "lower": joint.lower,
-            "upper": joint.upper,
-        }
+    axes = [
+        {"name": joint.name, "revolute": joint.revolute, "sign": joint.sign, "offset": float(joint.offset)}
         for joint in chain.joints
     ]
+    joints = [
+        {"name": joint.name, "revolute": joint.is_revolute, "lower": joint.limits.lower, "upper": joint.limits.upper}
+        for joint in spec.joints
+    ]
+    followers = [] if coupling is None else coupling.followers
     return render(
         "javascript/ik.mjs.j2",
         identity=identity,
@@ -72,34 +80,42 @@ def module(spec: RobotSpec, identity: Identity) -> str | None:
         title=wrapped(f"{plan.title[0].upper()}{plan.title[1:]}."),
         reason=wrapped(_without(plan)),
         position=plan.task == "position",
+        axes=[json.dumps(axis) for axis in axes],
         joints=[json.dumps(joint) for joint in joints],
+        factors=None if coupling is None else [json.dumps(row) for row in coupling.matrix],
+        followers=[json.dumps({"along": each.factors, "lower": each.lower, "upper": each.upper}) for each in followers],
         transforms=[json.dumps(matrix) for matrix in matrices],
         reach=repr(chain.reach),
         locked="null" if plan.locked in (None, ARM_ANGLE) else str(plan.locked),
         arm_angle=plan.locked == ARM_ANGLE,
         shoulder=float(chain.links[0].d) if plan.locked == ARM_ANGLE else 0.0,
         redundancy=plan.redundancy,
-        branches=None if solver is None else _Writer(plan).lines(),
+        branches=None if solver is None or kernels is not None else _Writer(plan).lines(),
+        closed=solver is not None,
         kernels=kernels,
         out=json.dumps(kernels.places["out"]) if kernels else None,
+        labels=json.dumps([[name, bit, (1 << bits) - 1] for name, bit, bits in labels(plan)]) if kernels else None,
         statuses=json.dumps(STATUS),
         outside=OUTSIDE,
     )
 
 
 def _translated(spec: RobotSpec, plan: SolverPlan) -> Translation:
-    """The emitted C of a general arm as JavaScript."""
+    """The emitted C as JavaScript."""
     files, name = emit(spec, plan).files, spec.name
-    arrays = {"target": 16, "q_ref": plan.n}
+    arrays = {"target": 3 if plan.task == "position" else 16, "q_ref": plan.n}
     return translate(files[f"{name}_ik.h"], files[f"{name}_ik.c"], f"{name}_inverse_kinematics", arrays)
 
 
 def _without(plan: SolverPlan) -> str:
-    """Text that says why there is no closed form; empty where there is one."""
+    """Text that says why no closed form is printed, or by what the arm is solved; empty where one is printed."""
+    translated = "the functions after the forward kinematics are the emitted C in JavaScript"
+    if plan.coupling is not None:
+        return f"A mechanism: {translated}."
     if plan.solver is not None:
         return ""
     if plan.general:
-        return "There is no closed form: the functions after the forward kinematics are the emitted C in JavaScript."
+        return f"There is no closed form: {translated}."
     return f"There is no closed form: {plan.reason}."
 
 

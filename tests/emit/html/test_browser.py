@@ -16,12 +16,13 @@ import numpy as np
 import pytest
 
 from pipeline.optimized import bundled
-from rrrgen.derive import prepare
+from rrrgen.derive import derive, prepare
 from rrrgen.derive.closed_forms import closed_form
 from rrrgen.emit.html import html_report
 from rrrgen.emit.html.scene import Illustration, PlayedMotion
 from rrrgen.ik.geometry.chain import numeric_chain
 from rrrgen.program import evaluate
+from rrrgen.robot.file import load_spec
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
@@ -128,9 +129,9 @@ def page() -> str:
     return html_report(model, forms, notice=f"Written from model {64 * 'a'}.", motions=motions, figures=[figure])
 
 
-def opened(pages: list[tuple[str, int]], folder: Path, *options: str) -> tuple[list[dict], str]:
+def opened(pages: list[tuple[str, int]], folder: Path, *options: str, probe: str = PROBE) -> tuple[list[dict], str]:
     """What the probe found on pages, each opened in a frame of a width, and what the browser said on its console."""
-    probe, frames = PROBE.replace("ANGLES", json.dumps(ANGLES)), FRAMES
+    probe, frames = probe.replace("ANGLES", json.dumps(ANGLES)), FRAMES
     for k, (text, width) in enumerate(pages):
         (folder / f"report{k}.html").write_text(text.replace("</body>", probe + "</body>"), encoding="utf-8")
         frames += FRAME.replace("FILE", f"report{k}.html").replace("WIDTH", str(width))
@@ -242,3 +243,49 @@ def test_view_computes_the_pose_of_the_tip(laptop: tuple[dict, str]) -> None:
         [-sp, cp * sr, cp * cr],
     ]
     np.testing.assert_allclose(R, T[:3, :3], atol=2e-4)
+
+
+TIPS = r"""
+<script type="module">
+const found = [], $ = (query) => document.querySelector(query);
+const wait = () => new Promise((resolve) => setTimeout(resolve, 60));
+const buttons = () => [...document.querySelectorAll("#configurations button")];
+const tips = $("#place select") ? [...$("#place select").options].map((option) => option.value) : [null];
+for (const tip of tips) {
+  if (tip !== null) { $("#place select").value = tip; $("#place select").dispatchEvent(new Event("change")); }
+  await wait();
+  const before = $("#tip").textContent, height = document.querySelectorAll("#place input")[2];
+  height.value = Number(height.value) + 5;
+  height.dispatchEvent(new Event("change"));
+  await wait();
+  const each = { name: $("#place select") ? $("#place select").selectedOptions[0].text : "", before, tips: [], joints: [], said: $("#branch").textContent };
+  for (let k = 0; k < buttons().length; k++) {
+    buttons()[k].click();
+    await wait();
+    each.tips.push($("#tip").textContent);
+    each.joints.push([...document.querySelectorAll("#joints output")].map((e) => e.textContent).join(" "));
+  }
+  found.push(each);
+}
+parent.postMessage(JSON.stringify(found), "*");
+</script>
+"""
+
+
+def test_every_tip_of_trees_and_mechanisms_is_moved_among_its_configurations(tmp_path: Path) -> None:
+    """A palletiser with a parallelogram; the two arms of a torso, each on shared joints, and the fingers of a hand."""
+    examples = Path(__file__).resolve().parents[3] / "examples"
+    names = ("palletiser/robot", "trees/torso", "trees/hand")
+    pages = [html_report(derive(load_spec(examples / f"{name}.yaml")), {}) for name in names]
+    answers, console = opened([(page, 1000) for page in pages], tmp_path, probe=TIPS)
+    assert console == ""
+    assert [[each["name"] for each in tips] for tips in answers] == [[""], ["left", "right"], ["finger", "thumb"]]
+    for each in (each for tips in answers for each in tips):
+        count = len(each["joints"])
+        assert count > 1, each["said"]
+        assert len(set(each["joints"])) == count
+        assert len(set(each["tips"])) == 1
+        before, after = (
+            float(re.findall(r"−?[\d.]+", text)[2].replace("−", "-")) for text in (each["before"], each["tips"][0])
+        )
+        assert after == pytest.approx(before + 5.0, abs=0.11)

@@ -65,7 +65,7 @@ def test_text_of_a_strangers_file_is_escaped() -> None:
     pages = results(hostile)
     assert pages.pop("dynamics").split("*/")[0].count("<img") == 1  # in the comment of a module that a worker runs
     assert "<img" not in "".join(pages.values())
-    assert "<img" not in picture(hostile)["solver"]
+    assert "<img" not in picture(hostile)["solvers"][""]
 
 
 def test_the_archive_holds_what_the_compiler_imports() -> None:

@@ -55,6 +55,7 @@ def test_figures_are_embedded_large_drawings_as_pixels(tmp_path: Path) -> None:
 def test_the_view_has_every_named_tip() -> None:
     hand = load_spec(Path(__file__).resolve().parents[3] / "examples" / "trees" / "hand.yaml")
     shown = scene(hand)["tips"]
+    assert [(tip["carrier"], tip["joints"]) for tip in shown] == [(1, [2, 3, 4]), (1, [5, 6, 7])]
     assert [(tip["name"], hand.rows[tip["row"]].name, tip["tool"][0][3]) for tip in shown] == [
         ("finger", "f3", 0.03), ("thumb", "t3", 0.025)
     ]  # fmt: skip
