@@ -81,7 +81,7 @@ async function showArm(picture, keep) {
   for (const [tip, source] of Object.entries(picture.solvers)) {
     const mine = arm, name = `solver ${tip}`, loaded = mine.ask({ name, source });
     const asked = (call) => async (...values) => { await loaded; return mine.ask({ name, call, values }); };
-    solvers[tip] = { inverse_kinematics: asked("inverse_kinematics"), approach: asked("approach") };
+    solvers[tip] = Object.fromEntries(["tip_pose", "inverse_kinematics", "approach"].map((call) => [call, asked(call)]));
   }
   jointNames = picture.scene.joints.map((joint) => joint.name);
   viewer.load(picture.scene, solvers);

@@ -1,8 +1,9 @@
 /* The interactive view of an arm: draws it from its Denavit-Hartenberg table on a canvas, without libraries.
  *
  * armViewer() makes the view in the elements of the page and returns { load, show, state }. load(scene, solvers) shows an
- * arm; `solvers` has for every tip that can be dragged, by its name ("" for the one without), inverse_kinematics(T, near)
- * and approach(T, q, turning) of an emitted <name>_ik.mjs, or functions that return promises of their results. */
+ * arm; `solvers` has for every tip that can be dragged, by its name ("" for the one without), tip_pose(q),
+ * inverse_kinematics(T, near) and approach(T, q, turning) of an emitted <name>_ik.mjs, or functions that return promises of
+ * their results. */
 "use strict";
 function armViewer(changed) {
   const canvas = document.getElementById("view");
@@ -81,15 +82,23 @@ function armViewer(changed) {
     const tips = [{ name: "", joints: all, carrier: -1 }, ...(scene.tips || [])].map((each, tip) => ({ ...each, tip: tip }));
     return tips.filter((each) => solvers[each.name]).map((each) => ({ ...each, solver: solvers[each.name] }));
   }
+  function carried(q) { return hand.carrier < 0 ? null : pose(q).frames[hand.carrier + 1]; }
   function local(T, q) {
-    if (hand.carrier < 0) return T;
-    const F = pose(q).frames[hand.carrier + 1], p = origin(F);
+    const F = carried(q);
+    if (!F) return T;
+    const p = origin(F);
     return [0, 1, 2].map((i) => [0, 1, 2, 3].map((c) => dot(axis(F, i), [T[0][c], T[1][c], T[2][c]]) - (c === 3 ? dot(axis(F, i), p) : 0)));
   }
   function own(q) { return hand.joints.map((j) => q[j]); }
   function whole(part, q) {
     const joints = hand.joints;
     return q.map((x, j) => (joints.includes(j) ? part[joints.indexOf(j)] : x));
+  }
+  /* The pose of the tip by its solver: in the view lengths and angles are rounded, and an arm with fewer than six joints
+   * reaches no pose that is off by as much. */
+  async function exact(q) {
+    const T = [...await hand.solver.tip_pose(own(q)), [0, 0, 0, 1]], F = carried(q);
+    return F ? times(F, T) : T;
   }
   async function solved(T, q) {
     const found = await hand.solver.inverse_kinematics(local(T, q), own(q));
@@ -404,7 +413,7 @@ function armViewer(changed) {
   /* All configurations with the tip where it is, as buttons and as thin lines. */
   async function offer() {
     if (!hand) return;
-    const mine = loaded, of = hand, q = state.q.slice(), found = await solved(pose(q).tip, q);
+    const mine = loaded, of = hand, q = state.q.slice(), found = await solved(await exact(q), q);
     if (mine !== loaded || of !== hand || q.some((x, i) => x !== state.q[i])) return;
     list = found.map((each, index) => ({ q: each.q, within: each.within, index: index, name: named(each.branch) }));
     offered(list);
@@ -493,9 +502,10 @@ function armViewer(changed) {
       input.setAttribute("aria-label", name + " of the tip in mm");
       input.addEventListener("change", () => {
         if (!Number.isFinite(input.valueAsNumber)) return;
-        const T = pose(state.q).tip.map((row) => row.slice());
-        T[i][3] = input.valueAsNumber / 1000;
-        reach(T, false);
+        exact(state.q).then((T) => {
+          T[i][3] = input.valueAsNumber / 1000;
+          reach(T, false);
+        });
       });
     });
     element("span", place, "mm");
@@ -592,6 +602,8 @@ function armViewer(changed) {
       take(under);
       const tip = pose(state.q).tip, p = project(origin(tip)), [x, y] = at(event);
       state.held = { T: tip, from: [x, y], scale: eye.scale * eye.far / (eye.far - p[2]), right: eye.right, up: eye.up };
+      const held = state.held;
+      exact(state.q).then((T) => { held.T = T; });
       cancelAnimationFrame(motion);
       draw();
       return;

@@ -198,9 +198,8 @@ def test_the_limits_of_followers_hold_while_a_tip_is_dragged(tmp_path):
         assert min(value - forearm.lower, forearm.upper - value) == pytest.approx(0.0, abs=1e-6)
         near = [np.linalg.norm(poses(spec, each[None])[0, :3, 3] - T[:3, 3]) for each in (start, q)]
         assert near[1] < 0.5 * near[0]
-        turned = poses(spec, np.array([q + [0.01, 0, 0, 0], q - [0.01, 0, 0, 0]]))[
-            :, :3, 3
-        ]  # a free joint gains nothing
+        beside = q + np.outer([0.01, -0.01], [1, 0, 0, 0])  # the joint that stands at no limit gains nothing
+        turned = poses(spec, beside)[:, :3, 3]
         assert np.linalg.norm(turned - T[:3, 3], axis=1).min() > near[1]
 
 

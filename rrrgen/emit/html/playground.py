@@ -86,7 +86,7 @@ def _cell(node: Node | None) -> dict[str, Any] | None:
 
 
 def picture(text: str) -> dict[str, Any]:
-    """What the view needs of a robot without faults: ``scene``, and ``solvers``, inverse kinematics in JavaScript by tip.
+    """What the view needs of a robot without faults: ``scene``, and ``solvers``, JavaScript of its tips by their names.
 
     ``family`` says in words how its tips are solved, or why they are not. Raises InputError with the faults.
     """

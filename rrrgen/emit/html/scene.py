@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.base.small_matrices import singular_values
 from rrrgen.emit.html.sketch import zero_pose
-from rrrgen.ik.geometry.chain import numeric_chain
-from rrrgen.robot.model.mechanism import follower_limits, refuse_loops, tip_arm
+from rrrgen.ik.geometry.mechanism import solved_chain
+from rrrgen.robot.model.mechanism import FollowerLimits, follower_limits, refuse_loops, tip_arm
 
 if TYPE_CHECKING:
     from rrrgen.base.arrays import Array
@@ -159,9 +159,9 @@ def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]
     """Data of a mechanism: its Denavit-Hartenberg rows ``rows`` and the row ``tip_row`` of the tip; empty for a chain.
 
     Each row has its ``parent``, the number of the row that carries it, and ``factors`` of q in its displacement.
-    ``tips`` are the named tips with their rows and tools, if there are any; of one that has joints of its own, which its
-    inverse kinematics moves, ``joints`` are their numbers and ``carrier`` the row that carries them. ``followers`` are
-    the limits of rows that follow several joints.
+    ``tips`` are the named tips with their rows and tools, if there are any; where a tip has joints of its own, which
+    its inverse kinematics moves, ``joints`` are their numbers and ``carrier`` the row that carries them.
+    ``followers`` are the limits of rows that follow several joints.
     """
     if spec.mechanism is None:
         return {}
@@ -189,7 +189,7 @@ def _mechanism(spec: RobotSpec, table: list[dict[str, float]]) -> dict[str, Any]
 
 
 def _own_joints(spec: RobotSpec, tip: str) -> dict[str, Any]:
-    """The ``joints`` that move this tip alone and the row that is their ``carrier`` (-1: the base), if there are any."""
+    """The ``joints`` that move this tip alone, and the row that is their ``carrier`` (-1: the base); empty for none."""
     try:
         arm = tip_arm(spec, tip)
     except DerivationError:
@@ -206,41 +206,67 @@ def _range(joint: JointSpec, reach: float) -> tuple[float, float]:
 
 BENT = 2.0  # rad, the farthest of a revolute joint from the middle of its range in the first pose
 TRIED = 64  # configurations from which the first pose is chosen
+FLAT = 1e-9  # a singular value of the motion of the position below this is zero: the arm is planar
 
 
 def _first_pose(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]:
-    """A configuration near the middle of the limits in which the tip moves freely and nothing is below the base.
+    """A configuration near the middle of the limits in which every tip moves freely and nothing is below the base.
 
-    Of :data:`TRIED` configurations it is the one with the largest smallest singular value of the Jacobian, lengths over
-    the reach: a straight arm, at which dragging the tip would feel stuck, has zero there. A mechanism starts in the
-    middle.
+    Joints that several named tips share stand in the middle.
     """
+    if spec.mechanism is None:
+        return _bent(spec, ends)
+    arms = [tip_arm(spec, tip) for tip in spec.tips if _own_joints(spec, tip)]
+    if not arms:
+        return _bent(spec, ends)
+    start = [_short((lower + upper) / 2) for lower, upper in ends]
+    for arm in arms:
+        for k, x in zip(arm.joints, _bent(arm.spec, [ends[k] for k in arm.joints]), strict=True):
+            start[k] = x
+    return start
+
+
+def _bent(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]:
+    """Of :data:`TRIED` configurations the one with the largest smallest singular value of the Jacobian.
+
+    Lengths count over the reach. A straight arm, at which dragging the tip would feel stuck, has zero there.
+    """
+    chain, S = solved_chain(spec)
+    factors = [[float(x) for x in S.row(i)] for i in range(S.rows)]
+    units = [1.0 if joint.is_revolute else chain.reach for joint in spec.joints]
     middle = [(lower + upper) / 2 for lower, upper in ends]
-    if spec.mechanism is not None:
-        return [_short(x) for x in middle]
-    chain = numeric_chain(spec)
     span = [
         min(0.4 * (upper - lower), BENT) if joint.is_revolute else 0.3 * (upper - lower)
         for joint, (lower, upper) in zip(spec.joints, ends, strict=True)
     ]
     span[0] = min(span[0], 0.4)  # the first joint turns the picture only
     up = [-float(spec.nominal(g)) for g in spec.gravity]
-    best: tuple[float, list[float]] = (-1.0, middle)
+    best: tuple[float, list[float]] = (-1.0, [_short(x) for x in middle])
     for k in range(TRIED):
         parts = [2 * ((GOLDEN ** (i % 7 + 1) * (k + 1) + 0.5 * i) % 1.0) - 1 for i in range(spec.n)]
         q = [_short(m + part * s) for m, part, s in zip(middle, parts, span, strict=True)]
-        rows = 3 if spec.n <= 3 else 6
+        if not all(_within(each, q) for each in follower_limits(spec)):
+            continue
+        y = [sum(f * x for f, x in zip(row, q, strict=True)) for row in factors]
+        motion = [[x / chain.reach for x in column[:3]] + column[3:] for column in chain.tip_motion(y)]
         columns = [
-            ([x / chain.reach for x in column[:3]] if joint.revolute else column[:3]) + column[3:]
-            for joint, column in zip(chain.joints, chain.tip_motion(q), strict=True)
+            [unit * sum(row[j] * column[i] for row, column in zip(factors, motion, strict=True)) for i in range(6)]
+            for j, unit in enumerate(units)
         ]
-        freedom = singular_values([column[:rows] for column in columns])[min(rows, spec.n) - 1]
-        heights = [sum(u * row[3] for u, row in zip(up, frame, strict=True)) for frame in chain.frames(q)]
+        freedom = singular_values([column[:3] for column in columns])[spec.n - 1] if spec.n <= 3 else 0.0
+        if freedom < FLAT:  # more joints, or a planar arm, which turns the tip with the last one
+            freedom = singular_values(columns)[min(6, spec.n) - 1]
+        heights = [sum(u * row[3] for u, row in zip(up, frame, strict=True)) for frame in chain.frames(y)]
         low = min(heights[1:]) < heights[0] - 0.02 * chain.reach * hypot(*up)
         score = freedom * (0.1 if low else 1.0)
         if score > best[0] + 1e-9:  # round-off does not decide
             best = (score, q)
     return best[1]
+
+
+def _within(row: FollowerLimits, q: list[float]) -> bool:
+    value = sum(f * x for f, x in zip(row.factors, q, strict=True))
+    return (row.lower is None or value >= row.lower) and (row.upper is None or value <= row.upper)
 
 
 def _rows(matrix: Sequence[Sequence[float]]) -> list[list[float]]:
