@@ -13,7 +13,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 import threading
 from dataclasses import dataclass
@@ -74,4 +73,3 @@ def table(found: Waiting) -> str:
 
 if __name__ == "__main__":
     click.echo(table(waiting()))
-    sys.exit(0)

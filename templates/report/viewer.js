@@ -669,6 +669,7 @@ function armViewer(changed) {
     start = scene.start;
     cancelAnimationFrame(motion);
     Object.assign(state, { q: start.slice(), zoom: 1, others: [], trace: [], held: null, drag: null });
+    if (rows.length > 8) state.frames = false;  // too many names for one picture
     room = shownRoom();
     root.classList.add("alive");
     controls();
