@@ -227,7 +227,7 @@ def _first_pose(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]
 
 
 def _bent(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]:
-    """Of :data:`TRIED` configurations the one with the largest smallest singular value of the Jacobian.
+    """The configuration, of :data:`TRIED`, at which the smallest singular value of the Jacobian is largest.
 
     Lengths count over the reach. A straight arm, at which dragging the tip would feel stuck, has zero there.
     """
