@@ -34,6 +34,7 @@ ASSUMED_SPEED, ASSUMED_ACCELERATION = (10.0, 2.0), (100.0, 20.0)
 """Where the robot file states no limit: rad and m; rad/s and m/s; rad/s^2 and m/s^2 (revolute, prismatic)."""
 
 GRAVITY = 10.0  # m/s^2, of every component where gravity is an input
+PAYLOAD = 10.0  # kg, m, kg m^2: of every number that describes a payload
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def box_of(program: Program, spec: RobotSpec, beta: Sequence[float] | None, rang
     """The range of every input port of ``program`` that has one, by name.
 
     ``beta`` are the nominal values of the port of base parameters, drive inertias included; None where the robot file
-    states none. A port of another quantity, such as the mass of a payload, has no range.
+    states none. A port of another quantity, such as the gain of a control law, has no range.
     """
     box = {}
     for port in program.inputs:
@@ -89,6 +90,8 @@ def _range(port: Port, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ra
         return PortRange((-1.0,) * port.size, (1.0,) * port.size, "assumed")
     if role is Role.GRAVITY:
         return PortRange((-GRAVITY,) * port.size, (GRAVITY,) * port.size, "assumed")
+    if role is Role.PAYLOAD:
+        return PortRange((-PAYLOAD,) * port.size, (PAYLOAD,) * port.size, "assumed")
     if role is Role.BASE_PARAMETERS:
         return None if beta is None or len(beta) != port.size else _around(beta, ranges.spread)
     if role is Role.FRICTION:

@@ -40,6 +40,10 @@ def has_wide_format(precision: Precision) -> bool:
 RESOLUTION = 1.001
 """Factor within which the sampled errors are right: the wider format rounds too."""
 
+_CLIMBED = 8  # elements of a port from which the search goes on; every state of it counts for all elements
+_NEIGHBOURS = 64  # states tried around each of them in a step
+_TOGETHER = 2e6  # nodes times states evaluated together: 32 MB in the wider format
+
 Evaluator = Callable[[Sequence[Array]], Sequence[Array]]
 """Evaluates a program at (states, size) values of every input port: one array (states, size) per output."""
 
@@ -55,32 +59,52 @@ def largest_errors(
 ) -> NDArray[np.float64]:
     """The largest errors found, one per output element in order, over ``samples`` states and ``climbs`` steps uphill.
 
-    Half of the states have their rates at corners of the box. A step moves the worst state of every output a little,
-    and keeps it where the error has grown. The wider format rounds too, so that the figures are good to three digits.
-    ``compiled`` evaluates the program in the emitted precision, such as compiled code; by default it is evaluated here.
+    Half of the states have their rates at corners of the box. A step moves the worst states of the outputs a little,
+    and keeps each where the error has grown; of a port with many elements, those with the largest errors. The wider
+    format rounds too, so that the figures are good to three digits. ``compiled`` evaluates the program in the emitted
+    precision, such as compiled code; by default it is evaluated here.
     """
     rng = np.random.default_rng(seed)
     narrow = np.float64 if precision is DOUBLE else np.float32
-    states = _states(program, box, samples, rng, narrow)
-    errors = errors_at(program, states, precision, compiled)
-    best, place = errors.max(axis=1), errors.argmax(axis=1)
-    champions = [state[place] for state in states]
+    most = max(_NEIGHBOURS, int(_TOGETHER / len(program.nodes)))  # states evaluated together
+    best = np.zeros(sum(len(row) for row in program.results))
+    champions = [np.zeros((len(best), port.size), dtype=narrow) for port in program.inputs]
+    for first in range(0, samples, most):
+        states = _states(program, box, min(most, samples - first), rng, narrow)
+        errors = errors_at(program, states, precision, compiled)
+        place, worst = errors.argmax(axis=1), errors.max(axis=1)
+        grown = (worst > best) | (first == 0)
+        for champion, state in zip(champions, states, strict=True):
+            champion[grown] = state[place[grown]]
+        best = np.maximum(best, worst)
+    climbed = _climbed(program, best)
     for step in range(climbs):
         reach = 0.1 * 0.7**step
         moved = []
-        for (lower, upper), state in zip(_edges(program, box), champions, strict=True):
-            shift = rng.uniform(-reach, reach, (64, *state.shape)) * (upper - lower)
-            moved.append(np.clip(state + shift, lower, upper).astype(narrow))
-        count = len(best)
-        flat = [state.reshape(64 * count, -1) for state in moved]
-        again = errors_at(program, flat, precision, compiled).reshape(count, 64, count)
-        for k in range(count):
-            j = int(again[k, :, k].argmax())
-            if again[k, j, k] > best[k]:
-                best[k] = again[k, j, k]
-                for champion, state in zip(champions, moved, strict=True):
-                    champion[k] = state[j, k]
+        for (lower, upper), champion in zip(_edges(program, box), champions, strict=True):
+            state = champion[climbed]
+            shift = rng.uniform(-reach, reach, (_NEIGHBOURS, *state.shape)) * (upper - lower)
+            moved.append(np.clip(state + shift, lower, upper).astype(narrow).reshape(-1, state.shape[1]))
+        count = len(moved[0]) if moved else 1
+        for first in range(0, count, most):
+            states = [state[first : first + most] for state in moved]
+            errors = errors_at(program, states, precision, compiled)
+            place, worst = errors.argmax(axis=1), errors.max(axis=1)
+            grown = worst > best
+            for champion, state in zip(champions, states, strict=True):
+                champion[grown] = state[place[grown]]
+            best = np.maximum(best, worst)
     return np.asarray(best, dtype=np.float64)
+
+
+def _climbed(program: Program, errors: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The output elements from whose worst states the search goes on: those of every port with the largest errors."""
+    chosen, first = [], 0
+    for row in program.results:
+        order = np.argsort(-errors[first : first + len(row)], kind="stable")
+        chosen.append(first + order[:_CLIMBED])
+        first += len(row)
+    return np.concatenate(chosen)
 
 
 def errors_at(

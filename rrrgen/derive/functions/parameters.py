@@ -113,7 +113,7 @@ def add_payload_at(project: Projection) -> Recorder:
     def record(r: Recording) -> Program:
         mass, com, inertia = _payload_inputs(r, "the payload's frame")
         meaning = "pose of the payload's frame, a homogeneous transform"
-        T = r.builder.input(Port("frame", (4, 4), "1, m", "last link frame", meaning))
+        T = r.builder.input(Port("frame", (4, 4), "1, m", "last link frame", meaning, Role.PAYLOAD))
         beta = r.builder.input(r.beta_port("base parameters without the payload"))
         R: Matrix = [list(T[4 * i : 4 * i + 3]) for i in range(3)]
         own = [[inertia[min(i, j)][max(i, j)] for j in range(3)] for i in range(3)]
@@ -136,10 +136,10 @@ _NEGATIVE = "A payload is taken off again by the same call with negative mass an
 
 
 def _payload_inputs(r: Recording, frame: str) -> tuple[Any, list[Any], Matrix]:
-    (mass,) = r.builder.input(Port("mass", (), "kg", "", "mass of the payload"))
-    com = r.builder.input(Port("com", (3,), "m", frame, "centre of mass of the payload"))
+    (mass,) = r.builder.input(Port("mass", (), "kg", "", "mass of the payload", Role.PAYLOAD))
+    com = r.builder.input(Port("com", (3,), "m", frame, "centre of mass of the payload", Role.PAYLOAD))
     meaning = "inertia tensor about the centre of mass"
-    flat = r.builder.input(Port("inertia", (3, 3), "kg m^2", f"axes of {frame}", meaning))
+    flat = r.builder.input(Port("inertia", (3, 3), "kg m^2", f"axes of {frame}", meaning, Role.PAYLOAD))
     return mass, list(com), [list(flat[3 * i : 3 * i + 3]) for i in range(3)]
 
 

@@ -1,0 +1,55 @@
+"""Whether compiled code keeps the proven bounds of its rounding errors at very many states and in a search uphill.
+
+    python -m bench.measurements.rounding_bounds [ROBOT ...] [--states N] [--seed S] [--real double|float]
+
+ROBOT is a bundled name or a file. For every function with a bound: the largest error found and the bound, and the
+largest error over its bound of all output elements, which is 1 where a bound is reached. Half of the states have their
+rates at corners of the box, which is that of the limits of the robot file. Exit status 1 if an error exceeds its bound.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from rrrgen.cli.arguments import real_option
+from rrrgen.cli.terminal import progress_bar
+from rrrgen.evidence.boxes import Ranges
+from rrrgen.evidence.statements import rounding_rows
+from rrrgen.robot.file import bundled_names, read
+from rrrgen.runtime import load
+
+if TYPE_CHECKING:
+    from rrrgen.emit import Real
+
+STATES = 1_000_000
+
+
+@click.command()
+@click.argument("robots", nargs=-1, metavar="[ROBOT ...]")
+@click.option("--states", type=click.IntRange(min=1), default=STATES, show_default=True, help="States per function.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the states and of the search.")
+@real_option
+def rounding_bounds(robots: tuple[str, ...], states: int, seed: int, real: Real) -> int:
+    """Look for errors of compiled code beyond their proven bounds; exit with 1 if there are any."""
+    sound = True
+    for robot in robots or tuple(bundled_names()):
+        start = time.perf_counter()
+        with progress_bar() as tell:
+            rows, skipped = rounding_rows(load.compile(read(robot), "c", real), Ranges(), states, seed, tell)
+        for row in rows:
+            click.echo(f"{robot:12} {row.function:36} {row.note:36} share {row.difference:.3f}")
+        worst = max((row.difference for row in rows), default=0.0)
+        seconds = time.perf_counter() - start
+        click.echo(
+            f"{robot:12} {real}, {states} states: {sum(row.ok for row in rows)} of {len(rows)} functions within their "
+            f"bounds, largest share {worst:.3f}, {len(skipped)} without a bound, {seconds:.0f} s"
+        )
+        sound = sound and all(row.ok for row in rows)
+    return 0 if sound else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(rounding_bounds(standalone_mode=False))
