@@ -46,6 +46,7 @@ ELSEWHERE = {
     "panda_link8": "tests/robot/importers/test_serial_chain.py, with a URDF of the Panda",
     "rrrgen response linearise": "tests/lab/experiment/test_response_experiment.py",
     "make-robot": "tests/cli/test_main.py",
+    "pytest tests/": "is itself a test",
 }
 """Words of commands that are not run here, and why."""
 
@@ -151,6 +152,19 @@ def presupposed(names: tuple[str, str, str]) -> None:
     Path("arm.yaml").write_text(response + "input: {column: u}\noutput: {column: y, unit: rad}\n", encoding="utf-8")
 
 
+def two_joints() -> None:
+    """The arm and the recordings of docs/from-a-csv.md, beside a template that its reader fills in."""
+    text = (ROBOTS / "planar2r.yaml").read_text(encoding="utf-8").replace("name: planar2r", "name: my_arm")
+    Path("my_arm.yaml").write_text(text, encoding="utf-8")
+    model, t = rrrgen.compile("planar2r"), np.arange(0, 10, 0.005)
+    for name, rate in (("log", 1.0), ("other", 1.2)):
+        q = np.stack([np.sin(2.5 * rate * t) + 0.4 * np.sin(6.5 * t), np.sin(4.4 * rate * t)], axis=1)
+        dq = np.gradient(q, t, axis=0)
+        tau = model.inverse_dynamics(q, dq, np.gradient(dq, t, axis=0))
+        columns = np.column_stack([t, q, tau])
+        np.savetxt(f"{name}.csv", columns, delimiter=",", header="t,q_q1,q_q2,tau_q1,tau_q2", comments="")
+
+
 def printed(line: str) -> tuple[int, str]:
     """Run a line: rrrgen in this process, so that libraries are loaded once, everything else by the shell."""
     out = io.StringIO()
@@ -186,8 +200,7 @@ def sources() -> dict[str, list[str]]:
     for page in PAGES:
         name = str(page.relative_to(ROOT))
         text = page.read_text(encoding="utf-8")
-        bare = [block for block in re.findall(r"^```\n(.*?)^```", text, re.S | re.M) if block.startswith("rrrgen ")]
-        lines = [line for block in (*blocks(text, "sh", "bash", "console"), *bare) for line in lines_of(block)]
+        lines = [line for block in blocks(text, "sh", "bash", "console") for line in lines_of(block)]
         if lines and not name.startswith(TESTED):
             found[name] = lines
     for name in COMMANDS:
@@ -224,6 +237,8 @@ def main() -> int:
                 os.chdir(folder)
                 start = time.perf_counter()
                 code, said = printed(line)
+                if line.startswith("rrrgen new") and source == "docs/from-a-csv.md":
+                    two_joints()
                 print(f"{time.perf_counter() - start:6.1f} s  {code}  {source}: {line}", flush=True)
                 if code:
                     failed.append(line)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shlex
 import subprocess
@@ -66,6 +67,35 @@ def test_commands_on_the_pages_exist_with_their_options(page):
     for block in blocks(page.read_text(encoding="utf-8"), "sh", "bash", "console"):
         for words in calls(block):
             check_call(words)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_commands_in_the_text_exist_with_their_options(page):
+    """Commands in sentences and tables; an option there may be named without its value."""
+    if page.name == "CHANGELOG.md":  # commands had other names then
+        return
+    prose = re.sub(r"^ *```.*?^ *```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+    for command in re.findall(r"`(rrrgen [^`]+)`", prose):
+        with contextlib.suppress(click.BadOptionUsage):
+            check_call(shlex.split(command)[1:])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_other_commands_on_the_pages_name_what_exists(page):
+    """Targets of make; modules and scripts of this repository that Python or pytest runs."""
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
+    text = page.read_text(encoding="utf-8")
+    commands = [line for block in blocks(text, "sh", "bash", "console") for line in block.splitlines()]
+    for command in (*commands, *re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.S | re.M))):
+        words = command.partition("#")[0].split()
+        if words[:1] == ["make"]:
+            assert set(words[1:2]) <= targets or "=" in words[1], command
+        elif words[:2] == ["python", "-m"] and words[2].partition(".")[0] in ("bench", "tests", "rrrgen"):
+            place = ROOT / words[2].replace(".", "/")
+            assert place.with_suffix(".py").exists() or (place / "__main__.py").exists(), command
+        elif words and words[0] in ("python", "pytest", ".venv/bin/pytest"):
+            for word in words[1:2]:
+                assert not word.startswith(("tests/", "examples/", "bench/")) or (ROOT / word).exists(), command
 
 
 @pytest.mark.parametrize("name", COMMANDS)
