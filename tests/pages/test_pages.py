@@ -42,6 +42,11 @@ def blocks(text: str, *languages: str) -> Iterator[str]:
             yield match[2]
 
 
+def prose(text: str) -> str:
+    """The page without its fenced blocks."""
+    return re.sub(r"^ *```.*?^ *```", "", text, flags=re.S | re.M)
+
+
 def calls(text: str) -> Iterator[list[str]]:
     """The words of every line that calls rrrgen, continued lines joined."""
     for line in text.replace("\\\n", " ").splitlines():
@@ -74,8 +79,7 @@ def test_commands_in_the_text_exist_with_their_options(page):
     """Commands in sentences and tables; an option there may be named without its value."""
     if page.name == "CHANGELOG.md":  # commands had other names then
         return
-    prose = re.sub(r"^ *```.*?^ *```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
-    for command in re.findall(r"`(rrrgen [^`]+)`", prose):
+    for command in re.findall(r"`(rrrgen [^`]+)`", prose(page.read_text(encoding="utf-8"))):
         with contextlib.suppress(click.BadOptionUsage):
             check_call(shlex.split(command)[1:])
 
@@ -86,7 +90,7 @@ def test_other_commands_on_the_pages_name_what_exists(page):
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
     text = page.read_text(encoding="utf-8")
     commands = [line for block in blocks(text, "sh", "bash", "console") for line in block.splitlines()]
-    for command in (*commands, *re.findall(r"`([^`]+)`", re.sub(r"^```.*?^```", "", text, flags=re.S | re.M))):
+    for command in (*commands, *re.findall(r"`([^`]+)`", prose(text))):
         words = command.partition("#")[0].split()
         if words[:1] == ["make"]:
             assert set(words[1:2]) <= targets or "=" in words[1], command
