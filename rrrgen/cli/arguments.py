@@ -67,6 +67,13 @@ def complete_words(
     return complete
 
 
+def export_targets() -> Iterable[str]:
+    """Names of the targets of ``rrrgen export``, which ``--with`` takes too; unusable ones are named when asked for."""
+    from rrrgen.exporting import exporters, unusable
+
+    return [*exporters(), *unusable()]
+
+
 def flag_here(name: str) -> str:
     """The flag of the option ``name`` of the command that runs; the name itself if the command has none."""
     context = click.get_current_context(silent=True)

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 import click
 
 from rrrgen.base.errors import Fault, InputError
-from rrrgen.cli.arguments import read_with_warnings, real_option, robot_argument, unit_options, words
+from rrrgen.cli.arguments import (
+    complete_words,
+    export_targets,
+    read_with_warnings,
+    real_option,
+    robot_argument,
+    unit_options,
+    words,
+)
 from rrrgen.cli.terminal import say, working
 from rrrgen.robot.file.fields import EMIT
 
@@ -36,7 +44,13 @@ class _WithTargets(click.Command):
 @click.command(cls=_WithTargets)
 @robot_argument
 @click.option(
-    "--to", "wanted", metavar="TARGET", required=True, multiple=True, help="One of those below; may be repeated."
+    "--to",
+    "wanted",
+    metavar="TARGET",
+    required=True,
+    multiple=True,
+    shell_complete=complete_words((), export_targets),
+    help="One of those below; may be repeated.",
 )
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="File or folder; after the robot if not given.")
 @click.option(

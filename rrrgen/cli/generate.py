@@ -14,6 +14,7 @@ import click
 from rrrgen.base.parallel import usual_jobs, without_collection
 from rrrgen.cli.arguments import (
     complete_words,
+    export_targets,
     ik_option,
     json_option,
     print_json,
@@ -332,13 +333,6 @@ GROUPS = ("control", "elastic", "hessian", "observer", "points", "tensors", "tim
 """The words after ``--with`` that name groups of functions; the others name languages and further files."""
 
 
-def _targets() -> Iterable[str]:
-    """Names of the targets of ``rrrgen export``, which ``--with`` takes too; unusable ones are named when asked for."""
-    from rrrgen.exporting import exporters, unusable
-
-    return [*exporters(), *unusable()]
-
-
 def code_options(function: F) -> F:
     """Add the options that decide what the emitted files are; :func:`emitted` takes them."""
     options = [
@@ -353,10 +347,10 @@ def code_options(function: F) -> F:
         click.option(
             "--with",
             "further",
-            callback=words(EMIT, _targets),
+            callback=words(EMIT, export_targets),
             multiple=True,
             metavar="WORD,...",
-            shell_complete=complete_words(EMIT, _targets),
+            shell_complete=complete_words(EMIT, export_targets),
             help="Also write what the words below name; a target of `rrrgen export` gets a folder of its name.",
         ),
     ]

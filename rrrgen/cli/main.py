@@ -100,7 +100,8 @@ class LazyGroup(click.Group):
         known = self.list_commands(ctx)
         if word not in known and not word.startswith("-") and (self.prefix or word not in further_commands()):
             everywhere = {word: word for word in known} | ({} if self.prefix else RENAMED)
-            close = difflib.get_close_matches(word, everywhere, n=1)
+            close = [each for each in everywhere if each.startswith(word)]
+            close = close if len(close) == 1 else difflib.get_close_matches(word, everywhere, n=1)
             hint = f" Did you mean '{everywhere[close[0]]}'?" if close else ""
             ctx.fail(f"No such command '{word}'.{hint}")
         return super().resolve_command(ctx, args)

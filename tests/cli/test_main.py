@@ -74,6 +74,7 @@ def test_processes_end_without_a_word(command, tmp_path):
     ("arguments", "message"),
     [
         (["generat"], "No such command 'generat'. Did you mean 'generate'?"),
+        (["gen"], "No such command 'gen'. Did you mean 'generate'?"),
         (["exite"], "No such command 'exite'. Did you mean 'experiment excite'?"),
         (["experiment", "exite"], "No such command 'exite'. Did you mean 'excite'?"),
         (["experiment", "frf"], "No such command 'frf'."),

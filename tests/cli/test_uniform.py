@@ -120,6 +120,11 @@ def test_words_after_commas_are_completed():
     assert "rust,rust" not in every
 
 
+def test_targets_are_completed():
+    found = ShellComplete(cli, {}, "rrrgen", "_RRRGEN_COMPLETE").get_completions(["export", "rrr", "--to"], "m")
+    assert [item.value for item in found] == ["matlab", "mjcf"]
+
+
 def test_functions_are_completed():
     (context,) = [ShellComplete(cli, {}, "rrrgen", "_RRRGEN_COMPLETE")]
     found = [item.value for item in context.get_completions(["show", "rrr", "-f"], "mass")]
