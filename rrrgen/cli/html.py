@@ -42,7 +42,9 @@ def write_html(
     from rrrgen.derive.closed_forms import closed_form
     from rrrgen.emit.html import html_report
     from rrrgen.robot.identity import identify
+    from rrrgen.robot.model.mechanism import refuse_loops
 
+    refuse_loops(model.spec, "the report with the drawing")
     identity = identify(model.spec)
     derivation = prepare(model.spec)
     notice = f"Written by rrrgen {identity.tool_version} from model {identity.model_hash}."

@@ -75,6 +75,10 @@ async function derive(call, ...values) {
 
 async function showArm(picture, keep) {
   const q = viewer.state.q.slice();
+  const about = (picture.description ? picture.description + ". " : "") + "Inverse kinematics: " + picture.family + ".";
+  document.body.dataset.arm = picture.name;
+  $("viewer").hidden = !picture.scene;
+  $("about").textContent = picture.scene ? about : about + " Closed loops are not drawn.";
   const solvers = {};
   if (arm) arm.worker.terminate();
   arm = new Asked("arm-worker.js", () => {}, 10);
@@ -83,19 +87,18 @@ async function showArm(picture, keep) {
     const asked = (call) => async (...values) => { await loaded; return mine.ask({ name, call, values }); };
     solvers[tip] = Object.fromEntries(["tip_pose", "inverse_kinematics", "approach"].map((call) => [call, asked(call)]));
   }
+  if (!picture.scene) return;
   jointNames = picture.scene.joints.map((joint) => joint.name);
   viewer.load(picture.scene, solvers);
   if (keep && q.length === picture.scene.start.length) { viewer.state.q = q; viewer.show(); }
-  document.body.dataset.arm = picture.name;
   $("hint").hidden = !Object.keys(solvers).length;
-  $("about").textContent = (picture.description ? picture.description + ". " : "") + "Inverse kinematics: " + picture.family + ".";
 }
 /* Mass matrix and gravity torques in the posture shown; while one is computed, the last posture asked for waits. */
 const LIVE = ["mass_matrix_nominal", "gravity_nominal"];
 let computing = false, wanted = null;
 async function loadDynamics() {
   const mine = arm;
-  if (!derived.dynamics) return;
+  if (!derived.dynamics || $("viewer").hidden) return;
   await mine.ask({ name: "dynamics", source: derived.dynamics });
   mine.knowsDynamics = true;
   showDynamics(viewer.state.q);
@@ -315,7 +318,8 @@ function showTab() {
   $("shown").setAttribute("aria-labelledby", `tab-${shownTab}`);
   if (shownTab === "code") showCode();
   else if (shownTab === "dynamics") {
-    $("shown").innerHTML = `<p class='note'>${derived.dynamics === "" ? "The robot file states no links, so there is no mass matrix." : "Being derived …"}</p>`;
+    const none = derived.dynamics === "" ? "The robot file states no links, so there is no mass matrix." : $("viewer").hidden ? "They follow the posture of the picture, and closed loops are not drawn." : "";
+    $("shown").innerHTML = `<p class='note'>${none || "Being derived …"}</p>`;
     showDynamics(viewer.state.q);
   }
   else $("shown").innerHTML = derived[shownTab] || "<p class='note'>Being derived …</p>";  // made by the compiler, which escapes

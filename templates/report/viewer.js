@@ -492,7 +492,7 @@ function armViewer(changed) {
     place.textContent = "";
     if (!hand) return;
     if (hands.length > 1) {
-      const choice = element("select", element("label", place, "Tip "));
+      const choice = element("select", element("label", place, "Tip ", { className: "tip" }));
       hands.forEach((each, k) => choice.add(new Option(each.name || "tip", k, false, each === hand)));
       choice.addEventListener("change", () => take(hands[choice.value]));
     }

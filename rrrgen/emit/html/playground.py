@@ -88,6 +88,7 @@ def _cell(node: Node | None) -> dict[str, Any] | None:
 def picture(text: str) -> dict[str, Any]:
     """What the view needs of a robot without faults: ``scene``, and ``solvers``, JavaScript of its tips by their names.
 
+    Closed loops are not drawn: their ``scene`` is None.
     ``family`` says in words how its tips are solved, or why they are not. Raises InputError with the faults.
     """
     return _picture(_spec(text))
@@ -115,7 +116,7 @@ def _picture(spec: RobotSpec) -> dict[str, Any]:
     return {
         "name": spec.name,
         "description": spec.description or "",
-        "scene": scene(spec),
+        "scene": None if spec.loops else scene(spec),
         "solvers": modules(spec, identify(spec)),
         "family": "; ".join(tips) or words(plan(spec)),
     }
@@ -141,7 +142,7 @@ def _results(spec: RobotSpec) -> dict[str, str]:
     derivation = prepare(spec)
     parameters = listing(parametrized(derivation))
     forms = {}
-    if spec.n <= SHORT:
+    if spec.n <= SHORT and not spec.loops:
         for name in FORMS:
             forms[name] = closed_form(derivation, name).readable()
     walk = Walk(MathmlMarkup(), trig_abbreviates(forms))

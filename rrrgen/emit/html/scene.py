@@ -19,6 +19,7 @@ from rrrgen.robot.model.mechanism import FollowerLimits, follower_limits, refuse
 
 if TYPE_CHECKING:
     from rrrgen.base.arrays import Array
+    from rrrgen.ik.geometry.chain import Chain
     from rrrgen.robot.spec import JointSpec, RobotSpec
 
 
@@ -214,22 +215,21 @@ def _first_pose(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]
 
     Joints that several named tips share stand in the middle.
     """
-    if spec.mechanism is None:
-        return _bent(spec, ends)
     arms = [tip_arm(spec, tip) for tip in spec.tips if _own_joints(spec, tip)]
     if not arms:
-        return _bent(spec, ends)
+        return _bent(spec, ends, [-float(spec.nominal(g)) for g in spec.gravity])
     start = [_short((lower + upper) / 2) for lower, upper in ends]
     for arm in arms:
-        for k, x in zip(arm.joints, _bent(arm.spec, [ends[k] for k in arm.joints]), strict=True):
+        for k, x in zip(arm.joints, _bent(arm.spec, [ends[k] for k in arm.joints], None), strict=True):
             start[k] = x
     return start
 
 
-def _bent(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]:
+def _bent(spec: RobotSpec, ends: list[tuple[float, float]], up: list[float] | None) -> list[float]:
     """The configuration, of :data:`TRIED`, at which the smallest singular value of the Jacobian is largest.
 
-    Lengths count over the reach. A straight arm, at which dragging the tip would feel stuck, has zero there.
+    Lengths count over the reach. A straight arm, at which dragging the tip would feel stuck, has zero there. Frames
+    below the base, against the direction ``up``, are avoided; None for an arm that stands on no floor.
     """
     chain, S = solved_chain(spec)
     factors = [[float(x) for x in S.row(i)] for i in range(S.rows)]
@@ -240,7 +240,6 @@ def _bent(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]:
         for joint, (lower, upper) in zip(spec.joints, ends, strict=True)
     ]
     span[0] = min(span[0], 0.4)  # the first joint turns the picture only
-    up = [-float(spec.nominal(g)) for g in spec.gravity]
     best: tuple[float, list[float]] = (-1.0, [_short(x) for x in middle])
     for k in range(TRIED):
         parts = [2 * ((GOLDEN ** (i % 7 + 1) * (k + 1) + 0.5 * i) % 1.0) - 1 for i in range(spec.n)]
@@ -256,12 +255,16 @@ def _bent(spec: RobotSpec, ends: list[tuple[float, float]]) -> list[float]:
         freedom = singular_values([column[:3] for column in columns])[spec.n - 1] if spec.n <= 3 else 0.0
         if freedom < FLAT:  # more joints, or a planar arm, which turns the tip with the last one
             freedom = singular_values(columns)[min(6, spec.n) - 1]
-        heights = [sum(u * row[3] for u, row in zip(up, frame, strict=True)) for frame in chain.frames(y)]
-        low = min(heights[1:]) < heights[0] - 0.02 * chain.reach * hypot(*up)
-        score = freedom * (0.1 if low else 1.0)
+        score = freedom * (0.1 if up is not None and _low(chain, y, up) else 1.0)
         if score > best[0] + 1e-9:  # round-off does not decide
             best = (score, q)
     return best[1]
+
+
+def _low(chain: Chain, y: list[float], up: list[float]) -> bool:
+    """Whether a frame of the chain is below its base."""
+    heights = [sum(u * row[3] for u, row in zip(up, frame, strict=True)) for frame in chain.frames(y)]
+    return bool(min(heights[1:]) < heights[0] - 0.02 * chain.reach * hypot(*up))
 
 
 def _within(row: FollowerLimits, q: list[float]) -> bool:

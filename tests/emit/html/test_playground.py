@@ -68,6 +68,19 @@ def test_text_of_a_strangers_file_is_escaped() -> None:
     assert "<img" not in picture(hostile)["solvers"][""]
 
 
+def test_closed_loops_are_derived_but_not_drawn() -> None:
+    text = (ROOT / "examples" / "press" / "robot.yaml").read_text(encoding="utf-8")
+    assert picture(text)["scene"] is None
+    assert picture(text)["solvers"] == {}
+    assert results(text)["base_parameters"].count("<tr><td") > 0
+
+
+def test_every_named_tip_is_dragged() -> None:
+    answer = picture((ROOT / "examples" / "trees" / "hand.yaml").read_text(encoding="utf-8"))
+    assert set(answer["solvers"]) == {"finger", "thumb"}
+    assert answer["family"].startswith("finger: planar arm RRR")
+
+
 def test_the_archive_holds_what_the_compiler_imports() -> None:
     paths = {path for path, _ in compiler_files()}
     assert {"rrrgen/emit/package.py", "rrrgen/templates/c/header.h.j2", "sympy/__init__.py", "click/core.py"} <= paths
