@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -29,6 +29,20 @@ Signal = Literal["position", "velocity", "acceleration", "torque", "reference", 
 SIGNALS: tuple[Signal, ...] = (
     *("position", "velocity", "acceleration", "torque", "reference", "reference_velocity", "feedforward"),
 )
+
+ON_BASE = ("base fx", "base fy", "base fz", "base mx", "base my", "base mz")
+"""Names of the six channels of a floating base, which stand before those of the joints.
+
+Their torques are the wrench on the base, their velocities and accelerations its twist and the rates of that. Their
+positions are 0, 0 and the orientation x, y, z, w: only this enters the dynamics.
+"""
+BASE_COLUMNS: dict[str, tuple[str, ...]] = {
+    "orientation": ("x", "y", "z", "w"),
+    "twist": ("vx", "vy", "vz", "wx", "wy", "wz"),
+    "twist_rate": ("vx", "vy", "vz", "wx", "wy", "wz"),
+    "wrench": ("fx", "fy", "fz", "mx", "my", "mz"),
+}
+"""What is recorded of a floating base, and the names of its parts: plain recordings have columns ``twist_vx``, ..."""
 
 
 @dataclass(frozen=True)
@@ -73,6 +87,7 @@ class Channel:
     limit: float | None = None  # torque at which the drive saturates, SI, on the side of the channel
     delay: float = 0.0  # s; how much later than it acted a torque was recorded
     gain: float = 1.0  # the part of ``factor`` that corrects a constant
+    value: float | None = None  # SI; stands in place of a column: NaN where nothing was recorded
 
 
 @dataclass(frozen=True)
@@ -98,6 +113,10 @@ class JointChannels:
         return found
 
 
+ABSENT = Channel("", "", value=math.nan)
+"""The channel of a signal that was not recorded, beside others that were."""
+
+
 @dataclass(frozen=True)
 class TimeSource:
     """Source of the sampling times: a constant ``period`` (s), or a ``column`` of a file, times ``factor`` in s."""
@@ -113,7 +132,8 @@ class LogMapping:
     """The content of a mapping file: data files, time source and channels of every joint.
 
     ``transmission`` is the matrix N (n, n) with motor angles = N * joint angles, or None; ``processing`` holds the
-    default preprocessing settings of the file.
+    default preprocessing settings of the file. On a ``floating`` base, the first six joints are those of
+    :data:`ON_BASE`.
     """
 
     files: tuple[FileSource, ...]
@@ -125,6 +145,7 @@ class LogMapping:
     processing: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
     source: str = ""  # the mapping file, for messages
+    floating: bool = False
 
     @property
     def torque_lateness(self) -> float | Array:
@@ -175,6 +196,8 @@ class LogMapping:
         """
         channels = self.channels(signal)
         on_motor = np.array([channel.side == "motor" for channel in channels])
+        if self.floating:  # its part of the transmission is the identity
+            on_motor[: len(ON_BASE)] = on_motor[len(ON_BASE) :].any()
         is_position, is_torque = signal in ("position", "reference"), signal in ("torque", "feedforward")
         if not on_motor.any():
             return values + self._zero if is_position else values
@@ -201,10 +224,13 @@ class LogMapping:
         return np.diag(np.where(on_motor, np.diag(self.transmission), 1.0))
 
 
-def plain_mapping(path: Path, joints: tuple[str, ...], velocity: bool = False, torque: bool = True) -> LogMapping:
+def plain_mapping(
+    path: Path, joints: tuple[str, ...], velocity: bool = False, torque: bool = True, base: Sequence[str] = ()
+) -> LogMapping:
     """The mapping of rrrgen's own recordings: columns ``t``, ``q_<joint>``, ``dq_<joint>``, ``tau_<joint>`` in SI.
 
-    ``velocity`` and ``torque`` state whether the columns ``dq_<joint>`` and ``tau_<joint>`` are present.
+    ``velocity`` and ``torque`` state whether the columns ``dq_<joint>`` and ``tau_<joint>`` are present, ``base`` what
+    is recorded of a floating base, of :data:`BASE_COLUMNS`.
     """
     file = "log"
     channels = [
@@ -216,7 +242,42 @@ def plain_mapping(path: Path, joints: tuple[str, ...], velocity: bool = False, t
         )
         for name in joints
     ]
-    return LogMapping((FileSource(file, path),), TimeSource(file=file, column="t"), tuple(channels))
+    mapping = LogMapping((FileSource(file, path),), TimeSource(file=file, column="t"), tuple(channels))
+    columns = {key: [Channel(file, f"{key}_{part}") for part in BASE_COLUMNS[key]] for key in base}
+    return on_floating_base(mapping, columns) if base else mapping
+
+
+def on_floating_base(mapping: LogMapping, base: Mapping[str, Sequence[Channel]]) -> LogMapping:
+    """Put the channels of a floating base before those of the joints.
+
+    ``base`` holds the channels of ``orientation`` (4), ``twist`` (6), ``twist_rate`` (6) and ``wrench`` (6), of which
+    the first two must be there. Signals of joints that were not recorded become :data:`ABSENT`.
+    """
+    still = Channel("", "", value=0.0)
+    place = [still, still, *base["orientation"]]
+    rates, wrench = base.get("twist_rate", [ABSENT] * 6), base.get("wrench", [ABSENT] * 6)
+    own = [
+        JointChannels(name, position=place[k], velocity=base["twist"][k], acceleration=rates[k], torque=wrench[k])
+        for k, name in enumerate(ON_BASE)
+    ]
+    joints = [
+        replace(
+            joint,
+            velocity=joint.velocity or ABSENT,
+            acceleration=joint.acceleration or ABSENT,
+            torque=joint.torque or ABSENT,
+        )
+        for joint in mapping.joints
+    ]
+    N = mapping.transmission
+    if N is not None:
+        padded = np.eye(len(own) + len(N))
+        padded[len(own) :, len(own) :] = N
+        N = padded
+    processing = dict(mapping.processing)
+    if "low_speed" in processing:
+        processing["low_speed"] = (0.0,) * len(own) + tuple(processing["low_speed"])
+    return replace(mapping, joints=(*own, *joints), transmission=N, processing=processing, floating=True)
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -357,6 +418,7 @@ KEYS = {
         "units": Entry("signal: unit of its columns, for all joints"),
         "side": Entry("where signals are measured: `joint` (if missing) or `motor`"),
         "joints": Entry("list with a row per joint", required=True),
+        "base": Entry("what was recorded of a floating base"),
         "transmission": Entry("`matrix` of coupled motors, a row per motor: motor angles = matrix * joint angles"),
         "torque_delay": Entry(
             "how much later than its row a recorded torque acts, in the mean; half a sampling period for commands that "
@@ -378,6 +440,23 @@ KEYS = {
         "zero": Entry("position of the joint at which its encoder reads zero", "rad, m"),
         "gear_ratio": Entry("motor turns per joint turn"),
         "side": Entry("as above, of this joint"),
+    },
+    "base": {
+        "file": Entry("name of the file; may be missing if there is only one"),
+        "orientation": Entry(
+            "list of four columns: unit quaternion x, y, z, w of the base in the world", required=True
+        ),
+        "twist": Entry(
+            "list of six columns: velocity of the base origin, m/s, and angular velocity, rad/s, in base axes",
+            required=True,
+        ),
+        "twist_rate": Entry(
+            "list of six columns: rates of these components; by the filter of the joints if missing", "m/s^2, rad/s^2"
+        ),
+        "wrench": Entry(
+            "list of six columns: force, N, and moment about the base origin, N m, on the base in its axes; `none` in "
+            "flight, where it is zero; missing where it was not measured"
+        ),
     },
     "channel": {
         "file": Entry("name of the file; may be missing if there is only one"),
@@ -461,9 +540,10 @@ class _MappingReader(SourceReader):
         if "side" in top:
             self.side = self.read_side(top["side"], "side")
         joints = self.read_joints(top.get("joints"))
+        base = self.read_base(top.get("base"))
         gap = top.get("max_gap")
         late = self.quantity(top.get("torque_delay"), "torque_delay", log_units.TIME, "s")
-        return LogMapping(
+        mapping = LogMapping(
             files=tuple(self.files.values()),
             time=self.read_time(top.get("time")),
             joints=tuple(joints),
@@ -474,6 +554,13 @@ class _MappingReader(SourceReader):
             name=self.text(top["name"], "name") if "name" in top else "",
             source=self.faults.file,
         )
+        if not base:
+            return mapping
+        for key in ("var_eta", "var_xi"):
+            if key in mapping.processing:
+                hint = "it is chosen for joints and base together: leave it away, or name another method"
+                self.faults.error(top.get("processing"), f"processing states {key} of the joints alone", hint)
+        return on_floating_base(mapping, base)
 
     # -- sections ------------------------------------------------------------------------------------------------
 
@@ -533,6 +620,25 @@ class _MappingReader(SourceReader):
                     node, f"some joints have a {signal}, but not {', '.join(missing)}", "give all or none"
                 )
         return joints
+
+    def read_base(self, node: Node | None) -> dict[str, list[Channel]]:
+        """Read the channels of a floating base (:func:`on_floating_base`); empty without any."""
+        if node is None:
+            return {}
+        part = self.section(node, "base", "base") or {}
+        found: dict[str, list[Channel]] = {}
+        for key, parts in BASE_COLUMNS.items():
+            if key not in part:
+                continue
+            value, what = part[key], f"base.{key}"
+            if key == "wrench" and isinstance(value, ScalarNode) and value.text == "none":
+                found[key] = [Channel("", "", value=0.0)] * len(parts)
+            elif not isinstance(value, SequenceNode) or len(value.items) != len(parts):
+                self.faults.error(value, f"{what} is no list of {len(parts)} columns", f"those of {', '.join(parts)}")
+            else:
+                file = self.file_of(part.get("file"), "base", node)
+                found[key] = [Channel(file, self.column(item, f"{what}[{k}]")) for k, item in enumerate(value.items)]
+        return found if {"orientation", "twist"} <= found.keys() else {}
 
     def read_channel(self, node: Node, signal: Signal, what: str, side: Side) -> Channel:
         if isinstance(node, ScalarNode):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext.signal_units import ANGLE, FORCE, LENGTH, TORQUE
-from rrrgen.lab.data.mapping import LogMapping, plain_mapping
+from rrrgen.lab.data.mapping import BASE_COLUMNS, ON_BASE, LogMapping, plain_mapping
 from rrrgen.lab.data.reconstruction import sampling_period
 from rrrgen.lab.data.repair import RepairedFault, Repairs
 from rrrgen.lab.data.uniform_stream import CHUNK, LogStream, Part, joined
@@ -37,6 +37,8 @@ class Log:
     - ``reference``, ``reference_velocity``, ``feedforward`` (N, n): inputs of the controller, None if not recorded.
     - ``torque_delay``: how much later than its row a torque acts, in the mean, s; the mapping's where there is one.
     - ``repairs``: the faults found and how they were repaired; ``mapping``: where the recording was read from.
+    - ``floating``: whether the first six joints are those of a floating base,
+      :data:`~rrrgen.lab.data.mapping.ON_BASE`.
     """
 
     joints: tuple[str, ...]
@@ -54,6 +56,7 @@ class Log:
     reference_velocity: Array | None = None
     feedforward: Array | None = None
     torque_delay: float = 0.0
+    floating: bool = False
 
     def __post_init__(self) -> None:
         if not self.period > 0.0:
@@ -83,7 +86,8 @@ class Log:
         segment = np.zeros(len(self.t), np.int64) if self.segment is None else self.segment
         given = self.reference, self.reference_velocity, self.feedforward
         late = (self.torque_delay if self.mapping is None else self.mapping.torque_lateness) / self.period
-        whole = Part(self.t, self.q, self.dq, self.ddq, self.tau, valid, 0, 0, *given, late=late)
+        signals = self.q, self.dq, self.ddq, self.tau
+        whole = Part(self.t, *signals, valid, 0, 0, *given, late=late, floating=self.floating)
         edges = [0, *(np.flatnonzero(np.diff(segment)) + 1), len(self.t)]
         for number, (start, stop) in enumerate(pairwise(edges)):
             part = whole.sliced(int(start), int(stop))
@@ -137,7 +141,13 @@ def _own_mapping(path: Path) -> LogMapping:
             f"there are: {', '.join(columns[:20])}",
         )
     velocity, torque = (all(f"{key}_{joint}" in columns for joint in joints) for key in ("dq", "tau"))
-    return plain_mapping(path, joints, velocity, torque)
+    base = [key for key, parts in BASE_COLUMNS.items() if any(f"{key}_{part}" in columns for part in parts)]
+    wanted = [f"{key}_{part}" for key in dict.fromkeys((*base, "orientation", "twist")) for part in BASE_COLUMNS[key]]
+    missing = [name for name in wanted if name not in columns]
+    if base and missing:
+        hint = "a floating base has at least orientation_x, .., orientation_w and twist_vx, .., twist_wz"
+        raise table_fault(path, f"of the floating base there is no {', '.join(missing)}", hint)
+    return plain_mapping(path, joints, velocity, torque, base)
 
 
 def read_log(
@@ -177,6 +187,7 @@ def load_stream(stream: LogStream, joints: Sequence[str] | None = None) -> Log:
         reference=whole.reference,
         reference_velocity=whole.reference_velocity,
         feedforward=whole.feedforward,
+        floating=whole.floating,
     )
 
 
@@ -185,9 +196,9 @@ def check_robot(mapping: LogMapping, spec: Any) -> None:
 
     ``mapping`` describes the recording, ``spec`` is the robot file. Raises :class:`InputError` listing every mismatch.
     """
-    check_joints(mapping.names, [joint.name for joint in spec.joints])
+    check_joints(mapping.names, recorded_joints(spec, mapping.floating))
     faults = []
-    for joint, channels in zip(spec.joints, mapping.joints, strict=True):
+    for joint, channels in zip(spec.joints, mapping.joints[-spec.n :], strict=True):
         wrong = (LENGTH, FORCE) if joint.is_revolute else (ANGLE, TORQUE)
         for signal, table in zip(("position", "torque"), wrong, strict=True):
             channel = channels.position if signal == "position" else channels.torque
@@ -205,13 +216,24 @@ def _coupling_faults(mapping: LogMapping, spec: Any) -> Iterator[tuple[str, str]
     if spec.drives is None or mapping.transmission is None:
         return
     stated = np.array(spec.drives.motor_from_joint, dtype=float)
-    for motor, own, row in zip(spec.drives.motors, stated, mapping.transmission, strict=True):
+    names, transmission = mapping.names[-spec.n :], mapping.transmission[-spec.n :, -spec.n :]
+    for motor, own, row in zip(spec.drives.motors, stated, transmission, strict=True):
         cosine = abs(own @ row) / (np.linalg.norm(own) * np.linalg.norm(row))
         if cosine < 1.0 - SAME_DIRECTION:
-            moved = [" and ".join(mapping.names[i] for i in np.flatnonzero(each)) for each in (row, own)]
+            moved = [" and ".join(names[i] for i in np.flatnonzero(each)) for each in (row, own)]
             message = f"motor {motor.name} turns with {moved[0]} by the transmission, with {moved[1]} by the robot file"
             rows = "; ".join(f"[{', '.join(f'{w:g}' for w in each)}]" for each in stated)
             yield message, f"rows of the robot's drives, each up to a factor: {rows}"
+
+
+def recorded_joints(spec: Any, floating: bool) -> list[str]:
+    """Names of the joints of a recording of the robot ``spec``, behind those of a ``floating`` base.
+
+    Raises :class:`InputError` if the robot has no such base.
+    """
+    if floating and not spec.floating_base:
+        raise InputError("the recording has the motion of a floating base, but the robot file states no floating_base")
+    return [*(ON_BASE if floating else ()), *(joint.name for joint in spec.joints)]
 
 
 def check_joints(recorded: Sequence[str], robot: Sequence[str]) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.mapping import SIGNALS, LogMapping, Signal
+from rrrgen.lab.data.mapping import ON_BASE, SIGNALS, LogMapping, Signal
 from rrrgen.lab.data.tables.formats import open_table
 from rrrgen.lab.data.tables.interface import table_fault
 
@@ -205,7 +205,8 @@ def raw_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator[Raw
     wanted: dict[str, list[str | int]] = {source.name: [] for source in mapping.files}
     for signal in signals:
         for channel in mapping.channels(signal):
-            wanted[channel.file].append(channel.column)
+            if channel.value is None:
+                wanted[channel.file].append(channel.column)
     if mapping.time.period is None:
         wanted[mapping.time.file].append(mapping.time.column)
     sources = [source for source in mapping.files if wanted[source.name]]
@@ -240,6 +241,7 @@ def _scaled(
     first: int,
 ) -> RawRows:
     taken = dict.fromkeys(by_file, 0)
+    rows = len(next(iter(by_file.values())))
 
     def take(file: str) -> Array:
         taken[file] += 1
@@ -248,8 +250,10 @@ def _scaled(
     values = {}
     for signal in signals:
         channels = mapping.channels(signal)
-        values[signal] = np.column_stack([c.sign * (take(c.file) - c.zero) * c.factor for c in channels])
-    rows = len(next(iter(by_file.values())))
+        columns = [
+            c.sign * (take(c.file) - c.zero) * c.factor if c.value is None else np.full(rows, c.value) for c in channels
+        ]
+        values[signal] = np.column_stack(columns)
     if mapping.time.period is not None:
         t = (first + np.arange(rows)) * mapping.time.period
     else:
@@ -352,7 +356,7 @@ def _after(mapping: LogMapping, rows: RawRows, emitted: float) -> float:
 
 
 class _Unwrap:
-    """Unwraps encoders that start over after a period, such as one turn; its state persists from block to block."""
+    """Unwraps encoders that start over after a period, such as one turn, and signs of quaternions; keeps its state."""
 
     def __init__(self, mapping: LogMapping, findings: Findings) -> None:
         channels = mapping.channels("position")
@@ -361,8 +365,11 @@ class _Unwrap:
         self.periods = np.array([np.nan if c.wraps is None else abs(c.wraps * c.factor) for c in channels])
         self.findings = findings
         self.last: Array | None = None
+        self.mapping = mapping
+        self.orientation: Array | None = None
 
     def __call__(self, rows: RawRows) -> RawRows:
+        rows = self._with_signs(rows)
         wrapped = np.isfinite(self.periods)
         if not wrapped.any() or not len(rows.t):
             return rows
@@ -379,4 +386,17 @@ class _Unwrap:
         continuous = before + np.cumsum(steps - turns * period, axis=0)
         self.last = continuous[-1:]
         q[:, wrapped] = continuous
+        return RawRows(rows.t, {**rows.signals, "position": q}, rows.first)
+
+    def _with_signs(self, rows: RawRows) -> RawRows:
+        """Give quaternions of a floating base the sign of the one before, between which samples are interpolated."""
+        if not self.mapping.floating or not len(rows.t):
+            return rows
+        q = rows.signals["position"].copy()
+        place = slice(2, len(ON_BASE))
+        before = q[:1, place] if self.orientation is None else self.orientation
+        chain = np.concatenate([before, q[:, place]])
+        turned = np.sum(chain[1:] * chain[:-1], axis=1) < 0.0
+        q[:, place] *= np.cumprod(np.where(turned, -1.0, 1.0))[:, None]
+        self.orientation = q[-1:, place]
         return RawRows(rows.t, {**rows.signals, "position": q}, rows.first)

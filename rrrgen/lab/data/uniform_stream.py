@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.mapping import LogMapping
+from rrrgen.lab.data.mapping import ON_BASE, LogMapping
 from rrrgen.lab.data.repair import Findings, RawRows, Repairs, ordered_rows
 from rrrgen.lab.data.tables.interface import table_fault
 
@@ -130,6 +130,7 @@ class Clips:
 
     def __init__(self, mapping: LogMapping) -> None:
         self.channels = mapping.channels("torque")
+        self.recorded = np.array([channel.value is None for channel in self.channels], bool)
         n = len(self.channels)
         limits = np.array([math.inf if c.limit is None else 0.995 * c.limit for c in self.channels])
         self.limits = limits
@@ -143,7 +144,7 @@ class Clips:
         if not self.channels:
             return
         tau = rows.signals["torque"]
-        self.missing += np.sum(~np.isfinite(tau), axis=0)
+        self.missing += np.sum(~np.isfinite(tau), axis=0) * self.recorded
         self.clipped += np.sum(np.abs(tau) >= self.limits, axis=0)
         for j, x in enumerate(tau.T):
             for sign, best, cut, at in (
@@ -214,7 +215,8 @@ class Part:
     ``valid`` (N, n) is False where the torque of a joint is missing, clipped or interpolated over a hole. ``segment``
     is the number of the uninterrupted stretch that the part belongs to, ``first`` the index of its first sample
     therein. ``reference``, ``reference_velocity``, ``feedforward`` (N, n) are inputs of the controller, or None. The
-    torques act ``late`` samples after their times, in the mean; an array (n,) states it joint by joint.
+    torques act ``late`` samples after their times, in the mean; an array (n,) states it joint by joint. On a
+    ``floating`` base the first six columns are those of :data:`~rrrgen.lab.data.mapping.ON_BASE`.
     """
 
     t: Array
@@ -229,9 +231,23 @@ class Part:
     reference_velocity: Array | None = None
     feedforward: Array | None = None
     late: float | Array = 0.0
+    floating: bool = False
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def coordinates(self, period: float) -> Array:
+        """Positions (N, n) whose derivatives are the motion: ``q``, and on a floating base the integral of its twist.
+
+        ``period`` is that of the sampling, s.
+        """
+        if not self.floating:
+            return self.q
+        assert self.dq is not None
+        six = len(ON_BASE)
+        twist = self.dq[:, :six]
+        steps = np.vstack([np.zeros((min(1, len(twist)), six)), 0.5 * period * (twist[1:] + twist[:-1])])
+        return np.hstack([np.cumsum(steps, axis=0), self.q[:, six:]])
 
     def sliced(self, start: int, stop: int) -> Part:
         """The part that holds the samples ``start`` to ``stop`` (exclusive) of this one, all columns alike."""
@@ -239,7 +255,8 @@ class Part:
         optional = (self.dq, self.ddq, self.tau, self.reference, self.reference_velocity, self.feedforward)
         dq, ddq, tau, reference, speed, fed = (None if x is None else x[s] for x in optional)
         place = self.segment, self.first + start
-        return Part(self.t[s], self.q[s], dq, ddq, tau, self.valid[s], *place, reference, speed, fed, self.late)
+        signals = self.t[s], self.q[s], dq, ddq, tau, self.valid[s]
+        return Part(*signals, *place, reference, speed, fed, self.late, self.floating)
 
     def aligned(self) -> Part:
         """The same part with the torques that act at its times, interpolated linearly between the recorded ones.
@@ -282,6 +299,7 @@ def joined(parts: list[Part]) -> Part:
         reference_velocity=both("reference_velocity"),
         feedforward=both("feedforward"),
         late=parts[0].late,
+        floating=parts[0].floating,
     )
 
 
@@ -367,7 +385,8 @@ class LogStream:
         """
         for rows in self._rows():
             q, tau = rows.signals["position"], rows.signals.get("torque")
-            torque = None if tau is None else self.mapping.joint_side("torque", tau)
+            absent = [channel.value is not None for channel in self.mapping.channels("torque")]
+            torque = None if tau is None else self.mapping.joint_side("torque", np.where(absent, 0.0, tau))
             at_joints = self.mapping.joint_side("position", q)
             yield Part(rows.t, at_joints, None, None, torque, np.ones(q.shape, bool), 0, 0)
 
@@ -457,7 +476,8 @@ class _Uniform:
         dq, ddq = moved.get("velocity"), moved.get("acceleration")
         given = moved.get("reference"), moved.get("reference_velocity"), moved.get("feedforward")
         late = self.mapping.torque_lateness / self.facts.period
-        return Part(raw.t, moved["position"], dq, ddq, tau, valid, 0, 0, *given, late=late)
+        rows = Part(raw.t, moved["position"], dq, ddq, tau, valid, 0, 0, *given, late=late)
+        return replace(rows, floating=self.mapping.floating)
 
 
 def _resampled(rows: Part, t: Array, hole: float) -> Part:
@@ -490,4 +510,5 @@ def _resampled(rows: Part, t: Array, hole: float) -> Part:
     assert q is not None
     given = linear(rows.reference), linear(rows.reference_velocity), linear(rows.feedforward)
     dq, ddq = cubic(rows.dq), cubic(rows.ddq)
-    return Part(t, q, dq, ddq, tau, valid, rows.segment, rows.first, *given, late=rows.late)
+    place = rows.segment, rows.first
+    return Part(t, q, dq, ddq, tau, valid, *place, *given, late=rows.late, floating=rows.floating)

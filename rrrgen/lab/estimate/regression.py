@@ -150,16 +150,18 @@ def weighted_least_squares(
     """Least squares weighted by the residual of every joint, ``w_j = 1 / sigma_j``, iterated to convergence of w.
 
     ``names`` are those of the p parameters; ``passes`` is the largest number of iterations (three are customary),
-    ``tolerance`` that of the rank. The first estimate is unweighted. Raises :class:`DerivationError` if no parameter is
-    excited.
+    ``tolerance`` that of the rank. The first estimate is unweighted. Rows whose torque is zero, those of a flight,
+    keep the weights that follow from it: their residuals vanish with x, and so would the estimate. Raises
+    :class:`DerivationError` if no parameter is excited.
     """
     estimate = least_squares(factors, names, None, tolerance)
     weights = residual_weights(estimate, factors)
+    homogeneous = (factors.torque_squares == 0.0) & (factors.counts > 0)
     done = 0
     while done < passes:
         done += 1
         estimate = least_squares(factors, names, weights, tolerance, "weighted least squares")
-        updated = residual_weights(estimate, factors)
+        updated = np.where(homogeneous, weights, residual_weights(estimate, factors))
         if np.max(np.abs(updated / weights - 1.0)) < SETTLED:
             break
         weights = updated

@@ -72,6 +72,7 @@ def _mapping() -> Iterator[str]:
     yield _table("One of several `files`", mapping.FILE_KEYS)
     yield _table("`time`: a rate, a period, or recorded times", mapping.TIME_KEYS)
     yield _table("A row of `joints`", keys["joint"])
+    yield _table("`base`: columns in SI", keys["base"])
     yield _table("A channel: value = sign * (column - zero) * factor", keys["channel"])
     yield _table("`processing`; what is missing is chosen from the bandwidth of the motion", preprocessing.KEYS)
 

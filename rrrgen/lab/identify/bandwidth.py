@@ -222,10 +222,11 @@ def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAM
     found: list[Stretch] = []
     count = 0
     for part in recording.parts():
+        q = part.coordinates(recording.period)
         fitted = split.fitted(part.t, start, duration)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], fitted.astype(np.int8), [0]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
-            taken = Stretch(part.q[begin : min(end, begin + limit - count)], part.segment, part.first + int(begin))
+            taken = Stretch(q[begin : min(end, begin + limit - count)], part.segment, part.first + int(begin))
             if found and (found[-1].segment, found[-1].end) == (taken.segment, taken.first):
                 taken = Stretch(np.concatenate([found[-1].q, taken.q]), taken.segment, found.pop().first)
             found.append(taken)

@@ -146,15 +146,15 @@ class _State:
 def score(factors: JointFactors, theta: Array) -> dict[str, Any]:
     """Torque errors of the parameters ``theta`` (p,): ``rows``, ``relative_error``, ``rms`` and ``joint_rms``, N m (N).
 
-    The errors are None if there are no rows.
+    The errors are None if there are no rows, the relative one also if all torques are zero, as in flight.
     """
     count = int(np.sum(factors.counts))
     if count == 0:
         return {"rows": 0, "relative_error": None, "rms": None, "joint_rms": None}
-    squares = factors.residual_squares(theta)
+    squares, size = factors.residual_squares(theta), float(np.sum(factors.torque_squares))
     return {
         "rows": count,
-        "relative_error": float(np.sqrt(np.sum(squares) / np.sum(factors.torque_squares))),
+        "relative_error": float(np.sqrt(np.sum(squares) / size)) if size else None,
         "rms": float(np.sqrt(np.sum(squares) / count)),
         "joint_rms": [float(v) for v in np.sqrt(squares / np.maximum(1, factors.counts))],
     }

@@ -57,6 +57,7 @@ from rrrgen.lab.identify.factoring import (
     rows_of_recordings,
     score,
 )
+from rrrgen.lab.identify.floating_base import measured_rows, on_floating_base
 from rrrgen.lab.identify.friction_choice import FrictionFit, LawChoice, fit_friction
 from rrrgen.lab.identify.friction_columns import with_linear_friction, without_laws
 from rrrgen.lab.identify.held_out_data import Split
@@ -307,6 +308,7 @@ def identify(
         if len(recording.joints) != model.n:
             raise InputError(f"a recording of {len(recording.joints)} joints for a robot with {model.n}")
     tuning = tune(processing, recordings, options.split)
+    rows = measured_rows(recordings) if on_floating_base(recordings) else None
     if options.split.kind != "none":
         guard = reach(tuning) if options.guard is None else options.guard
         options = replace(options, split=options.split.guarded(guard))
@@ -320,7 +322,7 @@ def identify(
         corrections = first.corrections(plain, recordings, options.known)
         recordings, options = corrections.recordings(recordings), replace(options, known=corrections.torque)
     regressor, tuning, friction = _with_friction(model, recordings, tuning, options, tell)
-    chosen = parametrise(regressor, options.fixed, options.fixed_standard, options.seed)
+    chosen = parametrise(regressor, options.fixed, options.fixed_standard, options.seed, rows)
     tell(0, 0, f"{chosen.structure.rank} identifiable parameters")
     nuisances = None
     if first is not None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
+from rrrgen.lab.data.mapping import ON_BASE
 from rrrgen.lab.data.preprocessing import Decimator, Processing, reconstruction_reach
 from rrrgen.lab.data.reconstruction import Reconstruction, Reconstructor
 from rrrgen.lab.data.repair import Repairs
@@ -252,13 +253,23 @@ def reconstruct(part: Part, processing: Processing) -> Reconstruction:
     Raises :class:`InputError` for the method ``logged`` if speeds and accelerations were not recorded.
     """
     if processing.method == "logged":
-        if part.dq is None or part.ddq is None:
+        if part.dq is None or part.ddq is None or not (np.isfinite(part.dq).all() and np.isfinite(part.ddq).all()):
             raise InputError("the recording has no speeds and accelerations; choose a method of reconstruction")
         return Reconstruction(part.t, part.q, part.dq, part.ddq, "as recorded")
     # uniform times from zero: the round-off of their differences must not depend on where the stretch begins
-    method = processing.reconstructor()
-    motion = method(np.arange(len(part)) * _period(part), part.q)
-    return replace(motion, t=part.t)
+    method, period = processing.reconstructor(), _period(part)
+    motion = replace(method(np.arange(len(part)) * period, part.coordinates(period)), t=part.t)
+    return _with_base(motion, part) if part.floating else motion
+
+
+def _with_base(motion: Reconstruction, part: Part) -> Reconstruction:
+    """The reconstructed ``motion`` with the recorded orientation of the base and, if there are any, twist rates."""
+    six = len(ON_BASE)
+    q, ddq = motion.q.copy(), motion.ddq.copy()
+    q[:, :six] = part.q[:, :six]
+    if part.ddq is not None and np.isfinite(part.ddq[:, :six]).all():
+        ddq[:, :six] = part.ddq[:, :six]
+    return replace(motion, q=q, ddq=ddq)
 
 
 def _period(part: Part) -> float:

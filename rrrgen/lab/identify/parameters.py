@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -136,24 +136,29 @@ class CoupledDrive:
 
 @dataclass(frozen=True)
 class DriveTerms:
-    """The drive terms to estimate: for each kind the joints (from 0) that have one, and the coupled drives."""
+    """The drive terms to estimate: for each kind the joints (from 0) that have one, and the coupled drives.
+
+    ``before`` is the number of coordinates before the joints, 6 on a floating base.
+    """
 
     inertia: tuple[int, ...] = ()
     viscous: tuple[int, ...] = ()
     coulomb: tuple[int, ...] = ()
     offset: tuple[int, ...] = ()
     coupled: tuple[CoupledDrive, ...] = ()
+    before: int = 0
 
     @classmethod
     def everywhere(cls, n: int, *kinds: DriveKind, coupled: Sequence[CoupledDrive] = ()) -> DriveTerms:
         """Choose the terms of ``kinds`` at all ``n`` joints, and those of the ``coupled`` drives."""
-        return cls(**{kind: tuple(range(n)) for kind in kinds}, coupled=tuple(coupled))
+        parts: dict[str, Any] = {kind: tuple(range(n)) for kind in kinds}
+        return cls(**parts, coupled=tuple(coupled))
 
     @classmethod
     def of_spec(cls, spec: Any) -> DriveTerms:
         """The terms that the robot file states, at joints and at coupled motors."""
         terms = drive_terms(spec)
-        parts = {
+        parts: dict[str, Any] = {
             kind: tuple(term.joint for term in terms if term.kind == kind and term.joint is not None) for kind in KINDS
         }
         coupled = []
@@ -165,23 +170,24 @@ class DriveTerms:
 
     def without(self, *kinds: DriveKind) -> DriveTerms:
         """A copy without the joint terms of these kinds; coupled drives stay."""
-        parts = {kind: () if kind in kinds else getattr(self, kind) for kind in KINDS}
-        return DriveTerms(**parts, coupled=self.coupled)
+        left: dict[str, Any] = dict.fromkeys(kinds, ())
+        return replace(self, **left)
 
     def columns(self, n: int) -> tuple[Column, ...]:
-        """The columns for ``n`` joints: joint terms kind by kind, then coupled drives.
+        """The columns for ``n`` coordinates: joint terms kind by kind, then coupled drives.
 
         Raises InputError for a joint that the robot does not have, or a coupled drive whose direction is zero or does
         not have ``n`` entries.
         """
         found = []
+        still, n = (0.0,) * self.before, n - self.before
         for kind in KINDS:
             for joint in getattr(self, kind):
                 if not 0 <= joint < n:
                     raise InputError(f"a drive term at joint {joint + 1} of a robot with {n} joints")
-                found.append(Column(f"{SYMBOLS[kind]}{joint + 1}", kind, unit(joint, n)))
+                found.append(Column(f"{SYMBOLS[kind]}{joint + 1}", kind, still + unit(joint, n)))
         for drive in self.coupled:
             if len(drive.direction) != n or not any(drive.direction):
                 raise InputError(f"the coupled drive '{drive.name}' needs a direction of {n} weights, not all zero")
-            found += [Column(f"{SYMBOLS[kind]}_{drive.name}", kind, drive.direction) for kind in drive.terms]
+            found += [Column(f"{SYMBOLS[kind]}_{drive.name}", kind, still + drive.direction) for kind in drive.terms]
         return tuple(found)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
@@ -172,13 +173,18 @@ class Parametrisation:
 
 
 def parametrise(
-    regressor: FullRegressor, fixed: Mapping[str, float], fixed_standard: Mapping[str, float], seed: int = 0
+    regressor: FullRegressor,
+    fixed: Mapping[str, float],
+    fixed_standard: Mapping[str, float],
+    seed: int = 0,
+    measured: NDArray[np.bool_] | None = None,
 ) -> Parametrisation:
     """Find the identifiable parameters of ``regressor`` after known parameters are fixed.
 
     ``fixed`` maps column names to known values, ``fixed_standard`` standard parameters; ``seed`` is that of the random
-    motions from which the rank is taken. Raises :class:`InputError` for a name that does not exist or a column that
-    already follows from the fixed standard parameters.
+    motions from which the rank is taken, ``measured`` (n,) the joints whose torques are, all if None. Raises
+    :class:`InputError` for a name that does not exist or a column that already follows from the fixed standard
+    parameters.
     """
     names = regressor.names
     unknown = [name for name in fixed if name not in names]
@@ -215,7 +221,8 @@ def parametrise(
     def restricted(q: Array, dq: Array, ddq: Array) -> Array:
         # away from steady sliding, where bristles do not move and their damping has no effect
         s = np.random.default_rng(seed).uniform(-1, 1, (len(q), moved))
-        return np.asarray(regressor(q, dq, ddq, s if moved else None) @ T)
+        W = regressor(q, dq, ddq, s if moved else None)
+        return np.asarray((W if measured is None else W[:, measured]) @ T)
 
     structure = structure_of(restricted, [z_names[i] for i in free], regressor.model.n, seed)
     return Parametrisation(structure, T[:, list(structure.kept)], known, tuple(columns[i] for i in free))

@@ -300,7 +300,8 @@ def write_identification(
     """
     from rrrgen.robot.file import dumps
 
-    folder.write_json("identification.json", as_record(found, [joint.name for joint in spec.joints]))
+    joints = [joint.name for joint in _with_rows(found, spec).joints]
+    folder.write_json("identification.json", as_record(found, joints))
     folder.write_csv("parameters.csv", *parameter_table(found))
     if found.consistent is not None:
         folder.write_text("robot.yaml", dumps(spec_with_provenance(found, spec, recordings)))
@@ -332,11 +333,18 @@ def spec_with_provenance(found: Identification, spec: RobotSpec, recordings: str
     return replace(identified_spec(spec, found.consistent, surfaces=surfaces), provenance=tuple(fits.values()))
 
 
+def _with_rows(found: Identification, spec: RobotSpec) -> RobotSpec:
+    """``spec`` with a joint for every row of the estimation: also for those of the wrench on a floating base."""
+    from rrrgen.lab.identify.floating_base import with_base_joints
+
+    return spec if len(found.band.sigma) == spec.n else with_base_joints(spec)
+
+
 def _convergence(found: Identification, spec: RobotSpec, points: int) -> Convergence:
     """The estimate as a function of the number of samples, at about ``points`` numbers."""
     from rrrgen.lab.identify.cross_validation import convergence
 
-    every = max(1, found.fit["rows"] // spec.n // points)
+    every = max(1, found.fit["rows"] // _with_rows(found, spec).n // points)
     return convergence(found.blocks, found.names, found.estimate.weights, found.transform, every)
 
 
@@ -363,8 +371,9 @@ def identification_figures(
         torque_curves,
     )
 
-    joints = [joint.name for joint in spec.joints]
     theta = found.theta if found.consistent is None else found.consistent.theta
+    spec = _with_rows(found, spec)
+    joints = [joint.name for joint in spec.joints]
 
     def torques(blocks: Iterable[Rows]) -> Figure | None:
         curves = torque_curves(blocks, theta, band=found.band)

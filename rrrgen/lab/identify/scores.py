@@ -137,7 +137,8 @@ def conformal_band(
             return band
         theta = chosen.expand(least_squares(chosen.transform(training), estimate.names, estimate.weights).x)
         for rows in part:
-            z = np.where(rows.use, np.abs(rows.tau - rows.W @ theta) / band.total(rows.W), np.nan)
+            error = np.where(rows.use, np.abs(rows.tau - rows.W @ theta), np.nan)
+            z = error / np.where(rows.use, band.total(rows.W), 1.0)
             errors.append(z[rows.use.any(axis=1)])
             times.append(rows.t[rows.use.any(axis=1)])
     z, when = np.concatenate(errors), np.concatenate(times)

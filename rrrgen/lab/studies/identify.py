@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from rrrgen.base.errors import require
+from rrrgen.base.errors import InputError, require
 from rrrgen.base.parallel import CLUSTER
 from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.preprocessing import PreprocessingOptions
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.identify.diagnosis.causes import Cause
     from rrrgen.lab.identify.identification import Identification, Options
     from rrrgen.lab.identify.observations import Recording
+    from rrrgen.lab.identify.regressor import RigidModel
     from rrrgen.lab.studies.loop_inputs import LoopInputs
     from rrrgen.lab.studies.sources import (
         FindingsCallback,
@@ -214,7 +215,14 @@ class IdentificationResult(EstimateResult):
 
     @property
     def _joints(self) -> tuple[str, ...]:
-        return tuple(joint.name for joint in self.robot.joints)
+        return self.recordings[0].joints
+
+    @property
+    def _rigid(self) -> RigidModel:
+        """The model whose rows were fitted."""
+        from rrrgen.lab.identify.floating_base import FloatingModel, on_floating_base
+
+        return FloatingModel(self.model) if on_floating_base(self.recordings) else self.model
 
     def lines(self, width: int | None = None) -> list[str]:
         """The report: parameters, friction laws, filters, scores, what is doubtful."""
@@ -266,7 +274,7 @@ class IdentificationResult(EstimateResult):
         """The figures: torques, torques_held_out, convergence, whiteness, bandwidth, friction, closed_loop."""
         from rrrgen.lab.identify.results import identification_figures
 
-        makers = identification_figures(self.identification, self.robot, model=self.model, recording=self._put_right)
+        makers = identification_figures(self.identification, self.robot, model=self._rigid, recording=self._put_right)
         return makers | ({} if self.closed_loop is None else {"closed_loop": self._loop_figure})
 
     def _loop_figure(self) -> Figure | None:
@@ -292,7 +300,7 @@ class IdentificationResult(EstimateResult):
             self.identification,
             self.robot,
             recordings=", ".join(self.recording_names),
-            model=self.model,
+            model=self._rigid,
             recording=self._put_right,
         )
 
@@ -318,7 +326,9 @@ def identify(
         recordings: a recording or mapping file, a ``Log``, arrays by name in SI at the joints, or a list of these. The
             arrays are ``t`` (N,) in s, ``q`` and ``tau`` (N, n), and ``dq``, ``ddq``, ``reference``,
             ``reference_velocity``, ``feedforward`` (N, n) if they were recorded. They are checked and repaired as files
-            are.
+            are. On a floating base that moves there are also ``orientation`` (N, 4), ``twist`` (N, 6) and, if they were
+            recorded, ``twist_rate`` and ``wrench`` (N, 6), as the functions of the model take them; the wrench or
+            ``tau`` may be missing, and in flight the wrench is zero.
         options: an :class:`IdentifyOptions`; the default options if None.
         folder: run folder to write to, from which an interrupted run is resumed; without, nothing is written.
         fresh: discard the run that the folder holds.
@@ -343,18 +353,45 @@ def identify(
 
     findings, progress = findings or ignore, progress or ignore
     arm = robot_input(robot, findings)
-    logs = recording_inputs(recordings, arm.spec, skip_truncated_line=skip_truncated_line)
+    logs = recording_inputs(recordings, arm.spec, skip_truncated_line=skip_truncated_line, floating=True)
+    if logs.floating:
+        _refuse_on_floating_base(arm.spec, chosen)
     loop = read_loop(chosen.controller, chosen.tests, arm.spec, logs, skip_truncated_line)
     processing = chosen_processing(logs.mappings, chosen.preprocessing)
-    estimation = _estimation_options(chosen, arm.spec)
+    estimation = _estimation_options(chosen, arm.spec, logs.floating)
     settings = {**processing.settings(), **chosen.settings(), "skip_truncated_line": skip_truncated_line}
     run = Run("identify", arm.files | logs.files | loop.files, settings | arm.settings | logs.settings, chosen.seed)
     estimate = partial(_estimate, run, arm, logs, loop, processing, chosen, estimation, progress, findings)
     return run.result(estimate, folder, fresh)
 
 
-def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec) -> Options:
+def _refuse_on_floating_base(spec: RobotSpec, chosen: IdentifyOptions) -> None:
+    """Raise an :class:`InputError` for options, and laws of the robot file, that a floating base does not have."""
+    for name in ("friction", "estimate", "controller", "bias_check"):
+        if getattr(chosen, name):
+            raise OptionError(f"{{{name}}} is for a base at rest: leave it away, or hold the base", name)
+    laws = [joint.name for joint in spec.joints if joint.friction is not None and joint.friction.law is not None]
+    if laws:
+        raise InputError(
+            f"the friction law of {', '.join(laws)} is estimated with the base at rest; on a floating base, state "
+            "friction: {viscous: 0, coulomb: 0}"
+        )
+
+
+def _check_flight(torques: bool, model: Model, chosen: IdentifyOptions) -> None:
+    """Raise an OptionError for equations without right-hand side: neither ``torques`` nor a known parameter."""
+    if not torques and not chosen.fix:
+        mass = next(name for name in model.base_parameter_names if name in ("m1", "m1R"))
+        raise OptionError(
+            "in flight the wrench is zero, and without joint torques the parameters are determined up to one factor "
+            f"only: name one that is known by {{fix}}, such as the mass {mass} of the whole robot, or record torques",
+            "fix",
+        )
+
+
+def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec, floating: bool) -> Options:
     """The options of the estimation itself; raises InputError for laws, splits and known values that make no sense."""
+    from rrrgen.lab.data.mapping import ON_BASE
     from rrrgen.lab.identify.friction_choice import LawChoice
     from rrrgen.lab.identify.held_out_data import Split
     from rrrgen.lab.identify.identification import Options
@@ -364,7 +401,7 @@ def _estimation_options(chosen: IdentifyOptions, spec: RobotSpec) -> Options:
     columns, standard = known_values(chosen.fix)
     estimation = Options(
         method=chosen.estimator,
-        terms=DriveTerms.of_spec(spec),
+        terms=replace(DriveTerms.of_spec(spec), before=len(ON_BASE) if floating else 0),
         friction=LawChoice.parse(chosen.friction, spec),
         fixed=columns,
         fixed_standard=standard,
@@ -405,13 +442,17 @@ def _estimate(
     from rrrgen.lab.identify.diagnosis.causes import merged
     from rrrgen.lab.identify.diagnosis.report import diagnose_fit, diagnose_recordings
     from rrrgen.lab.identify.diagnosis.swinging import swinging_notes
+    from rrrgen.lab.identify.floating_base import FloatingModel, check_base, on_floating_base
     from rrrgen.lab.identify.identification import identify as estimate
 
     recordings = logs.open(findings)
-    before = diagnose_recordings(arm.spec, recordings)
+    floating = on_floating_base(recordings)
+    if floating:
+        _check_flight(check_base(recordings), arm.model, chosen)
+    before = () if floating else diagnose_recordings(arm.spec, recordings)
     for cause in before:
         findings(cause)
-    model = arm.model
+    model = FloatingModel(arm.model) if floating else arm.model
     found = estimate(
         model,
         recordings,
@@ -430,7 +471,8 @@ def _estimate(
     parts = None
     if chosen.cross_validate:
         parts = cross_validate(model, recordings, processing, estimation, chosen.cross_validate, progress)
-    progress(0, 0, "diagnosis")
-    causes = merged([*before, *diagnose_fit(model, put_right, found)])
-    found = replace(found, diagnoses=causes, swinging=swinging_notes(recordings))
-    return IdentificationResult(arm.spec, model, tuple(recordings), logs.names, found, fitted, bias, parts, run=run)
+    if not floating:  # the rules of diagnosis are about arms: what the base should do, they do not know
+        progress(0, 0, "diagnosis")
+        causes = merged([*before, *diagnose_fit(model, put_right, found)])
+        found = replace(found, diagnoses=causes, swinging=swinging_notes(recordings))
+    return IdentificationResult(arm.spec, arm.model, tuple(recordings), logs.names, found, fitted, bias, parts, run=run)

@@ -16,9 +16,18 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.option_names import option_name
 from rrrgen.base.yamltext.suggestions import did_you_mean
-from rrrgen.lab.data.mapping import SIGNALS, Channel, FileSource, JointChannels, LogMapping, TimeSource
+from rrrgen.lab.data.mapping import (
+    BASE_COLUMNS,
+    SIGNALS,
+    Channel,
+    FileSource,
+    JointChannels,
+    LogMapping,
+    TimeSource,
+    on_floating_base,
+)
 from rrrgen.lab.data.preprocessing import METHODS_OF_SETTING, Processing
-from rrrgen.lab.data.recordings import Log, check_joints, check_robot, load_stream, open_log
+from rrrgen.lab.data.recordings import Log, check_joints, check_robot, load_stream, open_log, recorded_joints
 from rrrgen.lab.data.repair import Repairs
 from rrrgen.lab.data.uniform_stream import LogStream
 from rrrgen.lab.identify.diagnosis.causes import Cause
@@ -116,6 +125,11 @@ class RecordingInputs:
     names: tuple[str, ...]
 
     @property
+    def floating(self) -> bool:
+        """Whether some recording has the motion of a floating base."""
+        return any(source.floating for source in self.sources)
+
+    @property
     def mappings(self) -> list[LogMapping]:
         """The mappings of the recordings that have one."""
         found = [source.mapping if isinstance(source, Log) else source for source in self.sources]
@@ -153,11 +167,12 @@ def recording_inputs(
     skip_truncated_line: bool = False,
     role: str = "log",
     check: bool = True,
+    floating: bool = False,
 ) -> RecordingInputs:
     """Find out how ``recordings`` are read, and ``check`` that files fit the robot ``spec``.
 
-    ``role`` names them in the record of the run. Raises :class:`InputError` for recordings that cannot be read or are
-    not of this robot.
+    ``role`` names them in the record of the run; ``floating`` allows the motion of a floating base. Raises
+    :class:`InputError` for recordings that cannot be read or are not of this robot.
     """
     joints = tuple(joint.name for joint in spec.joints)
     sources: list[LogMapping | Log] = []
@@ -166,11 +181,12 @@ def recording_inputs(
     names: list[str] = []
     for k, recording in enumerate(as_list(recordings), start=1):
         if isinstance(recording, Log):
-            check_joints(recording.joints, joints)
+            check_joints(recording.joints, recorded_joints(spec, recording.floating))
             sources.append(recording)
             hashes[f"{role}{k}"] = hash_of_arrays(_arrays_of_log(recording))
         elif isinstance(recording, Mapping):
-            arrays = checked_arrays(recording, len(joints), f"{role}{k}")
+            allowed = ("t", *COLUMN.values(), *(BASE_COLUMNS if spec.floating_base else ()))
+            arrays = checked_arrays(recording, len(joints), f"{role}{k}", allowed)
             sources.append(mapping_of_arrays(arrays, joints, f"{role}{k}"))
             hashes[f"{role}{k}"] = hash_of_arrays(arrays)
         elif isinstance(recording, (str, os.PathLike)):
@@ -185,6 +201,11 @@ def recording_inputs(
             raise InputError(f"{role} {k} is of type {type(recording).__name__}, not a file, a Log or arrays by name")
     if not sources:
         raise InputError("there is no recording")
+    if not floating and any(source.floating for source in sources):
+        raise InputError(
+            "the recording has the motion of a floating base, which rrrgen identify takes; this study is for a base at "
+            "rest"
+        )
     return RecordingInputs(tuple(sources), files, {"arrays": hashes} if hashes else {}, tuple(names))
 
 
@@ -214,8 +235,9 @@ def checked_arrays(
 ) -> dict[str, Array]:
     """The arrays of a recording as numbers; raises :class:`InputError` listing every missing, unknown or misshapen one.
 
-    ``t`` is (N,), all others (N, joints), or (N,) for one joint. ``allowed`` are the names of arrays that a recording
-    of this kind may have, ``needed`` those that it must have.
+    ``t`` is (N,), those of a floating base have 4 or 6 columns, all others (N, joints), or (N,) for one joint. Twist
+    and orientation of a base go together. ``allowed`` are the names of arrays that a recording of this kind may have,
+    ``needed`` those that it must have.
     """
     faults = []
     found: dict[str, Array] = {}
@@ -228,7 +250,8 @@ def checked_arrays(
                 found[key] = np.asarray(values, float)
             except (TypeError, ValueError):
                 faults.append(Fault("", 0, 0, f"{name}: '{key}' does not hold numbers"))
-    missing = [f"'{key}'" for key in needed if key not in arrays]
+    base = ("orientation", "twist") if found.keys() & BASE_COLUMNS.keys() else ()
+    missing = [f"'{key}'" for key in (*needed, *base) if key not in arrays]
     if missing:
         faults.append(Fault("", 0, 0, f"{name} has no {' and no '.join(missing)}"))
     if "t" in found:
@@ -236,10 +259,11 @@ def checked_arrays(
         if found["t"].ndim != 1:
             faults.append(Fault("", 0, 0, f"{name}: 't' has the shape {found['t'].shape}, not (N,)"))
         for key in found.keys() - {"t"}:
-            if joints == 1 and found[key].ndim == 1:
+            width = len(BASE_COLUMNS.get(key, ())) or joints
+            if width == 1 and found[key].ndim == 1:
                 found[key] = found[key][:, None]
-            if found[key].shape != (rows, joints):
-                faults.append(Fault("", 0, 0, f"{name}: '{key}' has the shape {found[key].shape}, not {rows, joints}"))
+            if found[key].shape != (rows, width):
+                faults.append(Fault("", 0, 0, f"{name}: '{key}' has the shape {found[key].shape}, not {rows, width}"))
     if faults:
         raise InputError(faults)
     return found
@@ -253,14 +277,20 @@ def mapping_of_arrays(arrays: Mapping[str, Array], joints: Sequence[str], name: 
     columns = {"t": arrays["t"]}
     channels = []
     for i, joint in enumerate(joints):
-        columns |= {f"{key}_{joint}": values[:, i] for key, values in arrays.items() if key != "t"}
+        own = {key: values for key, values in arrays.items() if key not in ("t", *BASE_COLUMNS)}
+        columns |= {f"{key}_{joint}": values[:, i] for key, values in own.items()}
         recorded: dict[Any, Any] = {
             signal: Channel(name, f"{COLUMN[signal]}_{joint}") for signal in SIGNALS if COLUMN[signal] in arrays
         }
         channels.append(JointChannels(joint, **recorded))
-    return LogMapping(
-        (FileSource(name, Path(name), arrays=columns),), TimeSource(file=name, column="t"), tuple(channels)
-    )
+    base: dict[str, list[Channel]] = {}
+    for key in arrays.keys() & BASE_COLUMNS.keys():
+        names = [f"{key}_{part}" for part in BASE_COLUMNS[key]]
+        columns |= dict(zip(names, arrays[key].T, strict=True))
+        base[key] = [Channel(name, column) for column in names]
+    source, time = FileSource(name, Path(name), arrays=columns), TimeSource(file=name, column="t")
+    mapping = LogMapping((source,), time, tuple(channels))
+    return on_floating_base(mapping, base) if base else mapping
 
 
 def _arrays_of_log(log: Log) -> dict[str, Array]:
