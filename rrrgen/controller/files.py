@@ -82,6 +82,7 @@ def unit_files(unit: ControllerUnit, real: Real, trig: Trig = "inline") -> dict[
     dialect, proposed = Dialect(f"{robot}_controller", real), proposals(unit)
     calls = _Calls(unit)
     laid = structs(unit, real, proposed)
+    loops = unit.model.programs["closed_loops"].data_outputs if unit.model.spec.loops else ()
     values = {
         "P": dialect.prefix,
         "M": dialect.macro,
@@ -113,6 +114,8 @@ def unit_files(unit: ControllerUnit, real: Real, trig: Trig = "inline") -> dict[
         "version": VERSION,
         "opening": _opening(unit, dialect, laid),
         "needs_z": unit.integrators,
+        "loops": loops,
+        "loop_arguments": {"q": "tick->q", **{port.name: port.name for port in loops}},
     }
     files = {f"{dialect.prefix}.{kind}": render(f"c/controller.{kind}.j2", **values) for kind in ("h", "c")}
     if calls.own:

@@ -47,6 +47,7 @@ def called_programs(unit: ControllerUnit) -> list[Program]:
     names += ["momentum_observer", "momentum_observer_start", "contact"] if unit.has("observer") else []
     names += ["add_payload"] if unit.has("payload") else []
     names += ["jacobian"] if unit.has("velocity") else []
+    names += ["closed_loops"] if unit.model.spec.loops else []
     return [unit.model.programs[name] for name in dict.fromkeys(filter(None, names))]
 
 

@@ -21,6 +21,15 @@ NOT_ASSEMBLED = Failure(
 )
 
 
+def loop_margins(r: Recording) -> Program:
+    """Record the squared sine between the bars of each loop (loops,): negative where it cannot be assembled."""
+    b, loops = r.builder, r.chain().loops
+    assert loops is not None
+    margins = [b.div(dyad.discriminant, dyad.whole) for dyad in loops.dyads]
+    port = Port("margin", (len(margins),), "1", "", "squared sine between the bars, negative for an open loop")
+    return b.program("loop_margins", [(port, margins)], "How far closed loops are from their dead points.", "")
+
+
 def closed_loops(r: Recording) -> Program:
     """Record the passive joints (p, 2), W (p, n), the sines between the bars of each loop (loops,), and the status.
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.lab.design.fourier_series import Floats, FourierTrajectory, intersample_peak_factor
-from rrrgen.lab.design.problem import ExcitationProblem
+from rrrgen.lab.design.problem import LEAST_SINE, ExcitationProblem
 
 CHUNK = 2000
 """Number of samples evaluated together; bounds the memory for robots with many columns."""
@@ -19,7 +20,7 @@ CHUNK = 2000
 class LimitUse:
     """Peak of one limited quantity relative to its limit.
 
-    ``quantity`` is its name, ``index`` the joint, tip axis or follower in the limits, from 0. ``use`` is 1 at the
+    ``quantity`` is its name, ``index`` the joint, tip axis, follower or loop in the limits, from 0. ``use`` is 1 at the
     limit and above 1 beyond it; ``instant`` (s) is the time of the peak.
     """
 
@@ -70,7 +71,7 @@ class ExcitationCheck:
 
 
 class ProblemFunctions:
-    """The CasADi functions of an excitation problem (regressor, torque, tip), evaluated over many points in time."""
+    """The CasADi functions of an excitation problem (regressor, torque, tip, loops), over many points in time."""
 
     def __init__(self, problem: ExcitationProblem) -> None:
         import casadi
@@ -79,6 +80,7 @@ class ProblemFunctions:
         self.regressor = casadi.Function.deserialize(problem.regressor)
         self.torque = None if problem.torque is None else casadi.Function.deserialize(problem.torque)
         self.tip = None if problem.tip is None else casadi.Function.deserialize(problem.tip)
+        self.loops = None if problem.loops is None else casadi.Function.deserialize(problem.loops)
 
     @staticmethod
     def over(function: Any, *columns: Floats) -> Floats:
@@ -113,7 +115,8 @@ class ProblemFunctions:
         n = problem.joints
         q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 4, n))
         lower, upper = limits.row("position_lower", n), limits.row("position_upper", n)
-        functions = [(each, (q, dq, ddq)[: each.n_in()]) for each in (self.regressor, self.torque, self.tip) if each]
+        every = (self.regressor, self.torque, self.tip, self.loops)
+        functions = [(each, (q, dq, ddq)[: each.n_in()]) for each in every if each]
         return [
             not (math.isfinite(lower[k]) or math.isfinite(upper[k]))
             and not any(each.factors[k] for each in limits.followers)
@@ -123,6 +126,12 @@ class ProblemFunctions:
             )
             for k in range(n)
         ]
+
+    def assembled(self, q: Floats, sine: float = LEAST_SINE) -> NDArray[np.bool_]:
+        """Mask (m,) of ``q`` (m, n) at which all closed loops are assembled, with a ``sine`` between bars or more."""
+        if self.loops is None:
+            return np.ones(len(q), bool)
+        return np.asarray(np.min(self.over(self.loops, q)[:, :, 0], axis=1) >= sine**2)
 
     def triangular(self, q: Floats, dq: Floats, ddq: Floats) -> Floats:
         """Triangular factor R (b, b) of the QR decomposition of the weighted regressor, stacked over m states (m, n).
@@ -166,6 +175,10 @@ def limited_quantities(functions: ProblemFunctions, trajectory: FourierTrajector
     if functions.tip is not None and (limits.box_lower is not None or limits.box_upper is not None):
         tip = functions.over(functions.tip, q)[:, :, 0]
         found += _between("tip", tip, limits.row("box_lower", 3), limits.row("box_upper", 3), polynomial=False)
+    if functions.loops is not None:
+        squares = functions.over(functions.loops, q)[:, :, 0]
+        k = squares.shape[1]
+        found += _between("loop", squares, (LEAST_SINE**2,) * k, (math.inf,) * k, polynomial=False)
     return found
 
 

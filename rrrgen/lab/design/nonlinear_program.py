@@ -13,7 +13,7 @@ import numpy as np
 
 from rrrgen.lab.design.check import ProblemFunctions
 from rrrgen.lab.design.fourier_series import Floats, FourierTrajectory, fourier_basis
-from rrrgen.lab.design.problem import ExcitationProblem
+from rrrgen.lab.design.problem import LEAST_SINE, ExcitationProblem
 
 MARGIN = 1e-3
 """Fraction by which every limit is tightened, to allow for the tolerance of the solver."""
@@ -140,6 +140,9 @@ class ExcitationProgram:
             "tip": (limits.row("box_lower", 3), limits.row("box_upper", 3)),
             "follower": limits.follower_range(),
         }
+        if self.functions.loops is not None:
+            loops = self.functions.loops.numel_out(0)
+            bounds["loop"] = ((LEAST_SINE**2,) * loops, (np.inf,) * loops)
         for name in ("speed", "acceleration", "torque"):
             row = limits.row(name, n)
             bounds[name] = (tuple(-v for v in row), row)
@@ -168,7 +171,7 @@ class ExcitationProgram:
                 rows[:, k * self.size : (k + 1) * self.size] = factor * basis * self.factors[:, k]
             return casadi.mtimes(casadi.sparsify(rows), self.x)
         q, dq, ddq = self.motion(t)
-        function = self.functions.torque if name == "torque" else self.functions.tip
+        function = {"torque": self.functions.torque, "tip": self.functions.tip, "loop": self.functions.loops}[name]
         assert function is not None  # an ExcitationProblem with such a limit and no function cannot be built
         return function.map(t.size)(*((q, dq, ddq) if name == "torque" else (q,)))[i, :].T
 

@@ -19,6 +19,9 @@ from rrrgen.robot.model.mechanism import FollowerLimits
 Objective = Literal["cond", "logdet", "frobenius", "sigma_min"]
 OBJECTIVES: tuple[str, ...] = get_args(Objective)
 
+LEAST_SINE = 0.1
+"""Least sine between the bars of a closed loop along a motion: the forces in the bars grow with its reciprocal."""
+
 
 @dataclass(frozen=True)
 class ExcitationLimits:
@@ -73,7 +76,9 @@ class ExcitationProblem:
 
     The motion has ``harmonics`` multiples of ``base_frequency`` (Hz) and, if ``at_rest``, stands still at the ends of a
     cycle. ``regressor`` is a serialised CasADi function (q, dq, ddq) -> Y (n, b); ``torque`` one (q, dq, ddq) -> (n,)
-    and ``tip`` one q -> (3,), needed only where the torque or the tip is limited. ``row_weights`` (n,) multiply the
+    and ``tip`` one q -> (3,), needed only where the torque or the tip is limited; ``loops`` is one q -> (k,), the
+    squared sines between the bars of k closed loops, negative where they cannot be assembled, which stay above the
+    square of :data:`LEAST_SINE`; None without loops. ``row_weights`` (n,) multiply the
     rows of Y (1/standard deviation of each joint's torque), ``column_scales`` (b,) its columns (expected parameter
     sizes): the condition number depends on units, and these make the choice of units explicit. ``objective`` is
     evaluated at ``design_samples`` times of a cycle, limits are checked every ``sample_period`` (s). A random start
@@ -90,6 +95,7 @@ class ExcitationProblem:
     at_rest: bool = False
     torque: str | None = None
     tip: str | None = None
+    loops: str | None = None
     row_weights: tuple[float, ...] | None = None
     column_scales: tuple[float, ...] | None = None
     sample_period: float = 1e-3
@@ -122,9 +128,9 @@ class ExcitationProblem:
 
 
 def excitation_problem(
-    regressor: Any, limits: ExcitationLimits, *, torque: Any = None, tip: Any = None, **settings: Any
+    regressor: Any, limits: ExcitationLimits, *, torque: Any = None, tip: Any = None, loops: Any = None, **settings: Any
 ) -> ExcitationProblem:
-    """Build a problem from CasADi functions ``regressor(q, dq, ddq)``, ``torque(q, dq, ddq)`` and ``tip(q)``.
+    """Build a problem from CasADi functions ``regressor`` and ``torque`` of (q, dq, ddq), ``tip`` and ``loops`` of q.
 
     ``settings`` are the fields of :class:`ExcitationProblem`. Raises InputError, listing every fault.
     """
@@ -138,6 +144,7 @@ def excitation_problem(
         limits=limits,
         torque=None if torque is None else torque.serialize(),
         tip=None if tip is None else tip.serialize(),
+        loops=None if loops is None else loops.serialize(),
         **settings,
     )
 

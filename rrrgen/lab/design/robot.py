@@ -38,9 +38,9 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
 
     Torque limits apply to the joint torques of the nominal model, drive inertia and friction of the robot file
     included; a Cartesian box bounds the tip; rows of a mechanism whose displacement depends on several joint positions
-    stay within their range. ``settings`` are further fields of ``ExcitationProblem``, such as ``harmonics`` or
-    ``sample_period``. Raises InputError if torques are limited but the robot file has no links, or for an inconsistent
-    problem.
+    stay within their range, and closed loops away from dead points. ``settings`` are further fields of
+    ``ExcitationProblem``, such as ``harmonics`` or ``sample_period``. Raises InputError if torques are limited but the
+    robot file has no links, or for an inconsistent problem.
     """
     import casadi
 
@@ -59,7 +59,19 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
     if chosen.box_lower is not None or chosen.box_upper is not None:
         q = casadi.SX.sym("q", model.n)
         tip = casadi.Function("tip", [q], [model.casadi_function("forward_kinematics")(q)[:3, 3]])
-    return excitation_problem(regressor, chosen, torque=torque, tip=tip, **settings)
+    loops = _loop_margins(model.spec) if model.spec.loops else None
+    return excitation_problem(regressor, chosen, torque=torque, tip=tip, loops=loops, **settings)
+
+
+def _loop_margins(spec: Any) -> Any:
+    """The squared sines between the bars of all closed loops at q as a CasADi function, negative for open loops."""
+    from rrrgen.derive import prepare
+    from rrrgen.derive.functions.loops import loop_margins
+    from rrrgen.derive.functions.recording import Recording
+    from rrrgen.emit.casadi import function
+
+    derivation = prepare(spec)
+    return function(loop_margins(Recording(derivation.model, derivation.parametrization)), "loop_margins")
 
 
 def _friction(model: Any, limits: ExcitationLimits, dq: Any, load: Any) -> Any:

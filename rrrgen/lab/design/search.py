@@ -17,7 +17,7 @@ from rrrgen.lab.design.check import ExcitationCheck, ProblemFunctions, check_tra
 from rrrgen.lab.design.fourier_series import Floats, FourierTrajectory
 from rrrgen.lab.design.interrupts import reraised_interrupts
 from rrrgen.lab.design.nonlinear_program import MARGIN, ExcitationProgram
-from rrrgen.lab.design.problem import ExcitationProblem
+from rrrgen.lab.design.problem import LEAST_SINE, ExcitationProblem
 
 EXCHANGES = 8
 """Largest number of repetitions of the last stage with the violated points in time added."""
@@ -29,7 +29,10 @@ HOLDING_TRIALS = 200
 """Number of random configurations among which a start looks for one that the drives hold easily."""
 
 HALVINGS = 12
-"""Largest number of times that the amplitude of a start is halved to meet the torque limits."""
+"""Largest number of times that the amplitude of a start is halved to meet the limits of torques and closed loops."""
+
+DRAWS_OF_LOOPS = 50
+"""Largest number of times that configurations are drawn to find some in which closed loops are assembled."""
 
 LARGEST_SHRINKING = 0.03
 """A trajectory that exceeds a limit by more than this is reported as infeasible instead of being scaled down."""
@@ -88,8 +91,8 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
     """A random trajectory within all limits but a box of the tip and those of followers, reproducible from ``seed``.
 
     It moves about the middle of the position limits, or where holding the arm there takes more than half of the torque
-    limits, about the configuration of ``HOLDING_TRIALS`` random ones that is held most easily. Its amplitude is halved
-    until the torques meet their limits.
+    limits, about the configuration of ``HOLDING_TRIALS`` random ones that is held most easily, and with closed loops
+    about one in which they are assembled. Its amplitude is halved until torques and loops meet their limits.
     """
     rng = np.random.default_rng(np.random.SeedSequence([seed, 0x52525247]))
     n, N = problem.joints, problem.harmonics
@@ -106,6 +109,10 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
     if limited and _holding(problem, q0[None])[0] > 0.5:
         drawn = rng.uniform(np.where(bounded, low, -np.pi), np.where(bounded, high, np.pi), (HOLDING_TRIALS, n))
         q0 = drawn[int(np.argmin(_holding(problem, drawn)))]
+    functions = ProblemFunctions(problem)
+    if not functions.assembled(q0[None], 2.0 * LEAST_SINE)[0]:
+        drawn = np.asarray(_assembled(functions, rng, HOLDING_TRIALS), float)
+        q0 = drawn[int(np.argmin(_holding(problem, drawn))) if limited else 0]
     trajectory = FourierTrajectory(q0, a, b, problem.base_frequency)
     q, dq, ddq = trajectory.evaluate(np.arange(20 * N) * (trajectory.period / (20 * N)))
     gains = np.full(n, np.inf)
@@ -116,9 +123,11 @@ def random_start(problem: ExcitationProblem, seed: int) -> FourierTrajectory:
     ):
         gains = np.minimum(gains, bound / np.abs(values).max(axis=0))
     gains = problem.start_amplitude * np.where(np.isfinite(gains), gains, 1.0)
-    for _ in range(HALVINGS if limited else 1):
+    for _ in range(HALVINGS):
         trajectory = FourierTrajectory(q0, a * gains[:, None], b * gains[:, None], problem.base_frequency)
-        if not limited or _torque_use(problem, *trajectory.evaluate(_cycle(problem, trajectory))).max() <= 1.0:
+        motion = trajectory.evaluate(_cycle(problem, trajectory))
+        moderate = not limited or _torque_use(problem, *motion).max() <= 1.0
+        if moderate and functions.assembled(motion[0]).all():
             break
         gains = 0.5 * gains
     return trajectory
@@ -179,6 +188,8 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
     problem = functions.problem
     rng = np.random.default_rng(seed)
     states = rng.uniform(-2.0, 2.0, (3, 10 * problem.columns, problem.joints))
+    if problem.loops is not None:
+        states[0] = _assembled(functions, rng, len(states[0]))
     sigma = np.linalg.svd(functions.weighted(*states), compute_uv=False)
     rank = int(np.sum(sigma > sigma[0] * problem.columns * 1e-11))
     if rank < problem.columns:
@@ -189,16 +200,41 @@ def _require_independent_columns(functions: ProblemFunctions, seed: int) -> None
         )
 
 
+def _assembled(functions: ProblemFunctions, rng: np.random.Generator, count: int) -> Floats:
+    """Random configurations (count, n) within the position limits in which all closed loops are away from dead points.
+
+    Raises InputError where there are none.
+    """
+    problem = functions.problem
+    low, high = (np.asarray(row) for row in problem.limits.middles(problem.joints))
+    kept: Floats = np.empty((0, problem.joints))
+    for _ in range(DRAWS_OF_LOOPS):
+        q = rng.uniform(low, high, (max(count, HOLDING_TRIALS), problem.joints))
+        kept = np.concatenate([kept, q[functions.assembled(q, 2.0 * LEAST_SINE)]], dtype=float)
+        if len(kept) >= count:
+            return kept[:count]
+    raise InputError(
+        "excitation: no configuration was found in which all closed loops are assembled, away from dead points; state "
+        "position limits of the joints in which they are"
+    )
+
+
 def _initial_limits(program: ExcitationProgram, trajectory: FourierTrajectory) -> dict[tuple[str, int], set[int]]:
     """Initial sample numbers at which limits are imposed, for every (quantity, joint or axis).
 
     There are two per cycle of the highest harmonic, but none for torques, whose derivatives cost most: the motion that
-    the other limits allow is moved as little as the torques ask for, in the stage NEAREST.
+    the other limits allow is moved as little as the torques ask for, in the stage NEAREST. Closed loops have all those
+    of the objective, which a dead point between two of them would raise without limit.
     """
-    count = min(2 * program.N, program.problem.samples_per_period)
-    chosen = {int(k) for k in np.linspace(0, program.problem.samples_per_period, count, endpoint=False)}
+    problem = program.problem
+    counts = {"torque": 0, "loop": problem.design_samples}
     quantities = limited_quantities(program.functions, trajectory, np.zeros(1))
-    return {(q.name, q.joint): set() if q.name == "torque" else set(chosen) for q in quantities}
+
+    def chosen(name: str) -> set[int]:
+        count = min(counts.get(name, 2 * program.N), problem.samples_per_period)
+        return {int(k) for k in np.linspace(0, problem.samples_per_period, count, endpoint=False)}
+
+    return {(q.name, q.joint): chosen(q.name) for q in quantities}
 
 
 @reraised_interrupts()
@@ -243,9 +279,10 @@ def _solve(
     import casadi
 
     constraints = program.constraints(imposed)
-    linear = program.problem.limits.torque is None and program.problem.tip is None
+    linear = program.problem.limits.torque is None and program.problem.tip is None and program.problem.loops is None
     options: dict[str, Any] = {
         "print_time": False,
+        "show_eval_warnings": False,  # a step too far is shortened
         "ipopt.print_level": 0,
         "ipopt.sb": "yes",
         "ipopt.hessian_approximation": "limited-memory",

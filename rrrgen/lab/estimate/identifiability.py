@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
@@ -152,20 +153,42 @@ def random_motion(n: int, samples: int, seed: int) -> tuple[Array, Array, Array]
     )
 
 
+DRAWS = 50
+"""Largest number of times that states are drawn to find positions that closed loops can take."""
+
+
+def _possible_motion(
+    n: int, samples: int, seed: int, possible: Callable[[Array], NDArray[np.bool_]]
+) -> tuple[Array, Array, Array]:
+    """Random states as :func:`random_motion` draws them, ``samples`` or more, at ``possible`` positions."""
+    kept = random_motion(n, 0, seed)
+    for k in range(DRAWS):
+        drawn = random_motion(n, 2 * samples, seed + k)
+        inside = possible(drawn[0])
+        q, dq, ddq = (np.concatenate([own, new[inside]]) for own, new in zip(kept, drawn, strict=True))
+        kept = q, dq, ddq
+        if len(q) >= samples:
+            return kept
+    raise DerivationError(f"closed loops can be assembled at {len(kept[0])} of {DRAWS * 2 * samples} random positions")
+
+
 def structure_of(
     regressor: Callable[[Array, Array, Array], Array],
     names: Sequence[str],
     n: int,
     seed: int = 0,
     tolerance: float = RELATIVE_TOLERANCE,
+    possible: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> Structure:
     """Find the identifiable combinations of the parameters of ``regressor(q, dq, ddq)`` from random states of n joints.
 
     ``names`` are those of the columns, ``seed`` that of the random states, ``tolerance`` the relative one of the rank.
-    Raises :class:`DerivationError` if the rank is not clear-cut.
+    ``possible(q)`` is a mask (N,) of the positions that a robot with closed loops can take, all if None.
+    Raises :class:`DerivationError` if the rank is not clear-cut, or too few positions are possible.
     """
     samples = 3 * (1 + len(names) // n) + 50
-    W = regressor(*random_motion(n, samples, seed)).reshape(-1, len(names))
+    motion = random_motion(n, samples, seed) if possible is None else _possible_motion(n, samples, seed, possible)
+    W = regressor(*motion).reshape(-1, len(names))
     return structure_of_matrix(W, names, tolerance)
 
 

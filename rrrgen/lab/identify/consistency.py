@@ -318,14 +318,23 @@ def pose_limits(spec: Any, n: int) -> Array:
 
 
 def indefinite_share(
-    mass: Callable[[Array], Array], lower: Array, upper: Array, poses: int = POSES, seed: int = 0
+    mass: Callable[[Array], Array],
+    lower: Array,
+    upper: Array,
+    poses: int = POSES,
+    seed: int = 0,
+    possible: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> tuple[float, float]:
     """Share of random poses at which M(q) is not positive definite, and the smallest ratio of extreme eigenvalues.
 
     ``mass(q)`` maps poses (N, n) to matrices (N, n, n); the ``poses`` are uniform between ``lower`` and ``upper`` (n,).
+    Those that closed loops cannot take, by the mask (N,) ``possible(q)``, do not count; NaN if there are no others.
     """
-    rng = np.random.default_rng(seed)
-    M = np.asarray(mass(rng.uniform(lower, upper, (poses, len(lower)))))
+    q = np.random.default_rng(seed).uniform(lower, upper, (poses, len(lower)))
+    q = q if possible is None else q[possible(q)]
+    if not len(q):
+        return float("nan"), float("nan")
+    M = np.asarray(mass(q))
     values = np.linalg.eigvalsh(0.5 * (M + np.swapaxes(M, -1, -2)))
     bad: NDArray[np.bool_] = values[:, 0] <= 0.0
     return float(np.mean(bad)), float(np.min(values[:, 0] / np.maximum(values[:, -1], 1e-300)))

@@ -30,7 +30,7 @@ from rrrgen.lab.estimate.tsqr import JointFactors, Rows
 from rrrgen.lab.identify.bandwidth import Tuning, tune
 from rrrgen.lab.identify.observations import Recording, RowMaker
 from rrrgen.lab.identify.parameters import DriveTerms
-from rrrgen.lab.identify.regressor import FullRegressor
+from rrrgen.lab.identify.regressor import FullRegressor, assembled
 from rrrgen.lab.identify.rows import body_columns, factored, slow_samples
 
 PASSES = 50
@@ -113,7 +113,7 @@ def identify_gains(
     every_joint = tuple(range(n))
     stated = DriveTerms.of_spec(model.spec)
     full = FullRegressor(model, replace(stated, viscous=every_joint, coulomb=every_joint, offset=every_joint))
-    kept = structure_of(full, full.names, n).kept
+    kept = structure_of(full, full.names, n, possible=assembled(model)).kept
     changing = [i for i in kept if full.columns[i].kind in FRICTION]
     lasting = [i for i in kept if i not in changing]
     parts, blocks = [], []

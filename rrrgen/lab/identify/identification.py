@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
+from rrrgen.derive.functions.loops import NOT_ASSEMBLED
 from rrrgen.derive.parameters.physical_links import DEFAULT_STRENGTH, Prior, default_prior
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.repair import Repairs
@@ -64,7 +65,15 @@ from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.nuisance_estimate import Nuisances, estimate_nuisances, start
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.lab.identify.parameters import Column, DriveTerms, explained_names, identified_units
-from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, RigidModel, parametrise, standstill
+from rrrgen.lab.identify.regressor import (
+    FullRegressor,
+    Parametrisation,
+    RigidModel,
+    assembled,
+    loop_status,
+    parametrise,
+    standstill,
+)
 from rrrgen.lab.identify.scores import (
     Fingerprint,
     Score,
@@ -307,6 +316,7 @@ def identify(
     for recording in recordings:
         if len(recording.joints) != model.n:
             raise InputError(f"a recording of {len(recording.joints)} joints for a robot with {model.n}")
+    check_loops(model, recordings)
     tuning = tune(processing, recordings, options.split)
     rows = measured_rows(recordings) if on_floating_base(recordings) else None
     if options.split.kind != "none":
@@ -357,6 +367,22 @@ def identify(
     run = _Run(model, regressor, chosen, recordings, tuning, options, factors, blocks, held_out, tell, nuisances)
     found = run.result()
     return replace(found, repairs=tuple(recording.repairs for recording in recordings), friction=friction)
+
+
+def check_loops(model: RigidModel, recordings: Sequence[Recording]) -> None:
+    """Raise :class:`InputError` for recorded positions at which closed loops of ``model`` cannot be assembled."""
+    status = loop_status(model)
+    if status is None:
+        return
+    for recording in recordings:
+        for part in recording.parts():
+            opened = np.flatnonzero(status(part.q) == NOT_ASSEMBLED.code)
+            if len(opened):
+                raise InputError(
+                    f"closed loops cannot be assembled at {len(opened)} of {len(part)} recorded positions, first at t "
+                    f"= {part.t[opened[0]]:.6g} s: check zeros, signs and units of the joints, and the lengths in the "
+                    "robot file"
+                )
 
 
 def refitted(
@@ -580,5 +606,6 @@ class _Run:
         shares: dict[str, float] = {}
         for name, values in estimates.items():
             mass = partial(mass_matrix, self.model, self.regressor.columns, values)
-            shares[name], _ = indefinite_share(mass, limits[0], limits[1], self.options.poses, self.options.seed)
+            drawn = limits[0], limits[1], self.options.poses, self.options.seed
+            shares[name], _ = indefinite_share(mass, *drawn, assembled(self.model))
         return shares

@@ -25,6 +25,7 @@ from rrrgen.lab.identify.bandwidth import Tuning, tune
 from rrrgen.lab.identify.consistency import ConsistentEstimate, consistent_estimate
 from rrrgen.lab.identify.observations import Recording, RowMaker
 from rrrgen.lab.identify.parameters import Column, DriveTerms
+from rrrgen.lab.identify.regressor import assembled
 from rrrgen.lab.identify.rows import body_columns, deviations, factored, inertial, slow_samples
 from rrrgen.lab.identify.validation import robot_model
 from rrrgen.robot.model.inertial_parameters import STANDARD, link_of, standard_parameters
@@ -172,7 +173,7 @@ def identify_payload(
             f"{100 * alone:.3g} % without a payload is {100 * error:.3g} % with it; is there one, and do joints move "
             + "; ".join(("that carry its weight?", *slow.sentences()))
         )
-    structure = structure_of(lambda *motion: body_columns(model, *motion), STANDARD, n)
+    structure = structure_of(lambda *motion: body_columns(model, *motion), STANDARD, n, possible=assembled(model))
     moving = factors.counts > 0
     corrected = zip(corrections, found.theta[len(STANDARD) :], strict=True)
     friction = {column.name: float(value) for column, value in corrected if moving @ np.abs(column.direction)}

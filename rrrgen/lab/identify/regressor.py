@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -172,6 +172,33 @@ class Parametrisation:
         return np.asarray(self.structure.G @ theta[list(self.free)])
 
 
+LEAST_SINE = 0.2
+"""Sine between the bars of closed loops at random positions: nearer to a dead point, its terms outweigh all others."""
+
+
+def loop_status(model: RigidModel, least: float = 0.0) -> Callable[[Array], NDArray[np.int64]] | None:
+    """A function that gives the status of the closed loops of ``model`` at positions (N, n); None without loops.
+
+    It is that of the function ``closed_loops``, and 1 also where a sine between bars is below ``least``.
+    """
+    if model.spec is None or not model.spec.loops:
+        return None
+    closed_loops: Callable[..., Any] = getattr(model, "closed_loops")  # noqa: B009 (only robots with loops have it)
+
+    def status(q: Array) -> NDArray[np.int64]:
+        found, code = closed_loops(q, with_status=True)
+        near = np.min(found.sine, axis=-1) < least
+        return np.where(near & (code == 0), 1, code)
+
+    return status
+
+
+def assembled(model: RigidModel) -> Callable[[Array], NDArray[np.bool_]] | None:
+    """A mask (N,) of positions (N, n) at which the closed loops of ``model`` are assembled; None without loops."""
+    status = loop_status(model, LEAST_SINE)
+    return None if status is None else lambda q: status(q) == 0
+
+
 def parametrise(
     regressor: FullRegressor,
     fixed: Mapping[str, float],
@@ -224,5 +251,6 @@ def parametrise(
         W = regressor(q, dq, ddq, s if moved else None)
         return np.asarray((W if measured is None else W[:, measured]) @ T)
 
-    structure = structure_of(restricted, [z_names[i] for i in free], regressor.model.n, seed)
+    possible = assembled(regressor.model)
+    structure = structure_of(restricted, [z_names[i] for i in free], regressor.model.n, seed, possible=possible)
     return Parametrisation(structure, T[:, list(structure.kept)], known, tuple(columns[i] for i in free))
