@@ -476,7 +476,9 @@ async function begin() {
     try {
       change(await unpacked(wanted.get("file")), true);
     } catch (error) {
-      status("The link cannot be read: " + error.message);
+      const item = document.createElement("li");
+      item.textContent = "The link cannot be read: " + error.message;
+      $("faults").appendChild(item);  // the status goes on with the loading of the compiler
     }
   }
   setTimeout(compilerWorker, 50);  // the picture first

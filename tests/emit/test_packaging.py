@@ -35,7 +35,8 @@ def test_the_wheel_built_from_the_source_archive_works_from_anywhere(tmp_path):
     with tarfile.open(archive) as source:
         names = {name.partition("/")[2] for name in source.getnames()}
     assert {"templates/c/header.h.j2", "LICENSE", "README.md", "rrrgen/py.typed"} <= names
-    assert {"docs/index.md", "examples/README.md", "CITATION.cff"} <= names
+    assert {"docs/index.md", "examples/README.md", "CITATION.cff", "generated/rrr/rrr.h"} <= names
+    assert {path.name for path in ROOT.glob("*.md")} <= names
     (wheel,) = tmp_path.glob("*.whl")
     installed = tmp_path / "site"
     with zipfile.ZipFile(wheel) as file:

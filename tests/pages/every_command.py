@@ -47,6 +47,9 @@ ELSEWHERE = {
     "rrrgen response linearise": "tests/lab/experiment/test_response_experiment.py",
     "make-robot": "tests/cli/test_main.py",
     "pytest tests/": "is itself a test",
+    "make playground": "tests/emit/html/test_playground.py builds the page and visits it",
+    "rrrgen playground": "tests/emit/html/test_playground.py builds the page and visits it",
+    "arm.par": "tests/robot/file/test_open_symoro.py",
 }
 """Words of commands that are not run here, and why."""
 

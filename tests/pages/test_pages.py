@@ -111,6 +111,13 @@ def test_examples_in_the_help_exist_with_their_options(name):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
+def test_extras_are_quoted_for_every_shell(page):
+    """zsh takes the brackets of ``pip install .[test]`` for a pattern of file names."""
+    text = page.read_text(encoding="utf-8")
+    assert not re.findall(r"pip install [^`\n]*?(?<!['\"\w./-])[\w./-]+\[", text)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_links_of_the_pages_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
         if not re.match(r"\w+:", target):
