@@ -15,11 +15,14 @@ from rrrgen.emit.description import programs_of, title
 from rrrgen.emit.interface import Backend
 from rrrgen.emit.printing import plain, wrapped
 from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.classify import tip_plans
 from rrrgen.program import Port, Program
 from rrrgen.robot.identity import Identity
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.ik.plan import SolverPlan
+    from rrrgen.robot.spec import RobotSpec
 
 _LONGEST_LINE = 118
 
@@ -78,8 +81,34 @@ def _header(model: DerivedModel, identity: Identity, real: Real) -> str:
         title=title(model.spec),
         functions=[_function(program, dialect) for program in programs_of(model).values()],
         solver=None if plan is None or not plan.solvable else plan,
+        solvers=[] if plan is None else _solvers(model.spec, plan, real),
         differential="computed_torque" in model.programs and not model.spec.gravity_input,
     )
+
+
+@dataclass(frozen=True)
+class _Solver:
+    """The inverse kinematics of a tip: the ``prefix`` and ``macro`` of its C, and what ``lead`` its names here have.
+
+    ``joints`` is the type of its solutions, ``plan`` says which targets it takes.
+    """
+
+    lead: str
+    prefix: str
+    macro: str
+    joints: str
+    plan: SolverPlan
+
+
+def _solvers(spec: RobotSpec, plan: SolverPlan, real: Real) -> list[_Solver]:
+    """The solvers of the tip and of all named tips that have one; these solve for joints of their own."""
+    found = [("", spec.name, "vector<joints>", plan)]
+    found += [(f"{tip}_", arm.name, f"vector<{arm.n}>", own) for tip, (arm, own) in tip_plans(spec).items()]
+    return [
+        _Solver(lead, Dialect(name, real).prefix, Dialect(name, real).macro, joints, own)
+        for lead, name, joints, own in found
+        if own.solvable
+    ]
 
 
 def _type(port: Port) -> str:

@@ -25,6 +25,7 @@ from rrrgen.robot.file.mechanism import mechanism_of_rows
 from rrrgen.robot.file.quantities import LARGEST_BARE_LENGTH, held_fault, held_number
 from rrrgen.robot.importers.interface import Found, Importer, Source, warn_of_rounded_angles
 from rrrgen.robot.importers.trees.exact_numbers import exact_angle, exact_multiple, number
+from rrrgen.robot.model.loops import LoopError, ParallelogramError, with_parallelograms_followed
 from rrrgen.robot.spec import (
     DriveSpec,
     FixedTransform,
@@ -354,7 +355,35 @@ def _tree(source: Source, file: Assignments, table: dict[str, list[ListEntry]], 
         base=_fixed(base),
         mechanism=replace(mechanism, loops=tuple(loops)),
     )
-    return Found(spec)
+    return Found(_with_followers(file, table, spec))
+
+
+def _with_followers(file: Assignments, table: dict[str, list[ListEntry]], spec: RobotSpec) -> RobotSpec:
+    """``spec`` with the rows of parallelograms following the drives; warns how the other loops are assembled."""
+    from rrrgen.robot.model import build_model
+
+    links = len(spec.rows)
+
+    def place(loop: str) -> Place:
+        return table["ant"][links + int(loop.removeprefix("loop")) - 1].place
+
+    while spec.loops:
+        try:
+            build_model(spec)
+            break
+        except ParallelogramError as error:
+            if error.follows is None:
+                break  # refused with its reason when the robot file is checked
+            names = " and ".join(spec.rows[row].name for row in error.follows)
+            hint = "that it is crossed, an antiparallelogram, the format cannot say"
+            file.faults.warning(place(error.name), f"{error.name} is a parallelogram: {names} follow the drives", hint)
+            spec = with_parallelograms_followed(spec, error)
+        except LoopError:
+            break
+    for loop in spec.loops:
+        hint = "the format does not say which of its two ways to assemble it is meant; write -1 for the other one"
+        file.faults.warning(place(loop.name), f"{loop.name} is taken with assembly: +1", hint)
+    return spec
 
 
 Pin = tuple[int, tuple[sp.Expr, sp.Expr, sp.Expr]]
@@ -385,9 +414,6 @@ def _loops(file: Assignments, table: dict[str, list[ListEntry]], parents: Sequen
         first, second = passive[k]
         found[k] = LoopSpec(f"loop{k + 1}", (first, second), waiting.pop(k), 1)
         free -= {first, second}
-    for k in sorted(found):
-        hint = "the format does not say which of its two ways to assemble it is meant; write -1 for the other one"
-        file.faults.warning(table["ant"][links + k].place, f"loop{k + 1} is taken with assembly: +1", hint)
     return [found[k] for k in sorted(found)]
 
 

@@ -41,6 +41,19 @@ class LoopError(DerivationError):
         self.name, self.message, self.hint = name, message, hint
 
 
+class ParallelogramError(LoopError):
+    """A loop is a parallelogram, whose passive rows follow the drives.
+
+    ``follows`` gives for each passive row its factors (n,) of q and a constant, rad; None for a loop on another one, or
+    with four equal sides, of which each may be opposite to two.
+    """
+
+    def __init__(self, name: str, follows: dict[int, tuple[Form, sp.Expr]] | None) -> None:
+        hint = "drop the loop and let its passive rows follow the driven ones: follows: {crank: 1, arm: -1}"
+        super().__init__(name, "it is a parallelogram, whose opposite sides are equal", hint)
+        self.follows = follows
+
+
 @dataclass(frozen=True)
 class Segment:
     """One vector of a closure: ``sign Rz(turning . x + angle) (place + (slide . x) direction)``.
@@ -238,9 +251,33 @@ class LoopGeometry:
         closure = Closure(loop.name, coordinates, side * loop.assembly, tuple(_merged(segments)), slider)
         _check_dyad(closure)
         _refuse_locked(closure)
-        _refuse_parallelogram(self._spec, closure)
+        sides = _opposite_sides(self._spec, closure)
+        if sides is not None:
+            raise ParallelogramError(loop.name, self._followers(loop, closure, sides))
         _refuse_isosceles(self._spec, closure)
         return closure
+
+    def _followers(
+        self, loop: LoopSpec, closure: Closure, sides: dict[int, tuple[Form, sp.Expr]]
+    ) -> dict[int, tuple[Form, sp.Expr]] | None:
+        """The rows of a parallelogram as :class:`ParallelogramError` has them.
+
+        ``sides`` holds for both coordinates of ``closure`` the form and the constant that it equals; empty if unknown.
+        """
+        found: dict[int, tuple[Form, sp.Expr]] = {}
+        for coordinate, row in zip(closure.coordinates, loop.passive, strict=True):
+            facing, before = self._carrier(loop, row)
+            form, constant = (sp.S.Zero,) * self._width, sp.S.Zero
+            turned = [*(-facing * v for v in before.turning)]
+            turned[coordinate] += facing
+            for k, factor in enumerate(turned):
+                if factor != 0:
+                    own, offset = sides.get(k, (self._unit(k), sp.S.Zero))
+                    form, constant = _plus(form, own, factor), constant + factor * offset
+            if not sides or any(form[self._spec.n :]):
+                return None
+            found[row] = form[: self._spec.n], normal_form(constant)
+        return found
 
     def _side(self, k: int) -> tuple[int, int | None]:
         """Check the passive rows of loop number ``k``.
@@ -393,18 +430,66 @@ def _refuse_isosceles(spec: RobotSpec, closure: Closure) -> None:
         raise LoopError(closure.name, "its bar is as long as the crank, whose pivot is on the axis of the slider", hint)
 
 
-def _refuse_parallelogram(spec: RobotSpec, closure: Closure) -> None:
-    """Raise LoopError for sides that are equal in pairs: the dyad then moves by sums of the driven angles.
+def _opposite_sides(spec: RobotSpec, closure: Closure) -> dict[int, tuple[Form, sp.Expr]] | None:
+    """The sides opposite to both bars of a parallelogram, by coordinate: the form and the constant that this equals.
 
-    The square root of its equation is rational there, so that its sign has no meaning of its own, and the base
-    parameters of both ways to assemble it differ.
+    None for other loops, and empty for a rhombus and bars that drives turn. The square root of its equation is rational
+    in a parallelogram, so that its sign has no meaning of its own, and the base parameters of both ways to assemble it
+    differ.
     """
     a, b = closure.coordinates
     if any(any(one.direction) for one in closure.segments):
-        return
+        return None
     sides = _side_lengths(spec, closure.segments)
-    bars = sorted(sum(abs(v) for form, v in sides.items() if form[k] == 1) for k in (a, b))
-    known = sorted(abs(v) for form, v in sides.items() if form[a] == 0 and form[b] == 0)
-    if len(sides) == 4 and all(math.isclose(*pair, rel_tol=SAME_LENGTH) for pair in zip(bars, known, strict=True)):
-        hint = "drop the loop and let its passive rows follow the driven ones: follows: {crank: 1, arm: -1}"
-        raise LoopError(closure.name, "it is a parallelogram, whose opposite sides are equal", hint)
+    bars = {k: [(form, v) for form, v in sides.items() if form[k] == 1] for k in (a, b)}
+    known = [(form, v) for form, v in sides.items() if form[a] == 0 and form[b] == 0]
+    lengths = sorted(sum(abs(v) for _, v in each) for each in bars.values())
+    opposite = sorted(abs(v) for _, v in known)
+    pairs = zip(lengths, opposite, strict=False)
+    if len(sides) != 4 or len(known) != 2 or not all(math.isclose(*pair, rel_tol=SAME_LENGTH) for pair in pairs):
+        return None
+    if math.isclose(*opposite, rel_tol=SAME_LENGTH) or any(sum(v != 0 for v in bars[k][0][0]) != 1 for k in (a, b)):
+        return {}
+    found = {}
+    for k in (a, b):
+        _, bar = bars[k][0]
+        form, side = min(known, key=lambda each: abs(abs(each[1]) - abs(bar)))
+        found[k] = form, _exact_angle(cmath.phase(-side / bar))
+    return found
+
+
+def _exact_angle(angle: float) -> sp.Expr:
+    """An angle, rad: a multiple of half a degree where it is one, or a decimal that half a turn may stand beside."""
+    halves = math.degrees(angle) * 2
+    if abs(halves - round(halves)) < 1e-9:
+        return sp.Rational(round(halves), 360) * sp.pi
+    for half in (0, 1, -1):
+        decimal = f"{angle - half * math.pi:.6f}"
+        if abs(float(decimal) + half * math.pi - angle) < 1e-12:
+            return sp.Rational(decimal) + half * sp.pi
+    return sp.Rational(repr(angle))
+
+
+def with_parallelograms_followed(spec: RobotSpec, error: ParallelogramError) -> RobotSpec:
+    """``spec`` without the loop of ``error``: its passive rows follow the drives as ``error.follows`` says."""
+    mechanism, n = spec.mechanism, spec.n
+    assert mechanism is not None
+    assert error.follows is not None
+    k = next(i for i, loop in enumerate(mechanism.loops) if loop.name == error.name)
+    columns = n + 2 * k, n + 2 * k + 1
+    rows, matrix = [], []
+    for row, factors in zip(mechanism.rows, mechanism.matrix, strict=True):
+        form, constant = (*factors[:n], *(sp.S.Zero for _ in factors[n:])), sp.S.Zero
+        for j, factor in enumerate(factors):
+            if j in columns and factor != 0:
+                passive = mechanism.passive[j - n]
+                own, offset = error.follows[passive]
+                weight = factor * mechanism.matrix[passive][j]  # +1 for the passive row itself, whatever its sign
+                form = tuple(x + weight * y for x, y in zip(form, (*own, *(0 for _ in factors[n:])), strict=True))
+                constant += weight * offset
+            elif j >= n:
+                form = (*form[:j], factor, *form[j + 1 :])
+        rows.append(replace(row, theta=normal_form(row.theta + constant)) if constant != 0 else row)
+        matrix.append(tuple(v for j, v in enumerate(form) if j not in columns))
+    loops = tuple(loop for loop in mechanism.loops if loop.name != error.name)
+    return replace(spec, mechanism=replace(mechanism, rows=tuple(rows), matrix=tuple(matrix), loops=loops))

@@ -12,6 +12,7 @@ import pytest
 from emit.targets.rrr_library import GENERATED, SOURCES, STRICT, library, run
 from pages.test_pages import ROOT, blocks
 from pipeline.optimized import bundled
+from rrrgen.cli.main import run as generate
 from rrrgen.emit.targets.cpp import CppBackend, namespace
 from rrrgen.robot.identity import identify
 
@@ -136,3 +137,34 @@ def test_the_readme_is_right(tmp_path):
     assert command.split() == sorted(SOURCES)
     run("gcc", "-std=c99", *STRICT, f"-I{GENERATED}", "main.c", library(), "-lm", "-o", "main", cwd=tmp_path)
     assert "torque of joint 3" in run(tmp_path / "main")
+
+
+TIPS = """\
+#include "hand.hpp"
+#include <cstring>
+
+int main()
+{
+    const hand::matrix<4, 4> target{1, 0, 0, 0.05, 0, 1, 0, 0.02, 0, 0, 1, 0.03, 0, 0, 0, 1};
+    const hand::vector<3> q{0.1, 0.2, 0.3};
+    const auto found = hand::thumb_inverse_kinematics(target, q, HAND_THUMB_IK_NEAREST);
+    hand_thumb_ik_solutions rows;
+    const auto status = hand_thumb_inverse_kinematics(target.data(), q.data(), HAND_THUMB_IK_NEAREST, &rows);
+    return found.status == status && found.rows.count == rows.count
+        && std::strcmp(found.text(), hand_thumb_ik_status_string(status)) == 0 ? 0 : 1;
+}
+"""
+
+
+@pytest.mark.sweep  # generates a robot with all its files; what it shows beside the C is one block of the template
+def test_named_tips_have_their_solvers(tmp_path):
+    """For the joints that move the tip alone; the unnamed tip of a branching robot has none."""
+    words = ["generate", str(ROOT / "examples/trees/hand.yaml"), "-o", str(tmp_path), "--with", "cpp"]
+    assert generate([*words, "--no-casadi-files"]) == 0
+    text = (tmp_path / "hand.hpp").read_text(encoding="utf-8")
+    assert "thumb_closest(" in text
+    assert " inverse_kinematics(" not in text
+    (tmp_path / "use.cpp").write_text(TIPS, encoding="utf-8", newline="\n")
+    run("gcc", "-c", "-O0", "hand_thumb_ik.c", cwd=tmp_path)
+    run("g++", "-std=c++17", *STRICT, "-I.", "use.cpp", "hand_thumb_ik.o", "-lm", "-o", "use", cwd=tmp_path)
+    run(tmp_path / "use")

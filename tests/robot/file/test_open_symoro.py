@@ -141,6 +141,25 @@ def test_closed_loops_are_those_of_the_file(tmp_path):
         assert weight[k] @ dq[k] == pytest.approx(-power @ gravity_0, rel=1e-10)
 
 
+def test_a_parallelogram_becomes_rows_that_follow(tmp_path):
+    """The pin of its cut joint stays closed at any q, and the other loop stays one."""
+    content = closed({**LOOPS, **inertia(7)}).replace("0.2,0,0,0,0,0.3,", "0.2,0,0,0,0,0,")
+    content = content.replace("0.9,0.5,0.3,0.03,0.45,L2,-0.2", "0.9,0.7,0.25,0.03,0.2,L2,-0.25")
+    found = import_robot(write(tmp_path, content), values={"L2": "0.6"})
+    assert "loop2 is a parallelogram: t6 and t7 follow the drives" in "\n".join(map(str, found.notes))
+    spec = load_spec(write(tmp_path, found.text, "closed.yaml"))
+    assert spec == found.spec
+    assert [loop.name for loop in spec.loops] == ["loop1"]
+    assert [[float(v) for v in row[:3]] for row in spec.mechanism.matrix[5:]] == [[0, 0, 1], [0, 0, -1]]
+    assert str(spec.rows[5].theta) == "1/5 - pi"
+    rng = np.random.default_rng(0)
+    q = rng.uniform([-2, 0.05, -0.5], [2, 0.3, 0.5], (4, 3))
+    c, s = np.cos(0.2), np.sin(0.2)
+    for frames in NewtonEuler(chain_of(spec), nominal_parameters(spec)).link_frames(q):
+        gap = frames[6] @ [0.2, 0, 0.02, 1] - frames[4] @ [-0.25 * c, -0.25 * s, 0, 1]
+        assert np.abs(np.cross(frames[1, :3, 2], gap[:3])).max() < 1e-12
+
+
 CLOSED_FAULTS = [
     ("NJ = 9", "NJ = 7", "NL = 7 and NJ = 7 with 11 frames", "2 NJ - NL frames"),
     ("0,0,0,1,0,0,0,0,0,2,2", "0,0,0,1,0,0,0,1,0,2,2", "the cut joint of frame 8 is prismatic", "revolute joints"),
