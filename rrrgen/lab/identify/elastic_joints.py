@@ -1,0 +1,481 @@
+"""Estimates stiffness, damping and rotor inertia of elastic joints, together with the parameters of the links.
+
+The encoders read the rotors, at theta; a spring and a damper drive the link of the joint, at q (Spong 1987):
+
+    tau = J ddtheta + f(dtheta) + tau_t,        tau_t = K (theta - q) + D (dtheta - dq) = Y(q, dq, ddq) beta
+
+with friction f at the rotors (viscous, Coulomb, offset) and the base parameters beta of the links. For given K, D, J
+and f the recording itself tells the torque tau_t that the spring transmits, hence the positions of the links,
+
+    q = theta - c (tau_t - T dtau_t),           c = 1/K,  T = D/K,
+
+to first order in the short time T, without a state to be estimated. What is left is linear in beta and is projected
+out (variable projection, Golub and Pereyra 1973); a damped search finds c, T, J and f. Theta is differentiated five
+times and tau_t three times: all signals pass one low-pass filter whose derivatives are exact, so that they are those of
+one and the same motion. The base parameters and J can only be told apart by frequencies near the antiresonance at
+which the link moves against its spring.
+
+Where encoders at the links were recorded too, their readings are further rows, ``theta - q = c (tau_t - T dtau_t)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil, pi, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrrgen.base.arrays import Array
+from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.estimate.linear import project, solve
+from rrrgen.lab.estimate.regression import correlated_covariance, least_squares
+from rrrgen.lab.estimate.search import Search, search
+from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
+from rrrgen.lab.estimate.tsqr import Rows, factor_rows
+
+ORDERS = 5  # of the derivatives of the positions
+SHARPNESS = 4  # of the filter: its response is flat at zero up to the derivative of order 2 SHARPNESS - 1
+REACH = 12.0  # half the length of the filter in its own widths: beyond, it is zero to round-off
+LARGEST_BANDWIDTH = 1.0 / 6.0  # times the sampling rate
+ROWS_PER_PERIOD = 3.0  # of the bandwidth
+LADDER = sqrt(2.0)  # ratio of the bandwidths that are tried
+LOWEST = 5.0  # Hz, the first of them
+STARTS = (0.25, 0.5, 1.0)  # antiresonances from which the search starts, times the bandwidth
+SHARES = (0.3, 0.6)  # and shares of the rotor in the inertia of a joint
+ROUGH_STEPS, STEPS, PASSES = 8, 40, 3
+WORSE = 2  # bandwidths in a row that tell the compliances less than the one before: the last to be tried
+SETTLED = 1e-5  # relative decrease of the squares at which the search ends
+LONG = 0.3  # angle by which the damper lags behind, rad, from which on the first order in T is doubtful
+TELLING = 3.0  # standard deviations by which a compliance differs from zero
+FRICTION = ("viscous", "coulomb", "offset")
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticJoints:
+    """Estimated elastic joints of n ``joints``: ``values`` (n, 6) with standard deviations ``std`` (n, 6).
+
+    The columns are stiffness K (N m/rad), damping D (N m s/rad), rotor inertia J (kg m^2) at the joint, and friction of
+    the rotor: viscous (N m s/rad), Coulomb and offset (N m); for prismatic joints N/m and so on. ``least`` (n,) is the
+    lower bound of the stiffness of joints in whose torques no elasticity shows, NaN for the others: their K, D and J
+    are NaN. ``beta`` (b,) are the base parameters of the links. ``error`` and ``rigid_error`` (n,) are the relative
+    torque errors of this model and of the rigid one, within ``bandwidth``, Hz.
+    """
+
+    joints: tuple[str, ...]
+    values: Array
+    std: Array
+    least: Array
+    beta: Array
+    error: Array
+    rigid_error: Array
+    bandwidth: float
+    notes: tuple[str, ...] = ()
+
+
+class Signals(NamedTuple):
+    """Filtered signals of N rows: derivatives of the positions ``theta`` (6, N, n) and torques ``tau`` (4, N, n).
+
+    ``friction`` (4, N, n, 3) are those of speed, its sign and 1. ``link`` (N, n) are positions of the links, or None.
+    ``use`` (N, n) is False where the filter reaches a sample that is not valid, ``stretch`` (N,) numbers stretches.
+    """
+
+    t: Array
+    theta: Array
+    tau: Array
+    friction: Array
+    link: Array | None
+    use: NDArray[np.bool_]
+    stretch: NDArray[np.int64]
+
+
+def identify_elastic_joints(
+    model: Any,
+    recordings: Sequence[Log],
+    links: Sequence[Log] = (),
+    bandwidth: float | None = None,
+    progress: Any = None,
+) -> ElasticJoints:
+    """Estimate the elastic joints of ``model`` from ``recordings`` of the rotors, seen at the joints.
+
+    ``links`` are recordings of the link positions at the same times, one for each recording, or none. Without a
+    ``bandwidth`` (Hz) of the filters, that is taken at which the stiffnesses have the smallest relative deviations.
+    ``progress(done, total, message)`` is called as the work proceeds.
+
+    Raises InputError for recordings that do not fit the robot or each other, DerivationError if no joint shows that it
+    is elastic.
+    """
+    _check(model, recordings, links)
+    rate = 1.0 / max(recording.period for recording in recordings)
+    shortest = min(recording.span[1] for recording in recordings)
+    most = LARGEST_BANDWIDTH * rate
+    if bandwidth is not None and not 0.0 < bandwidth <= most:
+        raise InputError(f"a bandwidth of {bandwidth:g} Hz: it must lie between 0 and {most:.4g} Hz, a sixth of the rate")
+    ladder = _ladder(most, shortest) if bandwidth is None else _ladder(bandwidth, shortest)
+    fits: list[_Fit] = []
+    for number, each in enumerate(ladder):
+        if progress is not None:
+            progress(number, len(ladder), "elastic joints")
+        before = fits[-1].end.state if fits else None
+        fits.append(_fit(model, filtered(recordings, links, each), each, before))
+        if bandwidth is None and len(fits) > WORSE and min(fits[-WORSE:], key=_vagueness).vagueness > fits[-WORSE - 1].vagueness:
+            break  # wider ones add noise alone
+    best = min(fits, key=_vagueness) if bandwidth is None else fits[-1]
+    found = best.result(recordings[0].joints)
+    if not np.any(np.isfinite(found.values[:, 0])):
+        bounds = ", ".join(f"{name} above {k:.3g}" for name, k in zip(found.joints, found.least, strict=True))
+        raise DerivationError(
+            "no joint shows that it is elastic: excite the joints up to their resonances. "
+            f"The stiffnesses, N m/rad (N/m), are {bounds}"
+        )
+    return found
+
+
+def _check(model: Any, recordings: Sequence[Log], links: Sequence[Log]) -> None:
+    if links and len(links) != len(recordings):
+        raise InputError(f"{len(links)} recordings of link positions beside {len(recordings)} of the rotors")
+    for recording in (*recordings, *links):
+        if len(recording.joints) != model.n:
+            raise InputError(f"a recording of {len(recording.joints)} joints for a robot with {model.n}")
+    for recording, link in zip(recordings, links, strict=False):
+        if len(link) != len(recording) or np.max(np.abs(link.t - recording.t)) > 1e-3 * recording.period:
+            raise InputError("the positions of the links are not recorded at the times of the rotors")
+    if any(recording.tau is None for recording in recordings):
+        raise InputError("the recording has no torques: nothing can be estimated from it")
+
+
+def _vagueness(fit: _Fit) -> float:
+    return fit.vagueness
+
+
+def _ladder(most: float, duration: float) -> list[float]:
+    """Bandwidths, the last of them ``most``, from the lowest on that a recording of the ``duration`` (s) allows."""
+    lowest = max(LOWEST, 8.0 * REACH / duration)  # the filter takes its reach from either end
+    count = int(np.floor(np.log(most / lowest) / np.log(LADDER))) + 1 if most >= lowest else 0
+    if count < 1:
+        raise InputError(f"{duration:.3g} s sampled at {6.0 * most:.4g} Hz are too few for filters of at least {lowest:.3g} Hz")
+    return [most / LADDER**k for k in reversed(range(count))]
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The filter: a low-pass and its derivatives, which differ by factors of i omega alone.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def kernels(bandwidth: float, period: float) -> list[Array]:
+    """Symmetric FIR filters for the derivatives of order 0 to 5 of a signal below ``bandwidth`` (-3 dB, Hz).
+
+    Their frequency responses are ``(i w)^k Q(4, x)`` with ``x = (w s)^2 / 2`` and the regularized incomplete gamma
+    function Q: ``exp(-x) (1 + x + x^2/2 + x^3/6)``, a Gaussian that is flattened at low frequencies.
+    """
+    from scipy.special import gammaincc, gammainccinv
+
+    width = sqrt(2.0 * float(gammainccinv(SHARPNESS, sqrt(0.5)))) / (2.0 * pi * bandwidth)
+    half = ceil(REACH * width / period)
+    size = 16 * half
+    w = 2.0 * pi * np.fft.rfftfreq(size, period)
+    response = gammaincc(SHARPNESS, 0.5 * (w * width) ** 2)
+    found = []
+    for order in range(ORDERS + 1):
+        kernel = np.fft.irfft(response * (1j * w) ** order, size)
+        found.append(np.concatenate([kernel[-half:], kernel[: half + 1]]))
+    return found
+
+
+def filtered(recordings: Sequence[Log], links: Sequence[Log], bandwidth: float) -> Signals:
+    """Filter all stretches of the ``recordings`` and take :data:`ROWS_PER_PERIOD` rows per period of ``bandwidth``."""
+    found: list[Signals] = []
+    for recording, link in zip(recordings, links or [None] * len(recordings), strict=True):
+        bank = kernels(bandwidth, recording.period)
+        step = max(1, int(1.0 / (ROWS_PER_PERIOD * bandwidth * recording.period)))
+        positions = iter(link.parts()) if link is not None else None
+        for part in recording.parts():
+            beside = next(positions).q if positions is not None else None
+            for signals in _stretch(part.aligned(), beside, bank, step):
+                found.append(signals._replace(stretch=np.full(len(signals.t), len(found), np.int64)))
+    if not found:
+        raise InputError(f"every stretch of the recording is shorter than a filter of {bandwidth:.3g} Hz")
+    joined = [np.concatenate([s[k] for s in found], axis=axis) for k, axis in ((0, 0), (1, 1), (2, 1), (3, 1))]
+    link_rows = None if found[0].link is None else np.concatenate([s.link for s in found if s.link is not None])
+    use, stretch = np.concatenate([s.use for s in found]), np.concatenate([s.stretch for s in found])
+    return Signals(joined[0], joined[1], joined[2], joined[3], link_rows, use, stretch)
+
+
+def _stretch(part: Any, link: Array | None, bank: Sequence[Array], step: int) -> Iterator[Signals]:
+    """The rows of one stretch, none where it is too short: the sign of the speed is filtered twice."""
+    from scipy.ndimage import minimum_filter1d
+    from scipy.signal import fftconvolve
+
+    half = len(bank[0]) // 2
+    if len(part) <= 4 * half + step:
+        return
+
+    def through(x: Array, order: int) -> Array:
+        return np.asarray(fftconvolve(x, bank[order][:, None], mode="valid", axes=0))
+
+    mean = part.q.mean(axis=0)  # of which no derivative is to have round-off
+    speed = through(part.q - mean, 1)
+    inner = slice(half, len(part) - half)  # the samples at which the speed is known
+    theta = np.stack([through((part.q - mean)[inner], order)[::step] for order in range(ORDERS + 1)])
+    theta[0] += mean
+    tau = np.stack([through(part.tau[inner], order)[::step] for order in range(ORDERS - 1)])
+    sign = np.stack([through(np.sign(speed), order)[::step] for order in range(ORDERS - 1)])
+    one = np.zeros_like(sign)
+    one[0] = 1.0
+    valid = minimum_filter1d(part.valid.astype(np.uint8), 2 * half + 1, axis=0)
+    rows = slice(2 * half, len(part) - 2 * half, step)
+    yield Signals(
+        part.t[rows],
+        theta,
+        tau,
+        np.stack([theta[1:ORDERS], sign, one], axis=-1),
+        None if link is None else through(link[inner], 0)[::step],
+        valid[rows] > 0,
+        np.zeros(len(part.t[rows]), np.int64),
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The fit at one bandwidth. Unknowns x (6 n,): compliances c, times T, rotor inertias J, and friction (n, 3) by joint.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def _fit(model: Any, signals: Signals, bandwidth: float, before: Array | None) -> _Fit:
+    """The best of the fits from ``before``, the result of a lower bandwidth, and from several other starts.
+
+    A few steps are taken from each start, on some of the rows, and from the best of them to the end.
+    """
+    fit = _Fit(model, signals, bandwidth)
+    rough = fit.with_rows(slice(None, None, 3))
+    starts = [*rough.starts(), *([] if before is None else [before])]
+    x = min((rough.searched(start, ROUGH_STEPS) for start in starts), key=lambda each: each.cost).state
+    for _ in range(PASSES):
+        fit.end = fit.searched(x, STEPS)
+        x = fit.end.state
+        fit.reweight(x)
+    fit.rigid_error = rough.rigid_error
+    return fit.finish()
+
+
+class _Fit:
+    """The least-squares problem at one bandwidth: rows of the torques (N, n), and of link positions where there are."""
+
+    end: Search[Array]
+    beta: Array
+    covariance: Array
+    error: Array
+    rigid_error: Array
+    vagueness: float
+
+    def __init__(self, model: Any, signals: Signals, bandwidth: float) -> None:
+        self.model, self.signals, self.bandwidth, self.n = model, signals, bandwidth, int(model.n)
+        self.size = np.maximum(_spread(signals.tau[0], signals.use), np.finfo(float).tiny)
+        self.weights = 1.0 / self.size
+        if signals.link is not None:
+            read = _spread(signals.theta[0] - signals.link, signals.use)
+            self.weights = np.append(self.weights, 1.0 / np.maximum(read, np.finfo(float).tiny))
+
+    def with_rows(self, rows: slice) -> _Fit:
+        """The same problem with some of the rows."""
+        s = self.signals
+        link = None if s.link is None else s.link[rows]
+        some = Signals(s.t[rows], s.theta[:, rows], s.tau[:, rows], s.friction[:, rows], link, s.use[rows], s.stretch[rows])
+        return _Fit(self.model, some, self.bandwidth)
+
+    # -- torques that are transmitted, deflections, rows -----------------------------------------------------------
+
+    def transmitted(self, x: Array) -> Array:
+        """The torque of the springs and dampers and its derivatives of order 1 to 3, (4, N, n)."""
+        s, (_, _, J, f) = self.signals, self._unknowns(x)
+        return np.asarray(s.tau - J * s.theta[2:] - np.einsum("kNjp,jp->kNj", s.friction, f))
+
+    def _unknowns(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        n = self.n
+        return x[:n], x[n : 2 * n], x[2 * n : 3 * n], x[3 * n :].reshape(n, len(FRICTION))
+
+    def _motion(self, x: Array, u: Array) -> tuple[Array, Array, Array]:
+        """Positions, speeds and accelerations (N, n) of the links where the torques ``u`` (4, N, n) are transmitted."""
+        c, T, _, _ = self._unknowns(x)
+        bent = c * (u[:3] - T * u[1:4])
+        return tuple(self.signals.theta[:3] - bent)  # type: ignore[return-value]
+
+    def rows(self, x: Array) -> tuple[Array, Array]:
+        """Regressor (N, m, b) of beta and right-hand side (N, m), of the torques and then of the link positions."""
+        u = self.transmitted(x)
+        motion = self._motion(x, u)
+        W, y = np.asarray(self.model.regressor(*motion)), u[0]
+        if self.signals.link is not None:
+            W = np.concatenate([W, np.zeros_like(W)], axis=1)
+            y = np.concatenate([y, self.signals.link - motion[0]], axis=1)
+        return W, y
+
+    def derivatives(self, x: Array, beta: Array) -> Array:
+        """Derivatives (N, m, 6 n) of ``y - W beta`` by the unknowns, at fixed beta."""
+        s, n, (c, T, _, _) = self.signals, self.n, self._unknowns(x)
+        u = self.transmitted(x)
+        motion = self._motion(x, u)
+        found = np.zeros((len(s.t), n if s.link is None else 2 * n, len(x)))
+        for j in range(n):
+            # of the transmitted torque, which J and friction change, and of the deflection
+            own = [-s.theta[2:, :, j], *(-s.friction[:, :, j, p] for p in range(len(FRICTION)))]
+            places = [2 * n + j, *(3 * n + len(FRICTION) * j + p for p in range(len(FRICTION)))]
+            bends = [(j, u[:3, :, j] - T[j] * u[1:4, :, j]), (n + j, -c[j] * u[1:4, :, j])]
+            bends += [(k, c[j] * (v[:3] - T[j] * v[1:4])) for k, v in zip(places, own, strict=True)]
+            for k, v in zip(places, own, strict=True):
+                found[:, j, k] = v[0]
+            by = [self._torque_by(motion, order, j, beta) for order in range(3)]
+            for k, bent in bends:
+                found[:, :n, k] += sum(part * moved[:, None] for part, moved in zip(by, bent, strict=True))
+                if s.link is not None:
+                    found[:, n + j, k] = bent[0]
+        return found
+
+    def _torque_by(self, motion: tuple[Array, Array, Array], order: int, j: int, beta: Array) -> Array:
+        """Derivative (N, n) of the torques of the links by position, speed or acceleration (``order``) of joint j.
+
+        By central differences, which are exact for speeds and accelerations: torques are of degree two in them.
+        """
+        step = (1e-4, 1.0, 1.0)[order]
+        ahead, behind = (list(motion) for _ in range(2))
+        move = step * np.eye(self.n)[j]
+        ahead[order], behind[order] = motion[order] + move, motion[order] - move
+        W = np.asarray(self.model.regressor(*ahead)) - np.asarray(self.model.regressor(*behind))
+        return np.asarray(W @ beta / (2.0 * step))
+
+    # -- search ----------------------------------------------------------------------------------------------------
+
+    def linearised(self, x: Array) -> tuple[Array, Array]:
+        """Weighted residuals with beta projected out, and their derivatives by the unknowns."""
+        W, y = self.rows(x)
+        weights = self._row_weights()
+        A, right = (W * weights[..., None]).reshape(-1, W.shape[-1]), (y * weights).ravel()
+
+        def derivative(beta: Array) -> Array:
+            return -(self.derivatives(x, beta) * weights[..., None]).reshape(len(right), -1)
+
+        r, J, fit = project(A, right, derivative)
+        self.beta = fit.x
+        return r, J
+
+    def _row_weights(self) -> Array:
+        use = self.signals.use if self.signals.link is None else np.tile(self.signals.use, 2)
+        return np.where(use, self.weights, 0.0)
+
+    def residual(self, x: Array) -> Array:
+        """Residuals (N, m) at the unknowns ``x``, with the beta that fits best."""
+        self.linearised(x)
+        W, y = self.rows(x)
+        return np.asarray(y - W @ self.beta)
+
+    def searched(self, x: Array, steps: int) -> Search[Array]:
+        """The unknowns that fit best, from ``x``."""
+        return search(x, self.linearised, moved=self._moved, steps=steps, small_gain=SETTLED)
+
+    def _moved(self, x: Array, step: Array) -> Array:
+        """The unknowns after a step: compliances and inertias stay positive and change by a factor of e at most."""
+        n = self.n
+        found = x + step
+        for part in (slice(0, n), slice(2 * n, 3 * n)):
+            found[part] = x[part] * np.exp(np.clip(step[part] / x[part], -1.0, 1.0))
+        largest = LONG / (2.0 * pi * self.bandwidth)
+        found[n : 2 * n] = x[n : 2 * n] + np.clip(step[n : 2 * n], -largest, largest)
+        return found
+
+    def reweight(self, x: Array) -> None:
+        """Weights by the residuals at ``x``; never more than round-off of the torques deserves."""
+        left = _spread(self.residual(x), np.tile(self.signals.use, self.weights.size // self.n))
+        self.weights = 1.0 / np.maximum(left, 1e-12 / self.weights)
+
+    def starts(self) -> Iterator[Array]:
+        """Starts with antiresonances and shares of the rotors in the inertias that the rigid model has."""
+        x = np.zeros(6 * self.n)
+        x[3 * self.n :] = self._rigid_friction().ravel()
+        motion = tuple(self.signals.theta[:3])
+        inertia = np.array([np.mean(self._torque_by(motion, 2, j, self.beta)[:, j]) for j in range(self.n)])
+        inertia = np.maximum(inertia, 1e-3 * float(np.max(np.abs(inertia))))
+        for share in SHARES:
+            for place in STARTS:
+                start = x.copy()
+                start[2 * self.n : 3 * self.n] = share * inertia
+                start[: self.n] = 1.0 / ((1.0 - share) * inertia * (2.0 * pi * place * self.bandwidth) ** 2)
+                yield start
+
+    def _rigid_friction(self) -> Array:
+        """Friction (n, 3) of the rigid model; its base parameters become beta, its relative errors ``rigid_error``."""
+        s, n = self.signals, self.n
+        own = np.concatenate([s.theta[2][..., None], s.friction[0]], axis=-1)  # rotor inertia and friction
+        drives = np.zeros((len(s.t), n, n, own.shape[-1]))
+        drives[:, range(n), range(n)] = own
+        A = np.concatenate([np.asarray(self.model.regressor(*s.theta[:3])), drives.reshape(len(s.t), n, -1)], axis=-1)
+        weights = np.where(s.use, 1.0 / self.size, 0.0)
+        fit = solve((A * weights[..., None]).reshape(-1, A.shape[-1]), (s.tau[0] * weights).ravel())
+        self.beta = fit.x[: -drives.shape[2] * own.shape[-1]]
+        self.rigid_error = _spread(s.tau[0] - A @ fit.x, s.use) / self.size
+        return np.asarray(fit.x[len(self.beta) :].reshape(n, -1)[:, 1:])
+
+    # -- result ----------------------------------------------------------------------------------------------------
+
+    def finish(self) -> _Fit:
+        """Compute what the end of the search tells: residuals, deviations, and how vague the compliances are."""
+        x, n = self.end.state, self.n
+        left = self.residual(x)
+        W, _ = self.rows(x)
+        A = np.concatenate([-self.derivatives(x, self.beta), W], axis=-1)
+        use = np.tile(self.signals.use, self.weights.size // n)
+        rows = Rows(self.signals.t, A, left, use, self.signals.stretch)
+        estimate = least_squares(factor_rows(rows), [str(k) for k in range(A.shape[-1])], self.weights)
+        lags = max(correlation_lags(white) for white in residual_whiteness([rows], estimate.x))
+        covariance = correlated_covariance([rows], estimate, lags, lambda x: x, np.eye(A.shape[-1]))
+        self.covariance = covariance[: 6 * n, : 6 * n]
+        self.error = _spread(left, use)[:n] / self.size
+        c, spread = x[:n], np.sqrt(np.maximum(np.diag(self.covariance)[:n], 0.0))
+        self.vagueness = float(np.sum(np.log(np.maximum(spread, 1e-300) / np.maximum(np.abs(c), 1e-300))))
+        return self
+
+    def result(self, joints: Sequence[str]) -> ElasticJoints:
+        """The estimate in the parameters that users know."""
+        n, x, P = self.n, self.end.state, self.covariance
+        c, T, J, f = self._unknowns(x)
+        std = np.sqrt(np.maximum(np.diag(P), 0.0))
+        elastic = c > TELLING * std[:n]
+        known = np.where(elastic, c, np.nan)
+        k, of_f = np.arange(n), std[3 * n :].reshape(n, -1)
+        mixed = std[n : 2 * n] ** 2 + (T / known) ** 2 * std[:n] ** 2 - 2.0 * T / known * P[k, n + k]
+        values = np.column_stack([1.0 / known, T / known, np.where(elastic, J, np.nan), f])
+        deviations = [std[:n] / known**2, np.sqrt(np.maximum(mixed, 0.0)) / known, np.where(elastic, std[2 * n : 3 * n], np.nan)]
+        highest = np.maximum(c, 0.0) + 2.0 * std[:n]
+        least = np.where(elastic, np.nan, 1.0 / np.maximum(highest, np.finfo(float).tiny))
+        return ElasticJoints(
+            joints=tuple(joints),
+            values=values,
+            std=np.column_stack([*deviations, of_f]),
+            least=least,
+            beta=self.beta,
+            error=self.error,
+            rigid_error=self.rigid_error,
+            bandwidth=self.bandwidth,
+            notes=self._notes(joints, elastic),
+        )
+
+    def _notes(self, joints: Sequence[str], elastic: NDArray[np.bool_]) -> tuple[str, ...]:
+        _, T, J, _ = self._unknowns(self.end.state)
+        slow = [name for name, t in zip(joints, T, strict=True) if abs(t) * 2.0 * pi * self.bandwidth > LONG]
+        notes = []
+        if slow:
+            notes.append(
+                f"{', '.join(slow)}: D/K is not short beside the periods in the recording, which the method presumes; "
+                "a lower bandwidth may help"
+            )
+        wrong = [name for name, j, known in zip(joints, J, elastic, strict=True) if known and j <= 0.0]
+        if wrong:
+            notes.append(f"{', '.join(wrong)}: the rotor inertia is not positive: the elasticity is not that of a joint")
+        return tuple(notes)
+
+
+def _spread(x: Array, use: NDArray[np.bool_]) -> Array:
+    """Root mean square (m,) of the columns of x (N, m) over the samples in use."""
+    counts = np.maximum(1, np.sum(use, axis=0))
+    return np.asarray(np.sqrt(np.sum(np.where(use, x, 0.0) ** 2, axis=0) / counts))
