@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.studies.calibrate import CalibrateOptions, calibrate
     from rrrgen.lab.studies.contact_thresholds import ContactOptions, contact_thresholds
     from rrrgen.lab.studies.estimate_drive_gains import DriveGainsOptions, estimate_drive_gains
+    from rrrgen.lab.studies.estimate_elastic_joints import ElasticJointsOptions, estimate_elastic_joints
     from rrrgen.lab.studies.estimate_friction import FrictionOptions, estimate_friction
     from rrrgen.lab.studies.estimate_payload import PayloadOptions, estimate_payload
     from rrrgen.lab.studies.excite import ExciteOptions, excite
@@ -49,6 +50,7 @@ _STUDIES = {
     "calibrate": "CalibrateOptions",
     "contact_thresholds": "ContactOptions",
     "estimate_drive_gains": "DriveGainsOptions",
+    "estimate_elastic_joints": "ElasticJointsOptions",
     "estimate_friction": "FrictionOptions",
     "estimate_payload": "PayloadOptions",
     "excite": "ExciteOptions",
@@ -87,6 +89,7 @@ __all__ = [
     "ContactOptions",
     "DerivationError",
     "DriveGainsOptions",
+    "ElasticJointsOptions",
     "ExciteOptions",
     "FitResponseOptions",
     "FrequencyResponseOptions",
@@ -108,6 +111,7 @@ __all__ = [
     "compile",
     "contact_thresholds",
     "estimate_drive_gains",
+    "estimate_elastic_joints",
     "estimate_friction",
     "estimate_payload",
     "excite",

@@ -30,6 +30,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "experiment friction": ("rrrgen.cli.friction:friction", "Estimate the friction of one joint by experiment."),
     "experiment payload": ("rrrgen.cli.payload:payload", "Estimate a payload at the last link of a known arm."),
     "experiment drive-gains": ("rrrgen.cli.drive_gains:drive_gains", "Estimate drive gains with a known payload."),
+    "experiment elastic-joints": (
+        "rrrgen.cli.elastic_joints:elastic_joints",
+        "Estimate stiffness, damping and rotor inertia of joints.",
+    ),
     "experiment contact-thresholds": (
         "rrrgen.cli.contact_thresholds:contact_thresholds",
         "Find thresholds of contact detection.",

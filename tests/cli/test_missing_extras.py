@@ -72,6 +72,7 @@ USES = {
         ["pendulum", "--log", "log.csv", "--loaded", "l.csv", "--mass", "1", "-o", "x"],
         ("scipy",),
     ),
+    "experiment elastic-joints": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy",)),
     "experiment contact-thresholds": (["pendulum", "--log", "log.csv", "-o", "x"], ("scipy",)),
     "response linearise": (["pendulum", "--log", "log.csv", "--response", "motion.json", "-o", "x"], ("scipy",)),
     "calibrate": (["planar2r", "--poses", "motion.json", "--figure", "x", "-o", "x"], ("matplotlib",)),

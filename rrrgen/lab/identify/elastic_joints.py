@@ -52,6 +52,7 @@ SETTLED = 1e-5  # relative decrease of the squares at which the search ends
 LONG = 0.3  # angle by which the damper lags behind, rad, from which on the first order in T is doubtful
 TELLING = 3.0  # standard deviations by which a compliance differs from zero
 FRICTION = ("viscous", "coulomb", "offset")
+PARAMETERS = ("stiffness", "damping", "rotor_inertia", *FRICTION)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,55 @@ class ElasticJoints:
     rigid_error: Array
     bandwidth: float
     notes: tuple[str, ...] = ()
+
+    def parameters(self, spec: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Names and units of the values, joint after joint."""
+        turning = ("N m/rad", "N m s/rad", "kg m^2", "N m s/rad", "N m", "N m")
+        sliding = ("N/m", "N s/m", "kg", "N s/m", "N", "N")
+        names = tuple(f"{parameter}_{joint}" for joint in self.joints for parameter in PARAMETERS)
+        return names, tuple(u for joint in spec.joints for u in (sliding if joint.type == "prismatic" else turning))
+
+    def lines(self) -> list[str]:
+        """The estimate as text, with what to write into the robot file."""
+        lines, written = [], []
+        for joint, (k, d, inertia, *_), (of_k, of_d, of_inertia, *_), least in zip(
+            self.joints, self.values, self.std, self.least, strict=True
+        ):
+            if np.isnan(k):
+                lines.append(f"{joint}: no elasticity shows; the stiffness is above {least:.3g}")
+                continue
+            lines.append(
+                f"{joint}: stiffness {k:.5g} +- {of_k:.2g}, damping {d:.4g} +- {of_d:.2g}, "
+                f"rotor inertia {inertia:.5g} +- {of_inertia:.2g}"
+            )
+            written.append(
+                f"  {joint}: drive: {{inertia: {inertia:.6g}, stiffness: {k:.6g}, damping: {max(d, 0.0):.4g}}}"
+            )
+        before, after = (100.0 * float(np.sqrt(np.mean(error**2))) for error in (self.rigid_error, self.error))
+        lines.append(
+            f"relative torque error below {self.bandwidth:.3g} Hz: {after:.3g} % with elastic joints, "
+            f"{before:.3g} % with rigid ones"
+        )
+        return [*lines, "in the robot file, in SI:", *written, *(f"note: {note}" for note in self.notes)]
+
+    def to_json(self) -> dict[str, Any]:
+        """The values, deviations and errors as plain data for JSON; None for what is not determined."""
+        rows = zip(self.joints, self.values, self.std, self.least, strict=True)
+        return {
+            "joints": {
+                joint: {
+                    **dict(zip(PARAMETERS, values, strict=True)),
+                    "std": dict(zip(PARAMETERS, std, strict=True)),
+                    "least_stiffness": least,
+                }
+                for joint, values, std, least in rows
+            },
+            "base_parameters": self.beta,
+            "relative_error": self.error,
+            "relative_error_of_the_rigid_model": self.rigid_error,
+            "bandwidth": self.bandwidth,
+            "notes": list(self.notes),
+        }
 
 
 class Signals(NamedTuple):
@@ -113,17 +163,19 @@ def identify_elastic_joints(
     shortest = min(recording.span[1] for recording in recordings)
     most = LARGEST_BANDWIDTH * rate
     if bandwidth is not None and not 0.0 < bandwidth <= most:
-        raise InputError(f"a bandwidth of {bandwidth:g} Hz: it must lie between 0 and {most:.4g} Hz, a sixth of the rate")
+        raise InputError(
+            f"a bandwidth of {bandwidth:g} Hz: it must lie between 0 and {most:.4g} Hz, a sixth of the rate"
+        )
     ladder = _ladder(most, shortest) if bandwidth is None else _ladder(bandwidth, shortest)
     fits: list[_Fit] = []
     for number, each in enumerate(ladder):
         if progress is not None:
             progress(number, len(ladder), "elastic joints")
-        before = fits[-1].end.state if fits else None
-        fits.append(_fit(model, filtered(recordings, links, each), each, before))
-        if bandwidth is None and len(fits) > WORSE and min(fits[-WORSE:], key=_vagueness).vagueness > fits[-WORSE - 1].vagueness:
+        fits.append(_fit(model, filtered(recordings, links, each), each, fits[-1] if fits else None))
+        vague = [fit.vagueness for fit in fits]
+        if bandwidth is None and len(fits) > WORSE and min(vague[-WORSE:]) > vague[-WORSE - 1]:
             break  # wider ones add noise alone
-    best = min(fits, key=_vagueness) if bandwidth is None else fits[-1]
+    best = fits[int(np.argmin(vague))] if bandwidth is None else fits[-1]
     found = best.result(recordings[0].joints)
     if not np.any(np.isfinite(found.values[:, 0])):
         bounds = ", ".join(f"{name} above {k:.3g}" for name, k in zip(found.joints, found.least, strict=True))
@@ -135,6 +187,10 @@ def identify_elastic_joints(
 
 
 def _check(model: Any, recordings: Sequence[Log], links: Sequence[Log]) -> None:
+    spec = model.spec
+    if spec.drives is not None or spec.loops or spec.floating_base:
+        kind = "coupled drives" if spec.drives is not None else "closed loops" if spec.loops else "a floating base"
+        raise InputError(f"{spec.name} has {kind}: elastic joints are estimated where every motor drives its own joint")
     if links and len(links) != len(recordings):
         raise InputError(f"{len(links)} recordings of link positions beside {len(recordings)} of the rotors")
     for recording in (*recordings, *links):
@@ -147,16 +203,14 @@ def _check(model: Any, recordings: Sequence[Log], links: Sequence[Log]) -> None:
         raise InputError("the recording has no torques: nothing can be estimated from it")
 
 
-def _vagueness(fit: _Fit) -> float:
-    return fit.vagueness
-
-
 def _ladder(most: float, duration: float) -> list[float]:
     """Bandwidths, the last of them ``most``, from the lowest on that a recording of the ``duration`` (s) allows."""
     lowest = max(LOWEST, 8.0 * REACH / duration)  # the filter takes its reach from either end
     count = int(np.floor(np.log(most / lowest) / np.log(LADDER))) + 1 if most >= lowest else 0
     if count < 1:
-        raise InputError(f"{duration:.3g} s sampled at {6.0 * most:.4g} Hz are too few for filters of at least {lowest:.3g} Hz")
+        raise InputError(
+            f"{duration:.3g} s sampled at {6.0 * most:.4g} Hz are too few for filters of at least {lowest:.3g} Hz"
+        )
     return [most / LADDER**k for k in reversed(range(count))]
 
 
@@ -188,7 +242,7 @@ def kernels(bandwidth: float, period: float) -> list[Array]:
 def filtered(recordings: Sequence[Log], links: Sequence[Log], bandwidth: float) -> Signals:
     """Filter all stretches of the ``recordings`` and take :data:`ROWS_PER_PERIOD` rows per period of ``bandwidth``."""
     found: list[Signals] = []
-    for recording, link in zip(recordings, links or [None] * len(recordings), strict=True):
+    for recording, link in zip(recordings, links or (None,) * len(recordings), strict=True):
         bank = kernels(bandwidth, recording.period)
         step = max(1, int(1.0 / (ROWS_PER_PERIOD * bandwidth * recording.period)))
         positions = iter(link.parts()) if link is not None else None
@@ -243,14 +297,16 @@ def _stretch(part: Any, link: Array | None, bank: Sequence[Array], step: int) ->
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def _fit(model: Any, signals: Signals, bandwidth: float, before: Array | None) -> _Fit:
+def _fit(model: Any, signals: Signals, bandwidth: float, before: _Fit | None) -> _Fit:
     """The best of the fits from ``before``, the result of a lower bandwidth, and from several other starts.
 
     A few steps are taken from each start, on some of the rows, and from the best of them to the end.
     """
     fit = _Fit(model, signals, bandwidth)
     rough = fit.with_rows(slice(None, None, 3))
-    starts = [*rough.starts(), *([] if before is None else [before])]
+    starts = [*rough.starts(), *([] if before is None else [before.end.state])]
+    if before is not None and np.all(before.elastic):
+        starts = starts[-1:]
     x = min((rough.searched(start, ROUGH_STEPS) for start in starts), key=lambda each: each.cost).state
     for _ in range(PASSES):
         fit.end = fit.searched(x, STEPS)
@@ -268,6 +324,7 @@ class _Fit:
     covariance: Array
     error: Array
     rigid_error: Array
+    elastic: NDArray[np.bool_]
     vagueness: float
 
     def __init__(self, model: Any, signals: Signals, bandwidth: float) -> None:
@@ -282,7 +339,9 @@ class _Fit:
         """The same problem with some of the rows."""
         s = self.signals
         link = None if s.link is None else s.link[rows]
-        some = Signals(s.t[rows], s.theta[:, rows], s.tau[:, rows], s.friction[:, rows], link, s.use[rows], s.stretch[rows])
+        some = Signals(
+            s.t[rows], s.theta[:, rows], s.tau[:, rows], s.friction[:, rows], link, s.use[rows], s.stretch[rows]
+        )
         return _Fit(self.model, some, self.bandwidth)
 
     # -- torques that are transmitted, deflections, rows -----------------------------------------------------------
@@ -300,7 +359,7 @@ class _Fit:
         """Positions, speeds and accelerations (N, n) of the links where the torques ``u`` (4, N, n) are transmitted."""
         c, T, _, _ = self._unknowns(x)
         bent = c * (u[:3] - T * u[1:4])
-        return tuple(self.signals.theta[:3] - bent)  # type: ignore[return-value]
+        return tuple(self.signals.theta[:3] - bent)
 
     def rows(self, x: Array) -> tuple[Array, Array]:
         """Regressor (N, m, b) of beta and right-hand side (N, m), of the torques and then of the link positions."""
@@ -432,6 +491,7 @@ class _Fit:
         self.covariance = covariance[: 6 * n, : 6 * n]
         self.error = _spread(left, use)[:n] / self.size
         c, spread = x[:n], np.sqrt(np.maximum(np.diag(self.covariance)[:n], 0.0))
+        self.elastic = c > TELLING * spread
         self.vagueness = float(np.sum(np.log(np.maximum(spread, 1e-300) / np.maximum(np.abs(c), 1e-300))))
         return self
 
@@ -440,12 +500,16 @@ class _Fit:
         n, x, P = self.n, self.end.state, self.covariance
         c, T, J, f = self._unknowns(x)
         std = np.sqrt(np.maximum(np.diag(P), 0.0))
-        elastic = c > TELLING * std[:n]
+        elastic = self.elastic
         known = np.where(elastic, c, np.nan)
         k, of_f = np.arange(n), std[3 * n :].reshape(n, -1)
         mixed = std[n : 2 * n] ** 2 + (T / known) ** 2 * std[:n] ** 2 - 2.0 * T / known * P[k, n + k]
         values = np.column_stack([1.0 / known, T / known, np.where(elastic, J, np.nan), f])
-        deviations = [std[:n] / known**2, np.sqrt(np.maximum(mixed, 0.0)) / known, np.where(elastic, std[2 * n : 3 * n], np.nan)]
+        deviations = [
+            std[:n] / known**2,
+            np.sqrt(np.maximum(mixed, 0.0)) / known,
+            np.where(elastic, std[2 * n : 3 * n], np.nan),
+        ]
         highest = np.maximum(c, 0.0) + 2.0 * std[:n]
         least = np.where(elastic, np.nan, 1.0 / np.maximum(highest, np.finfo(float).tiny))
         return ElasticJoints(
@@ -471,7 +535,9 @@ class _Fit:
             )
         wrong = [name for name, j, known in zip(joints, J, elastic, strict=True) if known and j <= 0.0]
         if wrong:
-            notes.append(f"{', '.join(wrong)}: the rotor inertia is not positive: the elasticity is not that of a joint")
+            notes.append(
+                f"{', '.join(wrong)}: the rotor inertia is not positive: the elasticity is not that of a joint"
+            )
         return tuple(notes)
 
 

@@ -1,0 +1,33 @@
+"""Elastic joints as a function: from arrays without files, with the numbers of the command."""
+
+from pathlib import Path
+
+import pytest
+
+import rrrgen
+from lab.identify.test_elastic_joints import DAMPING, ROTOR, STIFFNESS, recorded
+from lab.studies.commands import assert_same_files, printed_json
+from rrrgen.lab.plant.plant import FlexibleJoints
+from samples.recordings import write_log
+
+PRESS = Path(__file__).resolve().parents[3] / "examples" / "press" / "robot.yaml"
+
+
+def test_arrays_give_the_numbers_of_the_command(tmp_path, capsys):
+    log = recorded(2.0, FlexibleJoints(ROTOR, STIFFNESS, DAMPING))
+    result = rrrgen.estimate_elastic_joints("planar2r", {"t": log.t, "q": log.q, "tau": log.tau}, bandwidth=40)
+    write_log(tmp_path / "log.csv", log)
+    command = ["experiment", "elastic-joints", "planar2r", "--log", tmp_path / "log.csv", "-o", tmp_path / "run"]
+    assert printed_json(capsys, *command, "--bandwidth", 40) == (0, result.to_json())
+    result.save(tmp_path / "saved")
+    assert_same_files(tmp_path / "run", tmp_path / "saved", but=("run.json",))
+    for k, joint in enumerate(("q1", "q2")):
+        assert float(result[f"stiffness_{joint}"]) == pytest.approx(STIFFNESS[k], rel=0.02)
+        assert float(result[f"rotor_inertia_{joint}"]) == pytest.approx(ROTOR[k], rel=0.02)
+    assert "drive: {inertia: " in repr(result)
+    assert result._repr_html_().count("<tr>") == 13
+
+
+def test_robots_of_other_kinds_are_refused():
+    with pytest.raises(rrrgen.InputError, match="closed loops: elastic joints are estimated where"):
+        rrrgen.estimate_elastic_joints(PRESS, {"t": [0.0, 0.1], "q": [[0.0]] * 2, "tau": [[0.0]] * 2})
