@@ -44,7 +44,7 @@ ELSEWHERE = {
     "rrrgen experiment friction": "tests/lab/friction/test_estimation.py, with the other joints locked",
     "RX90.par": "tests/robot/file/test_open_symoro.py",
     "panda_link8": "tests/robot/importers/test_serial_chain.py, with a URDF of the Panda",
-    "rrrgen experiment elastic-joints": "tests/lab/studies/test_estimate_elastic_joints.py, on an elastic virtual robot",
+    "rrrgen experiment elastic-joints": "tests/lab/studies/test_estimate_elastic_joints.py",
     "rrrgen response linearise": "tests/lab/experiment/test_response_experiment.py",
     "make-robot": "tests/cli/test_main.py",
     "pytest tests/": "is itself a test",
