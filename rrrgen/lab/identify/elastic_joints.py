@@ -39,11 +39,12 @@ from rrrgen.lab.estimate.tsqr import Rows, factor_rows
 
 ORDERS = 5  # of the derivatives of the positions
 SHARPNESS = 4  # of the filter: its response is flat at zero up to the derivative of order 2 SHARPNESS - 1
-REACH = 12.0  # half the length of the filter in its own widths: beyond, it is zero to round-off
+REACH = 9.0  # half the length of the filter in its own widths: beyond, it is zero to round-off
 LARGEST_BANDWIDTH = 1.0 / 6.0  # times the sampling rate
 ROWS_PER_PERIOD = 3.0  # of the bandwidth
 LADDER = sqrt(2.0)  # ratio of the bandwidths that are tried
 LOWEST = 5.0  # Hz, the first of them
+LONG_ENOUGH = 35.0  # periods of the bandwidth in a recording, of which the filters take 14
 STARTS = (0.25, 0.5, 1.0)  # antiresonances from which the search starts, times the bandwidth
 SHARES = (0.3, 0.6)  # and shares of the rotor in the inertia of a joint
 ROUGH_STEPS, STEPS, PASSES = 8, 40, 3
@@ -205,12 +206,12 @@ def _check(model: Any, recordings: Sequence[Log], links: Sequence[Log]) -> None:
 
 def _ladder(most: float, duration: float) -> list[float]:
     """Bandwidths, the last of them ``most``, from the lowest on that a recording of the ``duration`` (s) allows."""
-    lowest = max(LOWEST, 8.0 * REACH / duration)  # the filter takes its reach from either end
-    count = int(np.floor(np.log(most / lowest) / np.log(LADDER))) + 1 if most >= lowest else 0
-    if count < 1:
+    lowest = max(LOWEST, LONG_ENOUGH / duration)
+    if most < lowest:
         raise InputError(
-            f"{duration:.3g} s sampled at {6.0 * most:.4g} Hz are too few for filters of at least {lowest:.3g} Hz"
+            f"{duration:.3g} s are too short for a bandwidth of {most:.3g} Hz: the filters need {lowest:.3g} Hz or more"
         )
+    count = int(np.log(most / lowest) / np.log(LADDER)) + 1
     return [most / LADDER**k for k in reversed(range(count))]
 
 

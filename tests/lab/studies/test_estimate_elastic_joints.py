@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rrrgen
@@ -10,7 +11,7 @@ from lab.studies.commands import assert_same_files, printed_json
 from rrrgen.lab.plant.plant import FlexibleJoints
 from samples.recordings import write_log
 
-PRESS = Path(__file__).resolve().parents[3] / "examples" / "press" / "robot.yaml"
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
 
 def test_arrays_give_the_numbers_of_the_command(tmp_path, capsys):
@@ -29,5 +30,7 @@ def test_arrays_give_the_numbers_of_the_command(tmp_path, capsys):
 
 
 def test_robots_of_other_kinds_are_refused():
-    with pytest.raises(rrrgen.InputError, match="closed loops: elastic joints are estimated where"):
-        rrrgen.estimate_elastic_joints(PRESS, {"t": [0.0, 0.1], "q": [[0.0]] * 2, "tau": [[0.0]] * 2})
+    t = np.arange(100) * 1e-3
+    still = {"t": t, "q": np.zeros((100, 1)), "tau": np.zeros((100, 1))}
+    with pytest.raises(rrrgen.InputError, match="press has closed loops: elastic joints are estimated where"):
+        rrrgen.estimate_elastic_joints(EXAMPLES / "press" / "robot.yaml", still)
