@@ -56,7 +56,8 @@ def waiting() -> Waiting:
         service.shutdown()
     seconds = json.loads(printed)
     arms = {name: (float(cold), float(warm)) for name, (cold, warm) in seconds["arms"].items()}
-    return Waiting(*map(float, seconds["picture"]), float(seconds["compiler"]), arms)
+    picture, second = (float(each) for each in seconds["picture"])
+    return Waiting(picture, second, float(seconds["compiler"]), arms)
 
 
 def table(found: Waiting) -> str:
