@@ -72,6 +72,8 @@ rrrgen experiment excite rrr --response q1 -o runs/plan
 rrrgen experiment simulate rrr --response runs/plan/results/response_excitation.json --base-mode 28 -o s/q1
 rrrgen response frf s/q1/results/response.yaml -o runs/response
 rrrgen response model runs/response/results/frf.json -o runs/model
+rrrgen experiment excite rrr {FEW} -o s/motion
+rrrgen experiment simulate rrr --trajectory s/motion/results/excitation.json --torque-noise 0.05 -o s/rrr
 rrrgen generate rrr -o generated/rrr
 """
 """Commands that make what the pages presuppose: recordings, run folders and files of other programs."""
@@ -141,6 +143,11 @@ def presupposed(names: tuple[str, str, str]) -> None:
         text = (folder / "log.yaml").read_text(encoding="utf-8").replace("log.csv", Path(name).name + ".csv")
         Path(f"{name}.yaml").write_text(text, encoding="utf-8")
         shutil.copy(folder / "log.csv", f"{name}.csv")
+    wrong = Path("s/rrr/results/log.yaml").read_text(encoding="utf-8").replace("log.csv", "wrong.csv")
+    wrong = wrong.replace("{column: q_q2, unit: rad}", "{column: q_q2, unit: rad, zero: -20 deg}")
+    wrong = wrong.replace("{column: tau_q3, unit: N*m,", "{column: tau_q3, unit: N*m, gain: 2,")
+    Path("runs/experiment/results/wrong.yaml").write_text(wrong, encoding="utf-8")
+    shutil.copy("s/rrr/results/log.csv", "runs/experiment/results/wrong.csv")
     for name in ("joint3", "slide"):
         shutil.copy("runs/joint3/results/log.csv", f"{name}.csv")
     shutil.copy("runs/experiment/results/log_controller.yaml", "controller.yaml")

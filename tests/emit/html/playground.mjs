@@ -164,6 +164,9 @@ try {
   await page.goto(found.link);
   await until("own arm by its link", () => document.body.dataset.arm === "my_arm" && document.getElementById("text").value.includes("0.12345"));
   found.again = await page.inputValue("#text");
+  await page.goto("about:blank");
+  await page.goto(`${address}#file=AAAA`);
+  found.unreadable = await until("unreadable link", () => (document.querySelector("#faults li") || {}).textContent);
 } catch (error) {
   found.errors.push(String(error));
   await shoot("failed").catch(() => {});

@@ -157,6 +157,7 @@ def test_a_fault_is_located_and_a_cell_changes_its_value_alone(found: tuple[dict
     assert answers["text"].count("\n") == 12
     assert answers["parameters"] == 36
     assert answers["again"] == answers["text"]  # by its link
+    assert answers["unreadable"].startswith("The link cannot be read: ")
 
 
 def test_a_general_arm_shows_all_configurations(found: tuple[dict[str, Any], Path]) -> None:
