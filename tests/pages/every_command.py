@@ -144,7 +144,7 @@ def presupposed(names: tuple[str, str, str]) -> None:
         Path(f"{name}.yaml").write_text(text, encoding="utf-8")
         shutil.copy(folder / "log.csv", f"{name}.csv")
     wrong = Path("s/rrr/results/log.yaml").read_text(encoding="utf-8").replace("log.csv", "wrong.csv")
-    wrong = wrong.replace("{column: q_q2, unit: rad}", "{column: q_q2, unit: rad, zero: -20 deg}")
+    wrong = wrong.replace("  - name: q2\n", "  - name: q2\n    zero: -20 deg\n")
     wrong = wrong.replace("{column: tau_q3, unit: N*m,", "{column: tau_q3, unit: N*m, gain: 2,")
     Path("runs/experiment/results/wrong.yaml").write_text(wrong, encoding="utf-8")
     shutil.copy("s/rrr/results/log.csv", "runs/experiment/results/wrong.csv")
