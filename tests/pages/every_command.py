@@ -25,6 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import rrrgen
+from pages.reader import compare
 from pages.test_pages import PAGES, ROOT, blocks
 from rrrgen.cli.commands import COMMANDS, load_command
 from rrrgen.cli.main import run
@@ -54,6 +55,9 @@ ELSEWHERE = {
 }
 """Words of commands that are not run here, and why."""
 
+SHOWN = "shown: "
+"""Before the output that a page shows after its commands."""
+
 ROBOTS = ROOT / "rrrgen/robot/robots"
 FEW = "--harmonics 3 --starts 1 --duration 5"
 FOLLOW = "--trajectory runs/excitation/results/excitation.json --torque-noise 0.05"
@@ -72,7 +76,7 @@ rrrgen experiment excite rrr --response q1 -o runs/plan
 rrrgen experiment simulate rrr --response runs/plan/results/response_excitation.json --base-mode 28 -o s/q1
 rrrgen response frf s/q1/results/response.yaml -o runs/response
 rrrgen response model runs/response/results/frf.json -o runs/model
-rrrgen experiment excite rrr {FEW} -o s/motion
+rrrgen experiment excite rrr -o s/motion
 rrrgen experiment simulate rrr --trajectory s/motion/results/excitation.json --torque-noise 0.05 -o s/rrr
 rrrgen generate rrr -o generated/rrr
 """
@@ -206,12 +210,16 @@ def lines_of(text: str) -> list[str]:
 
 
 def sources() -> dict[str, list[str]]:
-    """The commands of every page and of every help text."""
+    """The commands of every page and of every help text, and behind ``SHOWN`` what a page shows as their output."""
     found = {}
     for page in PAGES:
         name = str(page.relative_to(ROOT))
         text = page.read_text(encoding="utf-8")
-        lines = [line for block in blocks(text, "sh", "bash", "console") for line in lines_of(block)]
+        lines = []
+        for block, shown in re.findall(
+            r"^```(?:sh|bash|console)\n(.*?)^```\n(?:\n```text\n(.*?)^```)?", text, re.S | re.M
+        ):
+            lines += lines_of(block) + [SHOWN + shown] * bool(shown)
         if lines and not name.startswith(TESTED):
             found[name] = lines
     for name in COMMANDS:
@@ -237,8 +245,16 @@ def main() -> int:
         for number, (source, lines) in enumerate(sources().items()):
             if only not in source:
                 continue
-            folder = Path(place, str(number))
+            folder, said_so_far = Path(place, str(number)), ""
             for line in lines:
+                if line.startswith(SHOWN):
+                    try:
+                        compare(line.removeprefix(SHOWN), said_so_far)
+                        print(f"   same     {source}: the output that the page shows")
+                    except AssertionError as difference:
+                        failed.append(f"{source}: output")
+                        print(f"  differs   {source}: {difference}")
+                    continue
                 if reason := next((why for word, why in ELSEWHERE.items() if word in line), None):
                     print(f"  left out  {source}: {line}  ({reason})")
                     continue
@@ -248,6 +264,7 @@ def main() -> int:
                 os.chdir(folder)
                 start = time.perf_counter()
                 code, said = printed(line)
+                said_so_far += said
                 if line.startswith("rrrgen new") and source == "docs/from-a-csv.md":
                     two_joints()
                 print(f"{time.perf_counter() - start:6.1f} s  {code}  {source}: {line}", flush=True)
