@@ -272,7 +272,7 @@ def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator
     unwrap = _Unwrap(mapping, findings)
     for raw in raw_rows(mapping, size, findings):
         findings.read += len(raw.t)
-        rows = _complete(raw, findings)
+        rows = _complete(mapping, raw, findings)
         pending = rows if pending is None else _joined(pending, rows)
         _check_clock(mapping, pending)
         pending = _sorted(pending, findings)
@@ -289,10 +289,12 @@ def ordered_rows(mapping: LogMapping, size: int, findings: Findings) -> Iterator
         yield unwrap(pending)
 
 
-def _complete(raw: RawRows, findings: Findings) -> RawRows:
-    """The rows whose time and positions are all finite."""
+def _complete(mapping: LogMapping, raw: RawRows, findings: Findings) -> RawRows:
+    """The rows whose time and positions are all finite, and the twist of a floating base, whose integral is one."""
     timed = np.isfinite(raw.t)
     missing = ~np.isfinite(raw.signals["position"])
+    if mapping.floating:
+        missing[:, : len(ON_BASE)] |= ~np.isfinite(raw.signals["velocity"][:, : len(ON_BASE)])
     located = ~np.any(missing, axis=1)
     findings.add("rows without time", int(np.sum(~timed)))
     findings.add("rows without all positions", int(np.sum(timed & ~located)), channels=np.sum(missing[timed], axis=0))

@@ -442,13 +442,16 @@ def _estimate(
     from rrrgen.lab.identify.diagnosis.causes import merged
     from rrrgen.lab.identify.diagnosis.report import diagnose_fit, diagnose_recordings
     from rrrgen.lab.identify.diagnosis.swinging import swinging_notes
-    from rrrgen.lab.identify.floating_base import FloatingModel, check_base, on_floating_base
+    from rrrgen.lab.identify.floating_base import FloatingModel, check_base, measured_rows, on_floating_base
     from rrrgen.lab.identify.identification import identify as estimate
 
     recordings = logs.open(findings)
     floating = on_floating_base(recordings)
     if floating:
-        _check_flight(check_base(recordings), arm.model, chosen)
+        torques = check_base(recordings)
+        if not measured_rows(recordings).any():
+            raise InputError("the recordings have neither the wrench on the base nor joint torques: record one of them")
+        _check_flight(torques, arm.model, chosen)
     before = () if floating else diagnose_recordings(arm.spec, recordings)
     for cause in before:
         findings(cause)

@@ -193,6 +193,19 @@ def test_refused_with_the_reason(robot, recorded):
         rrrgen.identify(robot, [recorded, {key: recorded[key] for key in ("t", "q", "tau")}])
 
 
+def test_gaps_in_the_motion_of_the_base_and_in_its_wrench(robot, recorded):
+    """Rows without the twist split the recording, those without the wrench are left out of its rows."""
+    holes = {key: values.copy() for key, values in recorded.items()}
+    holes["twist"][100:110, 4] = np.nan
+    holes["wrench"][200:210, 2] = np.nan
+    found = rrrgen.identify(robot, holes, consistent=False)
+    kinds = [finding.kind for finding in found.recordings[0].repairs.findings]
+    assert kinds == ["rows without all positions", "missing torques", "splitting holes"]
+    _check(robot, found)
+    with pytest.raises(InputError, match="neither the wrench on the base nor joint torques"):
+        rrrgen.identify(robot, {key: recorded[key] for key in ("t", "q", "orientation", "twist")})
+
+
 @pytest.mark.sweep
 @pytest.mark.parametrize("measured", ["both", "wrench", "tau"])
 def test_the_quadruped(measured):
