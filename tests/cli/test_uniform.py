@@ -134,7 +134,9 @@ def test_functions_are_completed():
 
 
 def test_the_table_of_solutions_names_joints_and_units(rrrgen):
-    code, out, _ = rrrgen("ik", "scara", "--backend", "numpy", "--no-limits", "--pose", "0.4 0.1 0.1 0 0 0.3")
+    code, out, _ = rrrgen(
+        "ik", "scara", "--backend", "numpy", "--no-limits", "--pose", "0.4 0.1 0.25 3.141592653589793 0 0.3"
+    )
     assert code == 0, out
     head, *rows = out.splitlines()[1:]
     names = re.findall(r"(\w+) \[(rad|m)\]", head)

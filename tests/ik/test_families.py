@@ -1,13 +1,17 @@
 """Every structure: spherical and planar triples anywhere, all R/P mixes, with generic geometry elsewhere."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from ik.chains import every_structure, planar, position, scara, spherical
 from ik.checks import sample
 from ik.robots import make, reference
-from rrrgen.ik.classify import plan
+from rrrgen.ik.classify import plan, tip_plans
+from rrrgen.ik.inverse_kinematics import evaluated_solver
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch, wrapped
+from rrrgen.robot.file import load_spec
 
 STRUCTURES = every_structure()
 EQUATION_ERROR = 1e-8
@@ -58,3 +62,21 @@ COMPILED = [
 @pytest.mark.sweep(but=[name for name, _ in COMPILED[::2]])
 def test_emitted_code(name, rows):
     sample("structure", rows, N=1000, seed=2).assert_right()
+
+
+@pytest.mark.parametrize("name", ["scara", "thumb"])
+def test_a_target_turned_over_has_only_solutions_that_reach_it(name):
+    """A planar arm cannot turn its tip over: half a turn about an axis of the base or of the tip, which has sine 0."""
+    hand = Path(__file__).resolve().parents[2] / "examples" / "trees" / "hand.yaml"
+    spec = load_spec("scara") if name == "scara" else tip_plans(load_spec(hand))[name][0]
+    solver, chain = evaluated_solver(spec), plan(spec).chain
+    q = [0.3, -0.5, 0.1, 0.4][: spec.n]
+    T = chain.forward(q)
+    assert len(solver.solve(T, q, limits=False).q) == 2
+    for diagonal in ((1, -1, -1), (-1, 1, -1), (-1, -1, 1)):
+        turn = np.diag([*diagonal, 1.0])
+        for target in (T @ turn, turn @ T):
+            for row in solver.solve(target, q, limits=False).q:
+                np.testing.assert_allclose(chain.forward(row), target, atol=1e-9)
+            if diagonal[2] < 0:
+                assert solver.solve(target, q, limits=False).status == "unreachable"

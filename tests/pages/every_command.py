@@ -51,6 +51,9 @@ ELSEWHERE = {
     "pytest tests/": "is itself a test",
     "make playground": "tests/emit/html/test_playground.py builds the page and visits it",
     "rrrgen playground": "tests/emit/html/test_playground.py builds the page and visits it",
+    "my_ur5": "needs a calibration file of a Universal Robots arm; tests/robot/importers/test_importing.py",
+    "my_arm_calibrated": "docs/first-calibration.md, whose lines are run",
+    "torso.urdf": "tests/cli/test_import_robot.py",
     "arm.par": "tests/robot/file/test_open_symoro.py",
 }
 """Words of commands that are not run here, and why."""
@@ -124,6 +127,7 @@ def presupposed(names: tuple[str, str, str]) -> None:
         loaded = loaded.replace(empty, carrying)
     Path("loaded.yaml").write_text(loaded, encoding="utf-8")
     Path("panda.yaml").write_text((ROBOTS / "panda.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    shutil.copy(ROOT / "examples/trees/hand.yaml", "hand.yaml")
     Path("cell.xml").write_text(CELL, encoding="utf-8")
     page = (ROOT / "docs/virtual-robot.md").read_text(encoding="utf-8")
     (experiment,) = (text for text in blocks(page, "yaml") if text.startswith("schema: rrrgen-experiment/1"))

@@ -67,15 +67,15 @@ def derive_lift(b: DerivationBuilder, loop: Loop, k: int, length: float) -> None
 
 
 def upright(b: DerivationBuilder, frame: Frame, motions: list[Motion]) -> None:
-    """Record as a residual how far the z axis of the target is tilted against the normal of the plane of the triple.
+    """Record as a residual how far the z axis of the target is from the normal of the plane of the triple.
 
-    No joint can change that tilt, so a target has solutions only where it is zero.
+    No joint can tilt it, or turn it over, so a target has solutions only where they agree.
     """
     v = frame.trail.turn((0, 0, 1))
     for motion in motions:
         v = move(motion, v, direction=True)
     v = frame.lead.turn(v)
-    b.residual((), (v[0], v[1], 0))
+    b.residual((), (v[0], v[1], total(v[2], -1)))
 
 
 def turning_axes(loop: Loop) -> Loop | None:
