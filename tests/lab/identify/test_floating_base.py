@@ -36,7 +36,7 @@ links:
 
 @pytest.fixture(scope="module")
 def robot() -> Any:
-    return rrrgen.compile(rrrgen.loads_spec(SATELLITE), backend="numpy")
+    return rrrgen.compile(rrrgen.loads_spec(SATELLITE))
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,7 @@ joints: [{", ".join(joints)}]
 JOINTS = ("shoulder", "elbow")
 
 
-def test_the_command_reads_the_base_from_a_mapping_file(robot, recorded, tmp_path, capsys):
+def test_the_command_reads_the_base_from_a_mapping_file(robot, recorded, tmp_path, capsys, no_figures):
     """The sign of a quaternion means nothing: half of the rows have the other one."""
     signs = np.where(np.arange(len(recorded["t"])) // 50 % 2, -1.0, 1.0)
     turned = recorded | {"orientation": signs[:, None] * recorded["orientation"]}
