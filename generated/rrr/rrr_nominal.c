@@ -326,8 +326,8 @@ rrr_status rrr_forward_dynamics_nominal(const rrr_real q[3],
     const rrr_real t20 = t7 - (t8*t19);
     const rrr_real t21 = t20 - ((rrr_real)9.0949470177292824e-13*t7);
     const rrr_real t22 = -((t21 > (rrr_real)0.0) ? t20 : (rrr_real)1.0);
-    const rrr_real t23 = (t22 < (rrr_real)-8.0779356694631609e-28) ? t22 : (rrr_real)-8.0779356694631609e-28;
-    const rrr_real t24 = (rrr_real)-1.0/t23;
+    const rrr_real t23 = -((t22 < (rrr_real)-8.0779356694631609e-28) ? t22 : (rrr_real)-8.0779356694631609e-28);
+    const rrr_real t24 = (rrr_real)1.0/t23;
     const rrr_real t25 = (rrr_real)0.0013*(t4 + ((rrr_real)3.0769230769230771*(c2 + ((rrr_real)74.861*s2))));
     const rrr_real t26 = (t5*t19) - t25;
     const rrr_real t27 = (rrr_real)0.035743744844652182*t4;
@@ -335,13 +335,13 @@ rrr_status rrr_forward_dynamics_nominal(const rrr_real q[3],
     const rrr_real t29 = t3 - (t5*t27) - (t26*t28);
     const rrr_real t30 = t29 - ((rrr_real)9.0949470177292824e-13*t3);
     const rrr_real t31 = -((t30 > (rrr_real)0.0) ? t29 : (rrr_real)1.0);
-    const rrr_real t32 = ((rrr_real)-8.0779356694631609e-28 < t31) ? (rrr_real)-8.0779356694631609e-28 : t31;
+    const rrr_real t32 = -(((rrr_real)-8.0779356694631609e-28 < t31) ? (rrr_real)-8.0779356694631609e-28 : t31);
     const rrr_real t33 = (t30 > (rrr_real)0.0) ? (rrr_real)0.0 : (rrr_real)1.0;
     const rrr_real t34 = (t21 > (rrr_real)0.0) ? t33 : (rrr_real)1.0;
     const rrr_real t35 = (t9*((dq[0]*t11) - (t9*(((rrr_real)0.043584*c23) - ((rrr_real)0.0013*s23))))) - t15;
     const rrr_real t36 = tau[2] - (t17 - (t11*t18));
     const rrr_real t37 = tau[1] - (((rrr_real)15.06816*c2) + t17 - (t9*t9*t16) - ((t11 - t14)*t18)) - (t19*t36);
-    const rrr_real t38 = ((rrr_real)-1.0/t32)*(tau[0] - t35 + (t27*t36) - (t28*t37));
+    const rrr_real t38 = ((rrr_real)1.0/t32)*(tau[0] - t35 + (t27*t36) - (t28*t37));
     const rrr_real t39 = (t24*t37) - (t28*t38);
     ddq[0] = (t34 > (rrr_real)0.0) ? (rrr_real)0.0 : t38;
     ddq[1] = (t34 > (rrr_real)0.0) ? (rrr_real)0.0 : t39;

@@ -1011,12 +1011,12 @@ def forward_dynamics():
     t15 = dq2*dq2*t14 + 9.81*t1
     t16 = 0.5*(dq1*dq1)
     t17 = -ca.if_else(beta13 > 0, beta13, 1)
-    t18 = (-1)/ca.fmin(t17, -8.0779356694631609e-28)
+    t18 = 1/(-ca.fmin(t17, -8.0779356694631609e-28))
     t19 = t8*t18
     t20 = t7 - t8*t19
     t21 = t20 - 9.0949470177292824e-13*t7
     t22 = -ca.if_else(t21 > 0, t20, 1)
-    t23 = (-1)/ca.fmin(-8.0779356694631609e-28, t22)
+    t23 = 1/(-ca.fmin(-8.0779356694631609e-28, t22))
     t24 = beta10*c2 + beta11*s2 + t4 - t4*t19
     t25 = t4*t18
     t26 = t23*t24
@@ -1027,7 +1027,7 @@ def forward_dynamics():
     t31 = t9*(dq1*t11 - t9*(beta8*s23 - beta9*c23)) - dq2*(dq1*t13 + dq2*(beta10*s2 - beta11*c2))
     t32 = tau3 - (t15 - t11*t16)
     t33 = tau2 - (9.81*(beta14*c2 - beta15*s2) + t15 - t9*t9*t14 - (t11 - t13)*t16) - t19*t32
-    t34 = ((-1)/ca.fmin(-8.0779356694631609e-28, t29))*(tau1 - t31 - t25*t32 - t26*t33)
+    t34 = (1/(-ca.fmin(-8.0779356694631609e-28, t29)))*(tau1 - t31 - t25*t32 - t26*t33)
     t35 = t23*t33 - t26*t34
     ddq = _matrix(3, 1, [
         ca.if_else(t30 > 0, 0, t34),
@@ -1087,7 +1087,7 @@ def forward_dynamics_nominal():
     t19 = t7 - t8*t18
     t20 = t19 - 9.0949470177292824e-13*t7
     t21 = -ca.if_else(t20 > 0, t19, 1)
-    t22 = (-1)/ca.fmin(t21, -8.0779356694631609e-28)
+    t22 = 1/(-ca.fmin(t21, -8.0779356694631609e-28))
     t23 = t5*t18 - 0.0013*(t4 + 3.0769230769230771*(c2 + 74.861*s2))
     t24 = 0.035743744844652182*t4
     t25 = t22*t23
@@ -1098,7 +1098,7 @@ def forward_dynamics_nominal():
     t30 = tau3 - (t16 - t11*t17)
     t31 = tau2 - (15.06816*c2 + t16 - t9*t9*t15 - (t11 - t13)*t17) - t18*t30
     t32 = tau1 - (t14 - dq2*(dq1*t13 + dq2*(0.299444*c2 - 0.004*s2))) + t24*t30 - t25*t31
-    t33 = ((-1)/ca.fmin(-8.0779356694631609e-28, t28))*t32
+    t33 = (1/(-ca.fmin(-8.0779356694631609e-28, t28)))*t32
     t34 = t22*t31 - t25*t33
     ddq = _matrix(3, 1, [
         ca.if_else(t29 > 0, 0, t33),
@@ -1411,12 +1411,12 @@ def forward_dynamics_derivatives():
     t53 = t30 + t30 + beta12
     t54 = beta13 + t30
     t55 = -ca.if_else(beta13 > 0, beta13, 1)
-    t56 = (-1)/ca.fmin(t55, -8.0779356694631609e-28)
+    t56 = 1/(-ca.fmin(t55, -8.0779356694631609e-28))
     t57 = t54*t56
     t58 = t53 - t54*t57
     t59 = t58 - 9.0949470177292824e-13*t53
     t60 = -ca.if_else(t59 > 0, t58, 1)
-    t61 = (-1)/ca.fmin(-8.0779356694631609e-28, t60)
+    t61 = 1/(-ca.fmin(-8.0779356694631609e-28, t60))
     t62 = t16 + t17 - t17*t57
     t63 = t17*t56
     t64 = t61*t62
@@ -1425,7 +1425,7 @@ def forward_dynamics_derivatives():
     t67 = -ca.if_else(t66 > 0, t65, 1)
     t68 = ca.if_else(beta13 > 0, ca.if_else(t59 > 0, ca.if_else(t66 > 0, 0, 1), 1), 1)
     t69 = ca.if_else(t68 > 0, 0, -t61)
-    t70 = ca.if_else(t68 > 0, 0, -(-1)/ca.fmin(-8.0779356694631609e-28, t67))
+    t70 = ca.if_else(t68 > 0, 0, -1/(-ca.fmin(-8.0779356694631609e-28, t67)))
     t71 = t63 - t57*t64
     t72 = t57*t69
     t73 = t70*t71
@@ -1562,7 +1562,7 @@ def forward_dynamics_derivatives_nominal():
     t56 = t53 - t54*t55
     t57 = t56 - 9.0949470177292824e-13*t53
     t58 = -ca.if_else(t57 > 0, t56, 1)
-    t59 = (-1)/ca.fmin(t58, -8.0779356694631609e-28)
+    t59 = 1/(-ca.fmin(t58, -8.0779356694631609e-28))
     t60 = t17*t55 - t16 - t17
     t61 = 27.495188342040144*t17
     t62 = t59*t60
@@ -1571,7 +1571,7 @@ def forward_dynamics_derivatives_nominal():
     t65 = -ca.if_else(t64 > 0, t63, 1)
     t66 = ca.if_else(t57 > 0, ca.if_else(t64 > 0, 0, 1), 1)
     t67 = ca.if_else(t66 > 0, 0, -t59)
-    t68 = ca.if_else(t66 > 0, 0, -(-1)/ca.fmin(-8.0779356694631609e-28, t65))
+    t68 = ca.if_else(t66 > 0, 0, -1/(-ca.fmin(-8.0779356694631609e-28, t65)))
     t69 = t61 + t55*t62
     t70 = t55*t67
     t71 = t68*t69

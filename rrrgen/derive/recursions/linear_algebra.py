@@ -131,7 +131,7 @@ def factorize(builder: Builder, M: Rows, *, tips_first: bool = False) -> LDLFact
         margin = pivot if j == 0 else b.sub(pivot, b.mul(PIVOT_TOLERANCE, M[j][j]))
         margins.append(margin)
         pivots.append(pivot)
-        reciprocals.append(b.div(-1, b.min(b.neg(b.select(margin, pivot, 1)), -LEAST_DIVISOR)))
+        reciprocals.append(b.div(1, at_least(b, b.select(margin, pivot, 1), LEAST_DIVISOR)))
         for i in range(j + 1, n):
             entry = M[i][j]
             for k in range(j):
