@@ -450,7 +450,7 @@ void rrr_inverse_dynamics_nominal(const rrr_real q[3],
  * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
  * gives the text); the outputs are defined in either case.
  *
- * Operations: 71 mul, 49 add, 3 div, 2 sincos, 6 neg, 12 other.
+ * Operations: 71 mul, 49 add, 3 div, 2 sincos, 9 other.
  * Stack: at most 480 bytes built by gcc, 672 by clang.
  * The status tells when M is not positive definite (a singular or unphysical set of parameters).
  */
@@ -473,8 +473,8 @@ rrr_status rrr_forward_dynamics(const rrr_real q[3],
  * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
  * gives the text); the outputs are defined in either case.
  *
- * Operations: 67 mul, 46 add, 2 div, 2 sincos, 4 neg, 9 other.
- * Stack: at most 432 bytes built by gcc, 592 by clang.
+ * Operations: 66 mul, 46 add, 3 div, 2 sincos, 9 other.
+ * Stack: at most 432 bytes built by gcc, 576 by clang.
  * The status tells when M is not positive definite (a singular or unphysical set of parameters).
  */
 rrr_status rrr_forward_dynamics_nominal(const rrr_real q[3],
@@ -552,7 +552,7 @@ void rrr_inverse_dynamics_derivatives_nominal(const rrr_real q[3],
  * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
  * gives the text); the outputs are defined in either case.
  *
- * Operations: 157 mul, 128 add, 3 div, 2 sincos, 13 neg, 12 other.
+ * Operations: 157 mul, 128 add, 3 div, 2 sincos, 9 neg, 9 other.
  * Stack: at most 1088 bytes built by gcc, 1456 by clang.
  * All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
  */
@@ -582,7 +582,7 @@ rrr_status rrr_forward_dynamics_derivatives(const rrr_real q[3],
  * Returns RRR_OK, or RRR_NOT_POSITIVE_DEFINITE where the mass matrix is indefinite or singular (rrr_status_string
  * gives the text); the outputs are defined in either case.
  *
- * Operations: 150 mul, 124 add, 2 div, 2 sincos, 10 neg, 9 other.
+ * Operations: 149 mul, 124 add, 3 div, 2 sincos, 9 neg, 9 other.
  * Stack: at most 1088 bytes built by gcc, 1456 by clang.
  * All outputs are zero when M is not positive definite (a singular or unphysical set of parameters).
  */

@@ -8,7 +8,6 @@ import pytest
 
 from rrrgen.controller.files import standalone_files
 from rrrgen.controller.table import GROUPS, unit_of
-from rrrgen.derive.recursions.linear_algebra import factorize
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.evidence import value_analysis
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of
@@ -75,17 +74,6 @@ def test_a_model_function_within_its_limits_and_a_division_by_zero(model, tmp_pa
     entry = run_time_errors_entry([("quotient", found)])
     assert entry["alarms"] == len(found)
     assert entry["rows"][0][0] == "quotient"
-
-
-@needs_frama_c
-def test_equations_with_any_matrix_have_no_run_time_error(tmp_path):
-    """As in forward dynamics of five joints, with any entries: EVA knows nothing of what makes pivots positive."""
-    b = Builder()
-    entries, right = b.input(Port("M", (5, 5))), b.input(Port("b", (5,)))
-    rows = [[entries[5 * max(i, j) + min(i, j)] for j in range(5)] for i in range(5)]
-    solution = b.program("solution", [(Port("x", (5,)), factorize(b, rows).solve(list(right)))])
-    box = {"M": PortRange((-100.0,) * 25, (100.0,) * 25, ""), "b": PortRange((-1e4,) * 5, (1e4,) * 5, "")}
-    assert function_alarms(solution, box, tmp_path) == []
 
 
 BITS = """#include "pendulum_controller.c"

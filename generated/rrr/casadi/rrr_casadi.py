@@ -998,44 +998,41 @@ def forward_dynamics():
     t2 = c2*t1
     t3 = c2*(beta1*c2 + beta2*s2) + c23*(beta5*c23 - beta6*s23) + beta7 + 0.4*t2
     t4 = beta8*c23 + beta9*s23
-    t5 = beta4*c23 + beta3*s23
-    t6 = t2 + s2*t5
-    t7 = beta12 + 0.4*t6
-    t8 = beta13 + 0.2*t6
+    t5 = beta10*c2 + beta11*s2 + t4
+    t6 = beta4*c23 + beta3*s23
+    t7 = t2 + s2*t6
+    t8 = beta12 + 0.4*t7
     t9 = dq2 + dq3
-    t10 = 0.2*c2*t5
+    t10 = 0.2*c2*t6
     t11 = beta6 - 2*(c23*(beta6*c23 + beta5*s23) + t10)
     t12 = 0.2*s2*t1
     t13 = beta2 + 2*(t12 - c2*(beta2*c2 - beta1*s2))
     t14 = t10 - t12
     t15 = dq2*dq2*t14 + 9.81*t1
     t16 = 0.5*(dq1*dq1)
-    t17 = -ca.if_else(beta13 > 0, beta13, 1)
-    t18 = 1/(-ca.fmin(t17, -8.0779356694631609e-28))
-    t19 = t8*t18
-    t20 = t7 - t8*t19
-    t21 = t20 - 9.0949470177292824e-13*t7
-    t22 = -ca.if_else(t21 > 0, t20, 1)
-    t23 = 1/(-ca.fmin(-8.0779356694631609e-28, t22))
-    t24 = beta10*c2 + beta11*s2 + t4 - t4*t19
-    t25 = t4*t18
-    t26 = t23*t24
-    t27 = t3 - t4*t25 - t24*t26
-    t28 = t27 - 9.0949470177292824e-13*t3
-    t29 = -ca.if_else(t28 > 0, t27, 1)
-    t30 = ca.if_else(beta13 > 0, ca.if_else(t21 > 0, ca.if_else(t28 > 0, 0, 1), 1), 1)
-    t31 = t9*(dq1*t11 - t9*(beta8*s23 - beta9*c23)) - dq2*(dq1*t13 + dq2*(beta10*s2 - beta11*c2))
-    t32 = tau3 - (t15 - t11*t16)
-    t33 = tau2 - (9.81*(beta14*c2 - beta15*s2) + t15 - t9*t9*t14 - (t11 - t13)*t16) - t19*t32
-    t34 = (1/(-ca.fmin(-8.0779356694631609e-28, t29)))*(tau1 - t31 - t25*t32 - t26*t33)
-    t35 = t23*t33 - t26*t34
+    t17 = 1/ca.if_else(t3 > 0, t3, 1)
+    t18 = t5*t17
+    t19 = t8 - t5*t18
+    t20 = t19 - 9.0949470177292824e-13*t8
+    t21 = 1/ca.if_else(t20 > 0, t19, 1)
+    t22 = beta13 + 0.2*t7 - t4*t18
+    t23 = t4*t17
+    t24 = t21*t22
+    t25 = beta13 - t4*t23 - t22*t24
+    t26 = t25 - 9.0949470177292824e-13*beta13
+    t27 = ca.if_else(t3 > 0, ca.if_else(t20 > 0, ca.if_else(t26 > 0, 0, 1), 1), 1)
+    t28 = t9*(dq1*t11 - t9*(beta8*s23 - beta9*c23)) - dq2*(dq1*t13 + dq2*(beta10*s2 - beta11*c2))
+    t29 = tau1 - t28
+    t30 = tau2 - (9.81*(beta14*c2 - beta15*s2) + t15 - t9*t9*t14 - (t11 - t13)*t16) - t18*t29
+    t31 = (1/ca.if_else(t26 > 0, t25, 1))*(tau3 - (t15 - t11*t16) - t23*t29 - t24*t30)
+    t32 = t21*t30 - t24*t31
     ddq = _matrix(3, 1, [
-        ca.if_else(t30 > 0, 0, t34),
-        ca.if_else(t30 > 0, 0, t35),
-        ca.if_else(t30 > 0, 0, t18*t32 - t19*t35 - t25*t34),
+        ca.if_else(t27 > 0, 0, t17*t29 - t18*t32 - t23*t31),
+        ca.if_else(t27 > 0, 0, t32),
+        ca.if_else(t27 > 0, 0, t31),
     ])
     status = _matrix(1, 1, [
-        t30,
+        t27,
     ])
     return ca.Function("rrr_casadi_forward_dynamics", [q, dq, tau, beta], [ddq, status], ["q", "dq", "tau", "beta"],
         ["ddq", "status"])
@@ -1070,10 +1067,10 @@ def forward_dynamics_nominal():
     t2 = 0.2696*c2*(c2 + 0.02967359050445104*s2) + 0.8531086
     t3 = t2 - t1*(s23 - 67.2*(c2 + 0.47395833333333331*c23))
     t4 = c23 + 33.526153846153846*s23
-    t5 = 0.0013*t4
-    t6 = c2*c23 + s2*s23
-    t7 = 0.0672*t6 + 0.38897
-    t8 = 0.0336*t6 + 0.03637
+    t5 = 0.0013*(t4 + 3.0769230769230771*(c2 + 74.861*s2))
+    t6 = 0.0013*t4
+    t7 = c2*c23 + s2*s23
+    t8 = 0.0672*t7 + 0.38897
     t9 = dq2 + dq3
     t10 = 0.2*c2*(0.168*s23)
     t11 = 0.001 - 2*(c23*(t1 + 0.03185*s23) + t10)
@@ -1083,30 +1080,28 @@ def forward_dynamics_nominal():
     t15 = t10 - t12
     t16 = dq2*dq2*t15 + 1.64808*c23
     t17 = 0.5*(dq1*dq1)
-    t18 = 27.495188342040144*t8
-    t19 = t7 - t8*t18
-    t20 = t19 - 9.0949470177292824e-13*t7
-    t21 = -ca.if_else(t20 > 0, t19, 1)
-    t22 = 1/(-ca.fmin(t21, -8.0779356694631609e-28))
-    t23 = t5*t18 - 0.0013*(t4 + 3.0769230769230771*(c2 + 74.861*s2))
-    t24 = 0.035743744844652182*t4
+    t18 = 1/ca.if_else(t3 > 0, t3, 1)
+    t19 = t5*t18
+    t20 = t8 - t5*t19
+    t21 = t20 - 9.0949470177292824e-13*t8
+    t22 = 1/ca.if_else(t21 > 0, t20, 1)
+    t23 = 0.0336*t7 + 0.03637 - t6*t19
+    t24 = t6*t18
     t25 = t22*t23
-    t26 = t3 - t5*t24 - t23*t25
-    t27 = t26 - 9.0949470177292824e-13*t3
-    t28 = -ca.if_else(t27 > 0, t26, 1)
-    t29 = ca.if_else(t20 > 0, ca.if_else(t27 > 0, 0, 1), 1)
-    t30 = tau3 - (t16 - t11*t17)
-    t31 = tau2 - (15.06816*c2 + t16 - t9*t9*t15 - (t11 - t13)*t17) - t18*t30
-    t32 = tau1 - (t14 - dq2*(dq1*t13 + dq2*(0.299444*c2 - 0.004*s2))) + t24*t30 - t25*t31
-    t33 = (1/(-ca.fmin(-8.0779356694631609e-28, t28)))*t32
-    t34 = t22*t31 - t25*t33
+    t26 = 0.03637 - t6*t24 - t23*t25
+    t27 = t26 - 3.30783223034814e-14
+    t28 = ca.if_else(t3 > 0, ca.if_else(t21 > 0, ca.if_else(t27 > 0, 0, 1), 1), 1)
+    t29 = tau1 - (t14 - dq2*(dq1*t13 + dq2*(0.299444*c2 - 0.004*s2)))
+    t30 = tau2 - (15.06816*c2 + t16 - t9*t9*t15 - (t11 - t13)*t17) + t19*t29
+    t31 = (1/ca.if_else(t27 > 0, t26, 1))*(tau3 - (t16 - t11*t17) + t24*t29 - t25*t30)
+    t32 = t22*t30 - t25*t31
     ddq = _matrix(3, 1, [
-        ca.if_else(t29 > 0, 0, t33),
-        ca.if_else(t29 > 0, 0, t34),
-        ca.if_else(t29 > 0, 0, 27.495188342040144*t30 - t18*t34 + t24*t33),
+        ca.if_else(t28 > 0, 0, t18*t29 + t19*t32 + t24*t31),
+        ca.if_else(t28 > 0, 0, t32),
+        ca.if_else(t28 > 0, 0, t31),
     ])
     status = _matrix(1, 1, [
-        t29,
+        t28,
     ])
     return ca.Function("rrr_casadi_forward_dynamics_nominal", [q, dq, tau], [ddq, status], ["q", "dq", "tau"],
         ["ddq", "status"])
@@ -1408,69 +1403,66 @@ def forward_dynamics_derivatives():
     t50 = t31*(t43 - t46)
     t51 = t31*t46
     t52 = t31*t43
-    t53 = t30 + t30 + beta12
-    t54 = beta13 + t30
-    t55 = -ca.if_else(beta13 > 0, beta13, 1)
-    t56 = 1/(-ca.fmin(t55, -8.0779356694631609e-28))
-    t57 = t54*t56
-    t58 = t53 - t54*t57
-    t59 = t58 - 9.0949470177292824e-13*t53
-    t60 = -ca.if_else(t59 > 0, t58, 1)
-    t61 = 1/(-ca.fmin(-8.0779356694631609e-28, t60))
-    t62 = t16 + t17 - t17*t57
-    t63 = t17*t56
-    t64 = t61*t62
-    t65 = t15 - t17*t63 - t62*t64
-    t66 = t65 - 9.0949470177292824e-13*t15
-    t67 = -ca.if_else(t66 > 0, t65, 1)
-    t68 = ca.if_else(beta13 > 0, ca.if_else(t59 > 0, ca.if_else(t66 > 0, 0, 1), 1), 1)
-    t69 = ca.if_else(t68 > 0, 0, -t61)
-    t70 = ca.if_else(t68 > 0, 0, -1/(-ca.fmin(-8.0779356694631609e-28, t67)))
-    t71 = t63 - t57*t64
-    t72 = t57*t69
-    t73 = t70*t71
-    t74 = t64*t70
-    t75 = ca.if_else(t68 > 0, 0, -t56) + t57*t72 + t71*t73
-    t76 = t71*t74 - t72
-    t77 = t69 + t64*t74
-    t78 = dq2*t8 - t18*t19 - t20*t25 - t26*t27 - tau1
-    t79 = 9.81*(beta14*c2 - beta15*s2) + t34 - beta2*t33 - t27*t31 + t6*t32 - tau2
-    t80 = t34 - tau3
-    t81 = t70*t78 - t74*t79 - t73*t80
-    t82 = t77*t79 - t74*t78 + t76*t80
-    t83 = t76*t79 - t73*t78 + t75*t80
-    t84 = t82 + t83
-    t85 = t17*t27 + t26*t84
-    t86 = (c2*t35 - (t3 + t3) - t5 - t37)*t81 - dq1*(t20*t41 + t42*t43) - t18*t82 - t16*t19 - t85
-    t87 = dq1*(t20*t44 - t28*t43) + t37*t81 + t85
-    t88 = 9.81*t21 + t26*t81
-    t89 = t33*t41 - t88
-    t90 = t32*t42 + t89 - t18*t81 - 9.81*(beta15*c2 + beta14*s2)
-    t91 = t31*t82 - t33*t44 - (t19*t30 - t88)
-    t92 = t27*t30 + t31*t84 + t28*t32 + t91
-    t93 = -t76
+    t53 = t16 + t17
+    t54 = t30 + t30 + beta12
+    t55 = 1/ca.if_else(t15 > 0, t15, 1)
+    t56 = t53*t55
+    t57 = t54 - t53*t56
+    t58 = t57 - 9.0949470177292824e-13*t54
+    t59 = 1/ca.if_else(t58 > 0, t57, 1)
+    t60 = beta13 + t30 - t17*t56
+    t61 = t17*t55
+    t62 = t59*t60
+    t63 = beta13 - t17*t61 - t60*t62
+    t64 = t63 - 9.0949470177292824e-13*beta13
+    t65 = ca.if_else(t15 > 0, ca.if_else(t58 > 0, ca.if_else(t64 > 0, 0, 1), 1), 1)
+    t66 = ca.if_else(t65 > 0, 0, -t59)
+    t67 = ca.if_else(t65 > 0, 0, -1/ca.if_else(t64 > 0, t63, 1))
+    t68 = t61 - t56*t62
+    t69 = t56*t66
+    t70 = t67*t68
+    t71 = t62*t67
+    t72 = ca.if_else(t65 > 0, 0, -t55) + t56*t69 + t68*t70
+    t73 = t68*t71 - t69
+    t74 = t66 + t62*t71
+    t75 = dq2*t8 - t18*t19 - t20*t25 - t26*t27 - tau1
+    t76 = 9.81*(beta14*c2 - beta15*s2) + t34 - beta2*t33 - t27*t31 + t6*t32 - tau2
+    t77 = t34 - tau3
+    t78 = t72*t75 + t73*t76 - t70*t77
+    t79 = t73*t75 + t74*t76 - t71*t77
+    t80 = t67*t77 - (t70*t75 + t71*t76)
+    t81 = t79 + t80
+    t82 = t17*t27 + t26*t81
+    t83 = (c2*t35 - (t3 + t3) - t5 - t37)*t78 - dq1*(t20*t41 + t42*t43) - t18*t79 - t16*t19 - t82
+    t84 = dq1*(t20*t44 - t28*t43) + t37*t78 + t82
+    t85 = 9.81*t21 + t26*t78
+    t86 = t33*t41 - t85
+    t87 = t32*t42 + t86 - t18*t78 - 9.81*(beta15*c2 + beta14*s2)
+    t88 = t31*t79 - t33*t44 - (t19*t30 - t85)
+    t89 = t27*t30 + t31*t81 + t28*t32 + t88
+    t90 = -t73
     ddq = _matrix(3, 1, [
-        t81,
-        t82,
-        t83,
+        t78,
+        t79,
+        t80,
     ])
     dddq_dq = _matrix(3, 3, [
-        0, t70*t86 - t74*t90 - t73*t89, t74*t92 - t70*t87 + t73*t91,
-        0, t77*t90 - t74*t86 + t76*t89, t74*t87 - t77*t92 - t76*t91,
-        0, t76*t90 - t73*t86 + t75*t89, t73*t87 - t76*t92 - t75*t91,
+        0, t72*t83 + t73*t87 - t70*t86, t70*t88 - (t72*t84 + t73*t89),
+        0, t73*t83 + t74*t87 - t71*t86, t71*t88 - (t73*t84 + t74*t89),
+        0, t67*t86 - (t70*t83 + t71*t87), t70*t84 + t71*t89 - t67*t88,
     ])
     dddq_dv = _matrix(3, 3, [
-        t45*t70 - t49*t74 - t25*t73, t48*t70 - t50*t74 - t52*t73, t51*t74 - t47*t70,
-        t49*t77 - t45*t74 + t25*t76, t50*t77 - t48*t74 + t52*t76, t47*t74 - t51*t77,
-        t49*t76 - t45*t73 + t25*t75, t50*t76 - t48*t73 + t52*t75, t47*t73 - t51*t76,
+        t45*t72 + t49*t73 - t25*t70, t48*t72 + t50*t73 - t52*t70, -(t47*t72 + t51*t73),
+        t45*t73 + t49*t74 - t25*t71, t48*t73 + t50*t74 - t52*t71, -(t47*t73 + t51*t74),
+        t25*t67 - (t45*t70 + t49*t71), t52*t67 - (t48*t70 + t50*t71), t47*t70 + t51*t71,
     ])
     dddq_dtau = _matrix(3, 3, [
-        -t70, t74, t73,
-        t74, -t77, t93,
-        t73, t93, -t75,
+        -t72, t90, t70,
+        t90, -t74, t71,
+        t70, t71, -t67,
     ])
     status = _matrix(1, 1, [
-        t68,
+        t65,
     ])
     return ca.Function("rrr_casadi_forward_dynamics_derivatives", [q, dq, tau, beta], [ddq, dddq_dq, dddq_dv,
         dddq_dtau, status], ["q", "dq", "tau", "beta"], ["ddq", "dddq_dq", "dddq_dv", "dddq_dtau", "status"])
@@ -1556,67 +1548,66 @@ def forward_dynamics_derivatives_nominal():
     t50 = t31*(t43 - t46)
     t51 = t31*t46
     t52 = t31*t43
-    t53 = t30 + t30 + 0.38897
-    t54 = t30 + 0.03637
-    t55 = 27.495188342040144*t54
-    t56 = t53 - t54*t55
-    t57 = t56 - 9.0949470177292824e-13*t53
-    t58 = -ca.if_else(t57 > 0, t56, 1)
-    t59 = 1/(-ca.fmin(t58, -8.0779356694631609e-28))
-    t60 = t17*t55 - t16 - t17
-    t61 = 27.495188342040144*t17
+    t53 = t16 + t17
+    t54 = t30 + t30 + 0.38897
+    t55 = 1/ca.if_else(t15 > 0, t15, 1)
+    t56 = t53*t55
+    t57 = t54 - t53*t56
+    t58 = t57 - 9.0949470177292824e-13*t54
+    t59 = 1/ca.if_else(t58 > 0, t57, 1)
+    t60 = t30 + 0.03637 - t17*t56
+    t61 = t17*t55
     t62 = t59*t60
-    t63 = t15 - t17*t61 - t60*t62
-    t64 = t63 - 9.0949470177292824e-13*t15
-    t65 = -ca.if_else(t64 > 0, t63, 1)
-    t66 = ca.if_else(t57 > 0, ca.if_else(t64 > 0, 0, 1), 1)
-    t67 = ca.if_else(t66 > 0, 0, -t59)
-    t68 = ca.if_else(t66 > 0, 0, -1/(-ca.fmin(-8.0779356694631609e-28, t65)))
-    t69 = t61 + t55*t62
-    t70 = t55*t67
-    t71 = t68*t69
-    t72 = -t71
-    t73 = t62*t68
-    t74 = ca.if_else(t66 > 0, 0, -27.495188342040144) + t55*t70 + t69*t71
-    t75 = t70 + t69*t73
-    t76 = t67 + t62*t73
-    t77 = dq2*t8 - t18*t19 - t20*t25 - t26*t27 - tau1
-    t78 = t34 + 15.06816*c2 - t27*t31 - tau2 + t32*(t6 - 0.004)
-    t79 = t34 - tau3
-    t80 = t68*t77 + t71*t79 - t73*t78
-    t81 = t76*t78 - t73*t77 - t75*t79
-    t82 = t71*t77 + t74*t79 - t75*t78
-    t83 = t81 + t82
-    t84 = t26*t83 - t17*t27
-    t85 = t16*t19 + (c2*t35 - (t3 + t3) - t5 - t37)*t80 - dq1*(t20*t41 + t42*t43) - t18*t81 - t84
-    t86 = t84 + dq1*(t20*t44 - t28*t43) + t37*t80
-    t87 = 1.64808*s23 + t26*t80
-    t88 = t33*t41 - t87
-    t89 = t88 + t32*t42 - t18*t80 - 15.06816*s2
-    t90 = t87 + t31*t81 - t33*t44 - t19*t30
-    t91 = t28*t32 + t27*t30 + t31*t83 + t90
+    t63 = 0.03637 - t17*t61 - t60*t62
+    t64 = t63 - 3.30783223034814e-14
+    t65 = ca.if_else(t15 > 0, ca.if_else(t58 > 0, ca.if_else(t64 > 0, 0, 1), 1), 1)
+    t66 = ca.if_else(t65 > 0, 0, -t59)
+    t67 = ca.if_else(t65 > 0, 0, -1/ca.if_else(t64 > 0, t63, 1))
+    t68 = t56*t62 - t61
+    t69 = t56*t66
+    t70 = t67*t68
+    t71 = t62*t67
+    t72 = ca.if_else(t65 > 0, 0, -t55) + t56*t69 + t68*t70
+    t73 = t69 + t68*t71
+    t74 = t66 + t62*t71
+    t75 = dq2*t8 - t18*t19 - t20*t25 - t26*t27 - tau1
+    t76 = t34 + 15.06816*c2 - t27*t31 - tau2 + t32*(t6 - 0.004)
+    t77 = t34 - tau3
+    t78 = t72*t75 + t73*t76 - t70*t77
+    t79 = t73*t75 + t74*t76 - t71*t77
+    t80 = t67*t77 - t70*t75 - t71*t76
+    t81 = t79 + t80
+    t82 = t26*t81 - t17*t27
+    t83 = t16*t19 + (c2*t35 - (t3 + t3) - t5 - t37)*t78 - dq1*(t20*t41 + t42*t43) - t18*t79 - t82
+    t84 = t82 + dq1*(t20*t44 - t28*t43) + t37*t78
+    t85 = 1.64808*s23 + t26*t78
+    t86 = t33*t41 - t85
+    t87 = t86 + t32*t42 - t18*t78 - 15.06816*s2
+    t88 = t85 + t31*t79 - t33*t44 - t19*t30
+    t89 = t28*t32 + t27*t30 + t31*t81 + t88
+    t90 = -t73
     ddq = _matrix(3, 1, [
+        t78,
+        t79,
         t80,
-        t81,
-        t82,
     ])
     dddq_dq = _matrix(3, 3, [
-        0, t68*t85 + t71*t88 - t73*t89, t73*t91 - t68*t86 - t71*t90,
-        0, t76*t89 - t73*t85 - t75*t88, t73*t86 + t75*t90 - t76*t91,
-        0, t71*t85 + t74*t88 - t75*t89, t75*t91 - t71*t86 - t74*t90,
+        0, t72*t83 + t73*t87 - t70*t86, t70*t88 - t72*t84 - t73*t89,
+        0, t73*t83 + t74*t87 - t71*t86, t71*t88 - t73*t84 - t74*t89,
+        0, t67*t86 - t70*t83 - t71*t87, t70*t84 + t71*t89 - t67*t88,
     ])
     dddq_dv = _matrix(3, 3, [
-        t45*t68 + t25*t71 - t49*t73, t48*t68 + t52*t71 - t50*t73, t51*t73 - t47*t68,
-        t49*t76 - t45*t73 - t25*t75, t50*t76 - t48*t73 - t52*t75, t47*t73 - t51*t76,
-        t45*t71 + t25*t74 - t49*t75, t48*t71 + t52*t74 - t50*t75, t51*t75 - t47*t71,
+        t45*t72 + t49*t73 - t25*t70, t48*t72 + t50*t73 - t52*t70, -(t47*t72 + t51*t73),
+        t45*t73 + t49*t74 - t25*t71, t48*t73 + t50*t74 - t52*t71, -(t47*t73 + t51*t74),
+        t25*t67 - t45*t70 - t49*t71, t52*t67 - t48*t70 - t50*t71, t47*t70 + t51*t71,
     ])
     dddq_dtau = _matrix(3, 3, [
-        -t68, t73, t72,
-        t73, -t76, t75,
-        t72, t75, -t74,
+        -t72, t90, t70,
+        t90, -t74, t71,
+        t70, t71, -t67,
     ])
     status = _matrix(1, 1, [
-        t66,
+        t65,
     ])
     return ca.Function("rrr_casadi_forward_dynamics_derivatives_nominal", [q, dq, tau], [ddq, dddq_dq, dddq_dv,
         dddq_dtau, status], ["q", "dq", "tau"], ["ddq", "dddq_dq", "dddq_dv", "dddq_dtau", "status"])

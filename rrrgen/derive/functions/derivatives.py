@@ -97,7 +97,7 @@ def forward_dynamics_derivatives(r: Recording) -> Program:
     inertias, drives = r.inertias(), r.drive_inertia()
     composition = compose(chain, dq, inertias, TWICE)
     dtau_dv = composition.coriolis_matrix()
-    factors = factorize(b, drives.added_to_mass(composition.mass_matrix()), tips_first=True)
+    factors = factorize(b, drives.added_to_mass(composition.mass_matrix()), tips_first=r.branches)
     inverse = factors.negative_inverse()
     half = [Fraction(1, 2) * rate for rate in dq]
     missing = [
@@ -163,7 +163,7 @@ def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
         return replay(derivatives, r.builder, r.inputs_of(derivatives, {Role.ACCELERATION: ddq}))
 
     bias, _, _, M = at([0] * r.n)
-    factors = factorize(r.builder, rows(r.n, M), tips_first=True)
+    factors = factorize(r.builder, rows(r.n, M), tips_first=r.branches)
     inverse = factors.negative_inverse()
     missing = [b - t for b, t in zip(bias, tau, strict=True)]
     ddq = [dot(row, missing) for row in inverse]

@@ -188,7 +188,7 @@ def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
         r.beta()
     M = rows(r.n, replay(mass, r.builder, r.inputs_of(mass))[0])
     h = replay(torques, r.builder, r.inputs_of(torques))[0]
-    factors = factorize(r.builder, M, tips_first=True)
+    factors = factorize(r.builder, M, tips_first=r.branches)
     status, ddq = factors.status, factors.solve([t - b for t, b in zip(tau, h, strict=True)])
     unit = " | ".join(part + "/s^2" for part in r.position_unit.split(" | "))
     meaning = "joint accelerations; zero when the status is not ok"

@@ -16,18 +16,6 @@ from rrrgen.program import Builder, Status, Value
 PIVOT_TOLERANCE = Fraction(1, 2**40)
 """A pivot smaller than this fraction of the diagonal entry of M counts as zero: half the digits of a double."""
 
-LEAST_DIVISOR = Fraction(1, 2**90)
-"""Divisors are at least so large (kg m^2, kg), so that their reciprocals are numbers, in float too. A pivot above its
-tolerance is smaller only where the diagonal entry of M is below 2^-50."""
-
-LARGEST_MULTIPLIER = 2**30
-"""Magnitude to which the entries of L are limited. By Cauchy-Schwarz ``L_ik^2 <= M_ii / d_k`` with ``d_k`` a pivot, so
-it is reached only where M has no positive pivots, or where two diagonal entries differ by a factor of 2^20 and a pivot
-is as small as its tolerance besides."""
-
-SHORT = 3
-"""Rows of L without limits: products of so few reciprocals and entries do not overflow."""
-
 
 def status_at(output: int) -> Status:
     """Describe the status output, number ``output``, of a program that solves with M: 1 if a pivot is not positive."""
@@ -46,9 +34,8 @@ Rows = list[list[Value]]
 class LDLFactors:
     """The factorization ``M = L D L'`` of a symmetric matrix: L (unit lower triangular), D and its reciprocals.
 
-    ``status`` is 1 if a pivot is not positive; the factors are then finite but meaningless from that pivot on. Limits
-    of divisors and of L see to that, in a way that a value analysis without relations between variables can follow.
-    With an ``order``, they are those of M with its rows and columns in this order; solutions are in the order of M.
+    ``status`` is 1 if a pivot is not positive; the factors are then finite but meaningless from that pivot on. With an
+    ``order``, they are those of M with its rows and columns in this order; solutions are in the order of M.
     """
 
     builder: Builder
@@ -109,8 +96,8 @@ def factorize(builder: Builder, M: Rows, *, tips_first: bool = False) -> LDLFact
     """The factors L, D of the symmetric matrix ``M`` (n, n), recorded into ``builder``.
 
     ``tips_first`` eliminates the last joint first: in the mass matrix of a tree, whose entries between branches are
-    zero, no entry of L between branches then differs from zero (Featherstone 2005). For a chain too
-    it costs fewer operations, where pivots and entries of the outer joints are constants.
+    zero, no entry of L between branches then differs from zero (Featherstone 2005). For a chain both orders cost the
+    same.
     """
     if tips_first:
         order = tuple(reversed(range(len(M))))
@@ -125,13 +112,11 @@ def factorize(builder: Builder, M: Rows, *, tips_first: bool = False) -> LDLFact
         pivot = M[j][j]
         for k in range(j):
             L[j][k] = b.mul(scaled[k], reciprocals[k])
-            if j >= SHORT:
-                L[j][k] = at_least(b, b.min(L[j][k], LARGEST_MULTIPLIER), -LARGEST_MULTIPLIER)
             pivot = b.sub(pivot, b.mul(L[j][k], scaled[k]))
         margin = pivot if j == 0 else b.sub(pivot, b.mul(PIVOT_TOLERANCE, M[j][j]))
         margins.append(margin)
         pivots.append(pivot)
-        reciprocals.append(b.div(1, at_least(b, b.select(margin, pivot, 1), LEAST_DIVISOR)))
+        reciprocals.append(b.div(1, b.select(margin, pivot, 1)))
         for i in range(j + 1, n):
             entry = M[i][j]
             for k in range(j):
@@ -142,11 +127,6 @@ def factorize(builder: Builder, M: Rows, *, tips_first: bool = False) -> LDLFact
     for margin in reversed(margins):
         status = b.select(margin, status, 1)
     return LDLFactors(b, L, pivots, reciprocals, status)
-
-
-def at_least(builder: Builder, x: Value, least: Fraction | int) -> Value:
-    """The larger of ``x`` and the number ``least``, recorded into ``builder``."""
-    return builder.neg(builder.min(builder.neg(x), -least))
 
 
 # ------------------------------------------------------------------------------------------------------------------
