@@ -13,12 +13,19 @@ from rrrgen.robot.file import loads_spec as loads
 
 HEAD = "schema: rrrgen/1\nname: arm\nconvention: standard\nunits: {angle: deg, length: mm}\ngravity: [0, 0, -9.81]\n"
 TWO = "joints:\n" + "".join(f"  - {{name: q{k}, type: revolute, alpha: 0, a: 300, d: 0, theta: 0}}\n" for k in (1, 2))
+LOG = """schema: rrrgen-log/1
+files: flight.csv
+time: {column: t, unit: s}
+units: {position: rad, torque: N*m}
+joints: [{name: q1, position: q_1, torque: tau_1}]
+"""
 READERS = {
     "schema: rrrgen/1": lambda text: loads(text).n,
     "schema: rrrgen-log/1": lambda text: len(loads_mapping(text).joints),
     "schema: rrrgen-controller/1": lambda text: len(loads_controller(text).joints),
     "schema: rrrgen-response/1": lambda text: len(loads_response(text).files),
     "schema: rrrgen-experiment/1": lambda text: loads_experiment(text, 3).period,
+    "base:": lambda text: len(loads_mapping(LOG + text).joints) == 7,
     "response:": lambda text: loads_experiment(f"schema: rrrgen-experiment/1\n{text}", 3).response,
     "drives:": lambda text: loads(HEAD + TWO + text).drives,
     "friction:": lambda text: loads(HEAD + TWO.replace("theta: 0}", f"theta: 0, {text.strip()}}}")).joints[0].friction,
