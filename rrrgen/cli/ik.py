@@ -68,7 +68,7 @@ def ik(
     Examples:
       rrrgen ik rrr --pose '0.2 -0.4 0.6'
       rrrgen ik puma560 --pose '0.4 0.1 0.3 0 3.1416 0' --near '0 0 0 0 0 0' --json
-      rrrgen ik hand.yaml --tip thumb --pose '0.1 0 0.2 0 0 0' --near '0 0 0 0 0 0 0 0'
+      rrrgen ik hand.yaml --tip thumb --pose '0 -1 0 .12 -1 0 0 -.06 0 0 -1 .195 0 0 0 1' --near '0 0 0 0 0 0 0 0'
     """
     from rrrgen.runtime.inverse_kinematics import load_solver
 
