@@ -102,7 +102,7 @@ def real_option(function: F) -> F:
 
 
 def ik_option(function: F) -> F:
-    """Add the option ``--ik``, how the inverse kinematics of an arm near a special geometry is solved."""
+    """Add the option ``--ik``: how the inverse kinematics is solved for an arm that is nearly of a special geometry."""
     from rrrgen.robot.file.fields import IK
 
     text = (

@@ -91,17 +91,17 @@ def eliminations(table: Sequence[Sequence[float]], slide: int | None = None, tur
     """
     chain = repr(([[float(x) for x in row] for row in table], slide, float(turn)))
     name = f"{digest(chain, compiler_hash())[:32]}.eliminations"
-    with contextlib.suppress(StorageError):  # a cache in which others may write is no reason to compute nothing
+    with contextlib.suppress(StorageError):  # a cache that others may write to is not read
         if (known := recall(name)) is not None:
             return [Elimination(*values) for values in json.loads(known)]
     found = _search(table, slide, turn)
-    with contextlib.suppress(OSError, StorageError):  # nor is one that is full or read-only
+    with contextlib.suppress(OSError, StorageError):  # the cache is optional: it may be full or read-only
         keep(name, json.dumps([astuple(each) for each in found]).encode())
     return found
 
 
 def _search(table: Sequence[Sequence[float]], slide: int | None, turn: float) -> list[Elimination]:
-    """Score all eliminations of a chain on sample poses: some seconds of processor time; see :func:`eliminations`."""
+    """Score all eliminations of a chain on sample poses, which takes about two seconds; see :func:`eliminations`."""
     rows = [(cos(alpha), sin(alpha), float(a), float(d)) for alpha, a, d in table]
     links = constant_links(rows, slide, (cos(turn), sin(turn)))
     draw = Random(6)

@@ -106,7 +106,7 @@ class Repairs:
         return found
 
     def warnings(self) -> list[str]:
-        """A sentence for every kind that affects more than :data:`WARN_SHARE` of the rows."""
+        """A sentence for every kind of fault that affects more than :data:`WARN_SHARE` of the rows."""
         return [
             f"warning: {self.recording}: {100 * finding.share:.3g} % of the rows, more than "
             f"{100 * WARN_SHARE:g} %: {finding.message}"
