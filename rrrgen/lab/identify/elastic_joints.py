@@ -330,7 +330,13 @@ class _Fit:
 
     def __init__(self, model: Any, signals: Signals, bandwidth: float) -> None:
         self.model, self.signals, self.bandwidth, self.n = model, signals, bandwidth, int(model.n)
-        self.size = np.maximum(_spread(signals.tau[0], signals.use), np.finfo(float).tiny)
+        size = _spread(signals.tau[0], signals.use)
+        largest = float(np.max(size))
+        if not largest > 0.0:
+            raise DerivationError("all torques of the recording are zero, or none of them is valid")
+        if not np.any(signals.theta[1]):
+            raise DerivationError("no joint moves in the recording")
+        self.size = np.maximum(size, 1e-9 * largest)
         self.weights = 1.0 / self.size
         if signals.link is not None:
             read = _spread(signals.theta[0] - signals.link, signals.use)

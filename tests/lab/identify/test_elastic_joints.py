@@ -124,3 +124,12 @@ def test_what_cannot_be_used_is_refused(log) -> None:
             identify_elastic_joints(model, logs, links, bandwidth)
     with pytest.raises(InputError, match="3"):
         identify_elastic_joints(rrrgen.compile("rrr"), [log])
+
+
+def test_a_recording_at_rest_is_refused(log) -> None:
+    still = replace(log, q=np.zeros_like(log.q), tau=np.zeros_like(log.q))
+    with pytest.raises(DerivationError, match="all torques of the recording are zero"):
+        identify_elastic_joints(rrrgen.compile("planar2r"), [still], bandwidth=40.0)
+    driven = replace(log, q=np.zeros_like(log.q))
+    with pytest.raises(DerivationError, match="no joint moves"):
+        identify_elastic_joints(rrrgen.compile("planar2r"), [driven], bandwidth=40.0)
