@@ -15,6 +15,11 @@ times and tau_t three times: all signals pass one low-pass filter whose derivati
 one and the same motion. The base parameters and J can only be told apart by frequencies near the antiresonance at
 which the link moves against its spring.
 
+A drive holds its torque from one sample to the next. The record, the mean over a sample about its time (or the command,
+aligned by half a sample, which is the same), is then too small by ``x cot x`` with ``x = pi f dt``: the torques of
+a wave of frequency f average to ``cos x`` of those commanded, and act with ``sin(x)/x`` of them. The filter of the
+torques makes up for it.
+
 Where encoders at the links were recorded too, their readings are further rows, ``theta - q = c (tau_t - T dtau_t)``.
 """
 
@@ -41,6 +46,7 @@ ORDERS = 5  # of the derivatives of the positions
 SHARPNESS = 4  # of the filter: its response is flat at zero up to the derivative of order 2 SHARPNESS - 1
 REACH = 9.0  # half the length of the filter in its own widths: beyond, it is zero to round-off
 LARGEST_BANDWIDTH = 1.0 / 6.0  # times the sampling rate
+HELD_BELOW = 1.4  # pi f dt up to which the record of a held torque is made up for; tan grows without bound at pi/2
 ROWS_PER_PERIOD = 3.0  # of the bandwidth
 LADDER = sqrt(2.0)  # ratio of the bandwidths that are tried
 LOWEST = 5.0  # Hz, the first of them
@@ -149,12 +155,14 @@ def identify_elastic_joints(
     links: Sequence[Log] = (),
     bandwidth: float | None = None,
     progress: Any = None,
+    held: bool = True,
 ) -> ElasticJoints:
     """Estimate the elastic joints of ``model`` from ``recordings`` of the rotors, seen at the joints.
 
     ``links`` are recordings of the link positions at the same times, one for each recording, or none. Without a
     ``bandwidth`` (Hz) of the filters, that is taken at which the stiffnesses have the smallest relative deviations.
-    ``progress(done, total, message)`` is called as the work proceeds.
+    ``progress(done, total, message)`` is called as the work proceeds. ``held`` says that the drives hold their torques
+    from one sample of the recording to the next; otherwise the record is one of torques that change smoothly.
 
     Raises InputError for recordings that do not fit the robot or each other, DerivationError if no joint shows that it
     is elastic.
@@ -172,7 +180,7 @@ def identify_elastic_joints(
     for number, each in enumerate(ladder):
         if progress is not None:
             progress(number, len(ladder), "elastic joints")
-        fits.append(_fit(model, filtered(recordings, links, each), each, fits[-1] if fits else None))
+        fits.append(_fit(model, filtered(recordings, links, each, held), each, fits[-1] if fits else None))
         vague = [fit.vagueness for fit in fits]
         if bandwidth is None and len(fits) > WORSE and min(vague[-WORSE:]) > vague[-WORSE - 1]:
             break  # wider ones add noise alone
@@ -220,10 +228,10 @@ def _ladder(most: float, duration: float) -> list[float]:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def kernels(bandwidth: float, period: float) -> list[Array]:
+def kernels(bandwidth: float, period: float, held: bool = False) -> list[Array]:
     """Symmetric FIR filters for the derivatives of order 0 to 5 of a signal below ``bandwidth`` (-3 dB, Hz).
 
-    Their frequency responses are ``(i w)^k Q(4, x)`` with ``x = (w s)^2 / 2`` and the regularized incomplete gamma
+    Those for means over a sample of what is ``held`` between samples give the derivatives of what acts. Their frequency responses are ``(i w)^k Q(4, x)`` with ``x = (w s)^2 / 2`` and the regularized incomplete gamma
     function Q: ``exp(-x) (1 + x + x^2/2 + x^3/6)``, a Gaussian that is flattened at low frequencies.
     """
     from scipy.special import gammaincc, gammainccinv
@@ -233,6 +241,9 @@ def kernels(bandwidth: float, period: float) -> list[Array]:
     size = 16 * half
     w = 2.0 * pi * np.fft.rfftfreq(size, period)
     response = gammaincc(SHARPNESS, 0.5 * (w * width) ** 2)
+    if held:
+        x = np.clip(0.5 * w * period, 1e-9, HELD_BELOW)
+        response *= np.tan(x) / x
     found = []
     for order in range(ORDERS + 1):
         kernel = np.fft.irfft(response * (1j * w) ** order, size)
@@ -240,16 +251,19 @@ def kernels(bandwidth: float, period: float) -> list[Array]:
     return found
 
 
-def filtered(recordings: Sequence[Log], links: Sequence[Log], bandwidth: float) -> Signals:
-    """Filter all stretches of the ``recordings`` and take :data:`ROWS_PER_PERIOD` rows per period of ``bandwidth``."""
+def filtered(recordings: Sequence[Log], links: Sequence[Log], bandwidth: float, held: bool) -> Signals:
+    """Filter all stretches of the ``recordings`` and take :data:`ROWS_PER_PERIOD` rows per period of ``bandwidth``.
+
+    ``held`` says that the drives hold their torques from one sample to the next.
+    """
     found: list[Signals] = []
     for recording, link in zip(recordings, links or (None,) * len(recordings), strict=True):
-        bank = kernels(bandwidth, recording.period)
+        bank, of_torque = (kernels(bandwidth, recording.period, each) for each in (False, held))
         step = max(1, int(1.0 / (ROWS_PER_PERIOD * bandwidth * recording.period)))
         positions = iter(link.parts()) if link is not None else None
         for part in recording.parts():
             beside = next(positions).q if positions is not None else None
-            for signals in _stretch(part.aligned(), beside, bank, step):
+            for signals in _stretch(part.aligned(), beside, bank, of_torque, step):
                 found.append(signals._replace(stretch=np.full(len(signals.t), len(found), np.int64)))
     if not found:
         raise InputError(f"every stretch of the recording is shorter than a filter of {bandwidth:.3g} Hz")
@@ -259,8 +273,13 @@ def filtered(recordings: Sequence[Log], links: Sequence[Log], bandwidth: float) 
     return Signals(joined[0], joined[1], joined[2], joined[3], link_rows, use, stretch)
 
 
-def _stretch(part: Any, link: Array | None, bank: Sequence[Array], step: int) -> Iterator[Signals]:
-    """The rows of one stretch, none where it is too short: the sign of the speed is filtered twice."""
+def _stretch(
+    part: Any, link: Array | None, bank: Sequence[Array], of_torque: Sequence[Array], step: int
+) -> Iterator[Signals]:
+    """The rows of one stretch, none where it is too short: the sign of the speed is filtered twice.
+
+    ``bank`` are the filters of all signals but the torque, which has its own, ``of_torque``.
+    """
     from scipy.ndimage import minimum_filter1d
     from scipy.signal import fftconvolve
 
@@ -268,15 +287,15 @@ def _stretch(part: Any, link: Array | None, bank: Sequence[Array], step: int) ->
     if len(part) <= 4 * half + step:
         return
 
-    def through(x: Array, order: int) -> Array:
-        return np.asarray(fftconvolve(x, bank[order][:, None], mode="valid", axes=0))
+    def through(x: Array, order: int, filters: Sequence[Array] = bank) -> Array:
+        return np.asarray(fftconvolve(x, filters[order][:, None], mode="valid", axes=0))
 
     mean = part.q.mean(axis=0)  # of which no derivative is to have round-off
     speed = through(part.q - mean, 1)
     inner = slice(half, len(part) - half)  # the samples at which the speed is known
     theta = np.stack([through((part.q - mean)[inner], order)[::step] for order in range(ORDERS + 1)])
     theta[0] += mean
-    tau = np.stack([through(part.tau[inner], order)[::step] for order in range(ORDERS - 1)])
+    tau = np.stack([through(part.tau[inner], order, of_torque)[::step] for order in range(ORDERS - 1)])
     sign = np.stack([through(np.sign(speed), order)[::step] for order in range(ORDERS - 1)])
     one = np.zeros_like(sign)
     one[0] = 1.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from rrrgen.base.errors import require
 from rrrgen.lab.studies.options import StudyOptions, option, with_changes
@@ -33,6 +33,12 @@ class ElasticJointsOptions(StudyOptions):
         "Bandwidth of the filters; by default the one at which the stiffnesses have the smallest relative deviations.",
         unit="Hz",
         above=0.0,
+    )
+    torques: Literal["held", "smooth"] = option(
+        "held",
+        "Whether the drives hold their torques between two samples of the recording, as those of a sampled controller "
+        "do, or the recorded torques change smoothly.",
+        shown=True,
     )
 
 
@@ -128,6 +134,7 @@ def _estimate(
     from rrrgen.lab.identify.elastic_joints import identify_elastic_joints
 
     positions = () if beside is None else beside.load(findings)
-    found = identify_elastic_joints(arm.model, logs.load(findings), positions, chosen.bandwidth, progress)
+    held = chosen.torques == "held"
+    found = identify_elastic_joints(arm.model, logs.load(findings), positions, chosen.bandwidth, progress, held)
     names, units = found.parameters(arm.spec)
     return ElasticJointsResult(names, found.values.ravel(), found.std.ravel(), units, found.notes, found, run=run)

@@ -78,12 +78,32 @@ def test_derivatives_of_the_filter_are_exact() -> None:
     assert np.abs(middle).max() == pytest.approx(np.sqrt(0.5), rel=1e-3)
 
 
+def test_means_of_held_torques_are_those_that_act() -> None:
+    """The mean over a sample of a torque that is held from sample to sample, against the one that moves the arm.
+
+    The motion sees the integral of the steps; the lines beside it, around multiples of the rate, pass no filter.
+    """
+    rate, f, fine = 500.0, 60.0, 64
+    k = np.arange(2000)
+    held = np.exp(2j * np.pi * f * k / rate)
+    recorded_mean = 0.5 * (held + np.roll(held, 1))
+    acting = np.repeat(held, fine)
+    t = np.arange(len(acting)) / (rate * fine) + 0.5 / (rate * fine)
+    wave = np.mean(acting * np.exp(-2j * np.pi * f * t))  # of the same frequency within the steps
+    kernel = kernels(60.0, 1.0 / rate, held=True)[0]
+    passed = [np.convolve(part, kernel, mode="valid") for part in (recorded_mean.real, recorded_mean.imag)]
+    at = k[len(kernel) // 2 : -(len(kernel) // 2)] / rate
+    found = np.mean((passed[0] + 1j * passed[1])[1:] / np.exp(2j * np.pi * f * at[1:]))
+    assert found == pytest.approx(wave * np.sqrt(0.5), rel=1e-3)
+
+
 def test_the_truth_is_found_from_the_motors_alone(found) -> None:
     truth = np.column_stack([STIFFNESS, DAMPING, ROTOR, VISCOUS, COULOMB])
     got, std = found.values[:, :5], found.std[:, :5]
     np.testing.assert_allclose(got[:, [0, 2]], truth[:, [0, 2]], rtol=0.01)
     assert np.abs(got - truth)[:, [1, 3, 4]] == pytest.approx(0.0, abs=0.1 * truth[:, [1, 3, 4]].max())
     assert (std[:, 0] < 0.01 * got[:, 0]).all()
+    assert (np.abs(got - truth)[:, 2] < 3.0 * std[:, 2]).all()  # five, where the mean over a sample was left in
     beta = rrrgen.compile("planar2r").beta
     np.testing.assert_allclose(found.beta, beta, atol=0.01 * np.abs(beta).max())
     assert (found.error < 0.03).all()
