@@ -266,7 +266,9 @@ STUDIES: dict[str, Callable[[int, str, int], Iterator[str]]] = {
 @click.argument("names", nargs=-1, type=click.Choice(list(STUDIES)))
 @click.option("--sets", default=40, help="Number of sets a case.")
 @click.option("--robot", default="puma560", help="Robot file or name of a bundled robot.")
-@click.option("--first", default=0, help="Seed of the first set; the others follow. No level was chosen on 1000 and more.")
+@click.option(
+    "--first", default=0, help="Seed of the first set; the others follow. No level was chosen on 1000 and more."
+)
 def main(names: tuple[str, ...], sets: int, robot: str, first: int) -> None:
     """Run the studies NAMES, all of them without one."""
     for name in names or tuple(STUDIES):
