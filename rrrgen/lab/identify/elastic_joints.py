@@ -231,8 +231,9 @@ def _ladder(most: float, duration: float) -> list[float]:
 def kernels(bandwidth: float, period: float, held: bool = False) -> list[Array]:
     """Symmetric FIR filters for the derivatives of order 0 to 5 of a signal below ``bandwidth`` (-3 dB, Hz).
 
-    Those for means over a sample of what is ``held`` between samples give the derivatives of what acts. Their frequency responses are ``(i w)^k Q(4, x)`` with ``x = (w s)^2 / 2`` and the regularized incomplete gamma
-    function Q: ``exp(-x) (1 + x + x^2/2 + x^3/6)``, a Gaussian that is flattened at low frequencies.
+    Their frequency responses are ``(i w)^k Q(4, x)`` with ``x = (w s)^2 / 2`` and the regularized incomplete gamma
+    function Q: ``exp(-x) (1 + x + x^2/2 + x^3/6)``, a Gaussian that is flattened at low frequencies. Those for means
+    over a sample of what is ``held`` between samples give the derivatives of what acts.
     """
     from scipy.special import gammaincc, gammainccinv
 
