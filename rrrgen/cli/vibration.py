@@ -221,7 +221,7 @@ def _print(record: dict[str, Any]) -> None:
             parts.append(f"notch of width {each['notch']['width']:.3g} leaves a peak of {each['notch']['peak']:.3g}")
         say("; ".join(parts))
     for frequency in record["left_out"]:
-        say(f"{frequency:.4g} Hz is left out: the recording hardly tells it (--mode states modes)")
+        say(f"{frequency:.4g} Hz is left out: the recording hardly determines it (--mode states modes)")
     if "shaper" in record:
         say(f"the shaped reference ends {1e3 * record['shaper']['duration']:.4g} ms later")
     if "phase_lag" in record:

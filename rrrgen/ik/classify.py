@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from rrrgen.base.errors import DerivationError
 from rrrgen.base.small_matrices import singular_values
 from rrrgen.ik import families
-from rrrgen.ik.geometry.chain import Chain, extended, numeric_chain
+from rrrgen.ik.geometry.chain import KinematicChain, extended, numeric_chain
 from rrrgen.ik.geometry.mechanism import coupling_of, largest_tilt, solved_chain
 from rrrgen.ik.geometry.nearly_special import changes, deviation, nearest_special, snapped, with_near_frames
 from rrrgen.ik.plan import ARM_ANGLE, NominalFirst, SolverPlan
@@ -135,7 +135,7 @@ def _with_tilts(found: SolverPlan) -> SolverPlan:
 
 
 @lru_cache(maxsize=16)
-def _planned(chain: Chain, redundancy: int | None) -> SolverPlan:
+def _planned(chain: KinematicChain, redundancy: int | None) -> SolverPlan:
     """Plan a chain as :func:`plan_chain` does, and remember the plans of the last 16 chains.
 
     The writers of the sources, of the self-test and of the manifest all ask for the plan of the same chain.
@@ -143,7 +143,7 @@ def _planned(chain: Chain, redundancy: int | None) -> SolverPlan:
     return plan_chain(chain, redundancy)
 
 
-def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
+def plan_chain(chain: KinematicChain, redundancy: int | None = None) -> SolverPlan:
     """Plan the inverse kinematics of a chain in normal form; ``redundancy`` (from 0) prescribes that joint.
 
     The chain is first planned as it is. Where that needs a quartic or a polynomial of higher degree, or fails, small
@@ -171,7 +171,7 @@ def plan_chain(chain: Chain, redundancy: int | None = None) -> SolverPlan:
     return general
 
 
-def _best(chain: Chain, special: Chain, redundancy: int | None) -> tuple[int, SolverPlan]:
+def _best(chain: KinematicChain, special: KinematicChain, redundancy: int | None) -> tuple[int, SolverPlan]:
     """Find the cheapest plan for the chain ``special`` that finds random configurations again: (cost, plan).
 
     ``special`` is ``chain``, or a simpler arm close to it. Where no plan works, the result is (UNSOLVED, a plan of the
@@ -194,7 +194,7 @@ def _best(chain: Chain, special: Chain, redundancy: int | None) -> tuple[int, So
     return UNSOLVED, _none(chain, families.reason(special, pose_rank, redundancy))
 
 
-def _pose_plans(chain: Chain) -> list[tuple[int, SolverPlan]]:
+def _pose_plans(chain: KinematicChain) -> list[tuple[int, SolverPlan]]:
     options = list(families.pose_plans(chain))
     if chain.n < 6:
         for solving, count in _virtual_chains(chain):
@@ -203,7 +203,7 @@ def _pose_plans(chain: Chain) -> list[tuple[int, SolverPlan]]:
     return options
 
 
-def _virtual_chains(chain: Chain) -> Iterator[tuple[Chain, int]]:
+def _virtual_chains(chain: KinematicChain) -> Iterator[tuple[KinematicChain, int]]:
     """Extend a chain to six joints (to three, if it has one or two) by virtual joints at its tip or its base."""
     wanted = 3 if chain.n < 3 else 6
     count = wanted - chain.n
@@ -212,7 +212,7 @@ def _virtual_chains(chain: Chain) -> Iterator[tuple[Chain, int]]:
         yield extended(chain, count, at_base=at_base, shift=shift, turn=turn), count
 
 
-def _redundant_plans(chain: Chain, redundancy: int | None) -> list[tuple[int, SolverPlan]]:
+def _redundant_plans(chain: KinematicChain, redundancy: int | None) -> list[tuple[int, SolverPlan]]:
     options: list[tuple[int, SolverPlan]] = []
     if redundancy is None:
         options += families.arm_angle_plans(chain)
@@ -226,7 +226,7 @@ def _redundant_plans(chain: Chain, redundancy: int | None) -> list[tuple[int, So
     return options
 
 
-def generic_ranks(chain: Chain) -> tuple[int, int]:
+def generic_ranks(chain: KinematicChain) -> tuple[int, int]:
     """Largest ranks, over three random configurations, of the Jacobians of the tip position and of the tip pose."""
     draw = Random(7)
     position = pose = 0
@@ -246,7 +246,7 @@ def _rank(rows: list[list[float]]) -> int:
     return sum(value > RANK * max(values[0], 1e-300) for value in values)
 
 
-def _dependent(chain: Chain, rank: int, redundancy: int | None) -> str:
+def _dependent(chain: KinematicChain, rank: int, redundancy: int | None) -> str:
     if redundancy is not None and rank == chain.n:
         return "no joint can be prescribed: the arm is not redundant"
     free = chain.n - rank
@@ -264,6 +264,6 @@ def _only_nearby(reason: str) -> str:
     )
 
 
-def _none(chain: Chain, reason: str) -> SolverPlan:
+def _none(chain: KinematicChain, reason: str) -> SolverPlan:
     task = "position" if chain.n <= 3 else "pose"
     return SolverPlan("none", "no closed form", task, chain, chain, reason=reason)  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ from typing import Any
 
 from rrrgen.base.errors import DerivationError, InternalError
 from rrrgen.base.small_matrices import singular_values
-from rrrgen.ik.geometry.chain import Chain, arm_angle, multiply, translation
+from rrrgen.ik.geometry.chain import KinematicChain, arm_angle, multiply, translation
 from rrrgen.ik.geometry.loop import Loop, commuted, straightened
 from rrrgen.ik.geometry.rigid_transforms import Crossing, rigid
 from rrrgen.ik.plan import ARM_ANGLE, Singularity, SolverPlan, record, solving_loop
@@ -28,7 +28,7 @@ from rrrgen.ik.tolerances import ALONG, DEPENDENT, FOUND, NEARLY_DEPENDENT
 Options = Iterator[tuple[int, SolverPlan]]
 
 
-def position_plans(chain: Chain) -> Options:
+def position_plans(chain: KinematicChain) -> Options:
     """Plans, each with its cost, for the position of the tip of a chain with one to three joints."""
     if chain.n == 3:
         base, tip = rigid(chain.base), rigid(chain.tip)
@@ -45,7 +45,7 @@ def position_plans(chain: Chain) -> Options:
         )
 
 
-def pose_plans(chain: Chain, locked: int | None = None) -> Options:
+def pose_plans(chain: KinematicChain, locked: int | None = None) -> Options:
     """Plans for the pose of the tip with the joints of ``chain`` (without the locked one), each with its cost."""
     loop = structure(chain, locked)
     yield from _structured_plans(chain, loop, locked, None)
@@ -58,7 +58,7 @@ def pose_plans(chain: Chain, locked: int | None = None) -> Options:
                 yield from _structured_plans(chain, moved, locked, (i, direction))
 
 
-def _general_plans(chain: Chain, locked: int | None) -> Options:
+def _general_plans(chain: KinematicChain, locked: int | None) -> Options:
     """Plan for six joints without special geometry, solved by variable elimination; none where they are dependent.
 
     The cost is lower for six revolute joints than with a prismatic one; on a seven-joint arm lower where the last joint
@@ -74,7 +74,7 @@ def _general_plans(chain: Chain, locked: int | None) -> Options:
     yield 40 + 2 * slides + (locked == 0) + 4 * (steepness < NEARLY_DEPENDENT), plan
 
 
-def _steepness(chain: Chain, locked: int) -> float:
+def _steepness(chain: KinematicChain, locked: int) -> float:
     """Measure how independent the joints besides ``locked`` are: between 0 (dependent) and 1.
 
     The result is the median, over nine random configurations, of the ratio of the smallest to the largest singular
@@ -93,7 +93,9 @@ def _steepness(chain: Chain, locked: int) -> float:
     return median(ratios)
 
 
-def _structured_plans(chain: Chain, loop: Loop, locked: int | None, commute: tuple[int, int] | None) -> Options:
+def _structured_plans(
+    chain: KinematicChain, loop: Loop, locked: int | None, commute: tuple[int, int] | None
+) -> Options:
     names = [f"{joint.index + 1}" for joint in loop.joints]
     m = len(loop.joints)
     straight = straightened(loop)
@@ -132,7 +134,7 @@ def _lifts(frame: Frame) -> bool:
     return abs(abs(float(axis[2])) - 1) < ALONG
 
 
-def arm_angle_plans(chain: Chain) -> Options:
+def arm_angle_plans(chain: KinematicChain) -> Options:
     """Plan for a seven-joint arm with spherical shoulder and wrist, whose redundancy parameter is the arm angle."""
     loop = structure(chain, None)
     if is_elbow7(loop):
@@ -141,7 +143,7 @@ def arm_angle_plans(chain: Chain) -> Options:
         yield 0, SolverPlan("elbow7", title, "pose", chain, chain, locked=ARM_ANGLE, redundancy=words)
 
 
-def structure(chain: Chain, locked: int | None) -> Loop:
+def structure(chain: KinematicChain, locked: int | None) -> Loop:
     """Build the loop without joint ``locked`` at an arbitrary pose, to classify the arm by its constant links."""
     # any pose will do; an irregular one avoids accidental zeros
     T = chain.tip_pose([0.1 + 0.37 * k for k in range(1, 2 + max(j.index for j in chain.joints))])
@@ -183,7 +185,7 @@ def works(plan: SolverPlan, trials: int) -> bool:
     return True
 
 
-def _eliminates(chain: Chain, locked: int | None) -> bool:
+def _eliminates(chain: KinematicChain, locked: int | None) -> bool:
     """Whether some elimination for six joints is usable on this chain, as judged on sample poses."""
     try:
         tables_of(chain, locked)
@@ -202,7 +204,7 @@ def parameter(plan: SolverPlan, q: Any) -> float:
     return arm_angle(plan.solving, q) if plan.locked == ARM_ANGLE else float(q[plan.locked])
 
 
-def _same(chain: Chain, row: list[float], q: Any) -> bool:
+def _same(chain: KinematicChain, row: list[float], q: Any) -> bool:
     if len(row) < len(q):
         return False
     return all(
@@ -226,7 +228,7 @@ def equipped(plan: SolverPlan) -> SolverPlan | None:
     return described(replace(plan, solver=solver, max_solutions=solver.max_solutions), solver.stages)
 
 
-def reason(chain: Chain, rank: int, redundancy: int | None = None) -> str:
+def reason(chain: KinematicChain, rank: int, redundancy: int | None = None) -> str:
     """Text that says why no closed form fits a chain whose joints move the tip in ``rank`` independent directions."""
     if redundancy is not None:
         return f"with joint {redundancy + 1} prescribed, the others fit none of the families"

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from rrrgen.base.errors import InternalError
-from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
+from rrrgen.ik.geometry.chain import Joint, KinematicChain, Matrix
 from rrrgen.ik.geometry.loop import Loop, close, commuted, lock, straightened
 from rrrgen.ik.geometry.rigid_transforms import Crossing, Vector, minus, rigid, rotate, transposed
 from rrrgen.ik.recording.builder import DerivationBuilder, Turn
@@ -97,8 +97,8 @@ class SolverPlan:
     family: Family
     title: str
     task: Task
-    chain: Chain
-    solving: Chain
+    chain: KinematicChain
+    solving: KinematicChain
     max_solutions: int = 0
     first: int = 0
     commute: tuple[int, int] | None = None
@@ -158,7 +158,7 @@ def record(plan: SolverPlan) -> Solver:
     return recorder.solver(plan.chain.n)
 
 
-def record_exactly(plan: SolverPlan, chain: Chain) -> Solver | None:
+def record_exactly(plan: SolverPlan, chain: KinematicChain) -> Solver | None:
     """Record the equations of ``plan`` with the exact numbers and symbols of ``chain``, the same arm as its own chain.
 
     None where a decision of the derivation needs numbers, or is taken otherwise with symbols than with numbers.
@@ -179,7 +179,7 @@ def _exact(x: Any) -> Any:
     return x if isinstance(x, sp.Basic) else sp.Rational(repr(float(x)))
 
 
-def derive(b: DerivationBuilder, plan: SolverPlan, chain: Chain | None = None) -> None:
+def derive(b: DerivationBuilder, plan: SolverPlan, chain: KinematicChain | None = None) -> None:
     """Derive the equations of ``plan`` on the builder ``b``, with the exact numbers of ``chain`` if it is given."""
     solving = chain or plan.solving
     reach = plan.solving.reach
@@ -197,7 +197,7 @@ def derive(b: DerivationBuilder, plan: SolverPlan, chain: Chain | None = None) -
 
 
 def solving_loop(
-    b: DerivationBuilder, chain: Chain, locked: int | None, commute: tuple[int, int] | None = None
+    b: DerivationBuilder, chain: KinematicChain, locked: int | None, commute: tuple[int, int] | None = None
 ) -> Loop:
     """Build the loop that is solved: the chain closed by the target, without the prescribed joint ``locked``.
 
@@ -229,7 +229,7 @@ def _derive_loop(b: DerivationBuilder, plan: SolverPlan, loop: Loop, reach: floa
         raise InternalError(f"no equations for the family {plan.family}")
 
 
-def derive_position(b: DerivationBuilder, chain: Chain, reach: float, last_link: Matrix | None = None) -> None:
+def derive_position(b: DerivationBuilder, chain: KinematicChain, reach: float, last_link: Matrix | None = None) -> None:
     """Derive three joints from the position p of the tip: base J1 L1 J2 L2 J3 tip = p. ``reach`` is in m.
 
     With a ``last_link``, the tip is the tool that the builder has as an input, carried by that transform.

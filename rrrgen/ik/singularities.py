@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from rrrgen.ik.geometry.chain import Chain, multiply
+from rrrgen.ik.geometry.chain import KinematicChain, multiply
 from rrrgen.ik.geometry.symbolic_chain import symbolic_chain
 from rrrgen.ik.plan import Singularity, SolverPlan
 
@@ -62,7 +62,7 @@ def singular_sets(spec: RobotSpec, plan: SolverPlan) -> tuple[Singularity, ...]:
     factors of det(dp/dq) of the first three joints, with p the wrist centre, and the sine of the middle wrist joint.
     """
     chain, _ = symbolic_chain(spec, plan)
-    arm: Chain | None = None
+    arm: KinematicChain | None = None
     extra: list[Singularity] = []
     if plan.family == "position":
         arm = chain
@@ -85,7 +85,7 @@ def singular_sets(spec: RobotSpec, plan: SolverPlan) -> tuple[Singularity, ...]:
     return (*factors, *extra)
 
 
-def determinant(arm: Chain) -> sp.Expr:
+def determinant(arm: KinematicChain) -> sp.Expr:
     """Determinant of the Jacobian dp/dq (3 x 3) of a three-joint chain, p the position of its tip, in factored form.
 
     The constant transform of the base is left out, because its rotation does not change the determinant. For the RRR

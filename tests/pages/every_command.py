@@ -27,6 +27,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import rrrgen
 from pages.reader import compare
 from pages.test_pages import PAGES, ROOT, blocks
+from robot.file import par_files
+from robot.file.test_ur_calibration import FAR_AWAY
+from robot.importers.test_importing import urdf_of_two_arms
+from robot.importers.urdf_files import ARM
 from rrrgen.cli.commands import COMMANDS, load_command
 from rrrgen.cli.main import run
 from rrrgen.lab.data import figure_style as figures
@@ -36,25 +40,18 @@ TESTED = ("README.md", "CONTRIBUTING.md", "docs/first-")
 
 ELSEWHERE = {
     "pip install": "tests/emit/targets/test_wheel.py installs a wheel; the dependencies of rrrgen need an index",
-    "colcon": "needs ROS 2",
+    "colcon build": "needs ROS 2",
     "examples/tx40": "needs measured data, which examples/README.md says where to get",
     "examples/emps": "needs measured data, which examples/README.md says where to get",
     "examples/flexible_arm": "needs measured data, which examples/README.md says where to get",
     "rrrgen experiment case-study": "tests/lab/experiment/test_case_study.py",
-    "--presliding": "tests/lab/friction/test_estimation.py",
-    "rrrgen experiment friction": "tests/lab/friction/test_estimation.py, with the other joints locked",
-    "RX90.par": "tests/robot/file/test_open_symoro.py",
-    "panda_link8": "tests/robot/importers/test_serial_chain.py, with a URDF of the Panda",
+    "--presliding": "tests/lab/friction/test_estimation.py, on recordings of a joint with bristles",
     "rrrgen experiment elastic-joints": "tests/lab/studies/test_estimate_elastic_joints.py",
     "rrrgen response linearise": "tests/lab/experiment/test_response_experiment.py",
-    "make-robot": "tests/cli/test_main.py",
     "pytest tests/": "is itself a test",
     "make playground": "tests/emit/html/test_playground.py builds the page and visits it",
     "rrrgen playground": "tests/emit/html/test_playground.py builds the page and visits it",
-    "my_ur5": "needs a calibration file of a Universal Robots arm; tests/robot/importers/test_importing.py",
     "my_arm_calibrated": "docs/first-calibration.md, whose lines are run",
-    "torso.urdf": "tests/cli/test_import_robot.py",
-    "arm.par": "tests/robot/file/test_open_symoro.py",
 }
 """Words of commands that are not run here, and why."""
 
@@ -111,6 +108,17 @@ CELL = """
 """
 
 
+OTHER_FILES = {
+    "cell.xml": CELL,
+    "panda.urdf": ARM.replace('"tool"', '"panda_link8"'),
+    "torso.urdf": urdf_of_two_arms().replace('"right_lower"', '"right_hand"'),
+    "arm.par": par_files.text(par_files.SLIDING | par_files.inertia(3, 1)),
+    "RX90.par": par_files.text(par_files.ELBOW | par_files.inertia(6), gravity="0,0,G3"),
+    "my_ur5.yaml": FAR_AWAY,
+}
+"""Files of other programs that the pages import, by their names."""
+
+
 def presupposed(names: tuple[str, str, str]) -> None:
     """Write the files that the pages presuppose into the working directory, for an arm with these joints."""
     arm = (ROBOTS / "rrr.yaml").read_text(encoding="utf-8")
@@ -128,7 +136,8 @@ def presupposed(names: tuple[str, str, str]) -> None:
     Path("loaded.yaml").write_text(loaded, encoding="utf-8")
     Path("panda.yaml").write_text((ROBOTS / "panda.yaml").read_text(encoding="utf-8"), encoding="utf-8")
     shutil.copy(ROOT / "examples/trees/hand.yaml", "hand.yaml")
-    Path("cell.xml").write_text(CELL, encoding="utf-8")
+    for file, text in OTHER_FILES.items():
+        Path(file).write_text(text, encoding="utf-8")
     page = (ROOT / "docs/virtual-robot.md").read_text(encoding="utf-8")
     (experiment,) = (text for text in blocks(page, "yaml") if text.startswith("schema: rrrgen-experiment/1"))
     Path("experiment.yaml").write_text(experiment, encoding="utf-8")
@@ -199,7 +208,8 @@ def printed(line: str) -> tuple[int, str]:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
             code = run(shlex.split(words)[1:])
         return code, out.getvalue()
-    shell = f'rrrgen() {{ {sys.executable} -m rrrgen "$@"; }}\npython() {{ {sys.executable} "$@"; }}\n{words}'
+    functions = f'rrrgen() {{ {sys.executable} -m rrrgen "$@"; }}\npython() {{ {sys.executable} "$@"; }}'
+    shell = f"{functions}\nmake-robot() {{ cat my_arm.yaml; }}\n{words}"
     environment = {**os.environ, "HOME": os.getcwd()}
     if Path(rrrgen.__file__).is_relative_to(ROOT):
         environment["PYTHONPATH"] = str(ROOT)

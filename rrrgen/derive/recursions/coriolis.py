@@ -68,7 +68,7 @@ class JointOffset:
 
 
 @dataclass(frozen=True)
-class Dyad:
+class BodyDyad:
     """First moments of the relative velocity of a body: the dyad ``A`` (3, 3) and the relative momentum ``P`` (3,).
 
     With rho the vector from the origin to a point of the body, ``A = integral of (d rho/dt) rho' dm``, kg m^2/s, and
@@ -80,17 +80,17 @@ class Dyad:
     h: Vector
     m: Any
 
-    def shifted(self, p: Vector, rate: Vector) -> Dyad:
+    def shifted(self, p: Vector, rate: Vector) -> BodyDyad:
         """The dyad about a new origin; ``p`` is the vector from there to the present one, ``rate`` its velocity."""
         h = add(self.h, scale(self.m, p))
         A = [[self.A[r][c] + self.P[r] * p[c] + rate[r] * h[c] for c in range(3)] for r in range(3)]
-        return Dyad(A, add(self.P, scale(self.m, rate)), h, self.m)
+        return BodyDyad(A, add(self.P, scale(self.m, rate)), h, self.m)
 
-    def rotated(self, R: Matrix) -> Dyad:
+    def rotated(self, R: Matrix) -> BodyDyad:
         """The dyad in another frame; ``R`` (3, 3) is the orientation of the present frame in that one."""
-        return Dyad(product(product(R, self.A), transpose(R)), times(R, self.P), times(R, self.h), self.m)
+        return BodyDyad(product(product(R, self.A), transpose(R)), times(R, self.P), times(R, self.h), self.m)
 
-    def rotated_z(self, c: Any, s: Any) -> Dyad:
+    def rotated_z(self, c: Any, s: Any) -> BodyDyad:
         """The dyad rotated about z by the angle with cosine ``c`` and sine ``s``.
 
         The upper left 2x2 block takes four products; its trace, which a rotation does not change, is reused.
@@ -102,12 +102,12 @@ class Dyad:
         xz, yz, _ = rotate_z(c, s, [A[0][2], A[1][2], 0])
         zx, zy, _ = rotate_z(c, s, [A[2][0], A[2][1], 0])
         plane = [[xx, A[0][1] + shear, xz], [A[1][0] + shear, (A[0][0] + A[1][1]) - xx, yz]]
-        return Dyad([*plane, [zx, zy, A[2][2]]], rotate_z(c, s, self.P), rotate_z(c, s, self.h), self.m)
+        return BodyDyad([*plane, [zx, zy, A[2][2]]], rotate_z(c, s, self.P), rotate_z(c, s, self.h), self.m)
 
-    def plus(self, other: Dyad) -> Dyad:
+    def plus(self, other: BodyDyad) -> BodyDyad:
         """The dyad of two bodies together, about the same origin and in the same frame."""
         A = [add(x, y) for x, y in zip(self.A, other.A, strict=True)]
-        return Dyad(A, add(self.P, other.P), add(self.h, other.h), self.m + other.m)
+        return BodyDyad(A, add(self.P, other.P), add(self.h, other.h), self.m + other.m)
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class CompositeBody:
     """The composite body of a joint: pseudo-inertia ``J``, ``dyad``, and ``zdot`` (3,), the rate of the joint axis."""
 
     J: PseudoInertia
-    dyad: Dyad
+    dyad: BodyDyad
     zdot: Vector
 
 
@@ -274,13 +274,13 @@ def _dyads(
     motion: Sequence[BlockVelocity],
     joint_offsets: Sequence[JointOffset],
     factor: int,
-) -> list[Dyad]:
+) -> list[BodyDyad]:
     """The dyads of the composite bodies, one per joint, computed from the tip to the base.
 
     The last link of a block is added in its own link frame, because the next block begins there. ``motion`` are the
     velocities of the links, ``factor`` is the multiple of them that is used.
     """
-    result: dict[int, Dyad] = {}
+    result: dict[int, BodyDyad] = {}
     for i in reversed(range(chain.n)):
         joint, J = chain.joints[i], inertias[i]
         omega = scale(factor, motion[i].omega)
@@ -300,16 +300,16 @@ def _dyads(
     return [result[i] for i in range(chain.n)]
 
 
-def _at_link_before(joint: ChainJoint, dyad: Dyad, joint_offset: JointOffset) -> Dyad:
+def _at_link_before(joint: ChainJoint, dyad: BodyDyad, joint_offset: JointOffset) -> BodyDyad:
     """The dyad of the first joint of a block, moved to the origin and frame of the previous link."""
     at_foot = dyad if joint.revolute else dyad.shifted(joint_offset.slide, joint_offset.slide_rate)
     return at_foot.rotated(joint.R).shifted(joint_offset.p, joint_offset.rate)
 
 
-def _link_dyad(J: PseudoInertia, omega: Vector) -> Dyad:
+def _link_dyad(J: PseudoInertia, omega: Vector) -> BodyDyad:
     S = [[J.Jxx, J.Jxy, J.Jxz], [J.Jxy, J.Jyy, J.Jyz], [J.Jxz, J.Jyz, J.Jzz]]
     h = [J.hx, J.hy, J.hz]
-    return Dyad(transpose([cross(omega, column) for column in S]), cross(omega, h), h, J.m)
+    return BodyDyad(transpose([cross(omega, column) for column in S]), cross(omega, h), h, J.m)
 
 
 def _shifted_wrenches(

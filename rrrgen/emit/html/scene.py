@@ -19,7 +19,7 @@ from rrrgen.robot.model.mechanism import FollowerLimits, follower_limits, refuse
 
 if TYPE_CHECKING:
     from rrrgen.base.arrays import Array
-    from rrrgen.ik.geometry.chain import Chain
+    from rrrgen.ik.geometry.chain import KinematicChain
     from rrrgen.robot.spec import JointSpec, RobotSpec
 
 
@@ -261,7 +261,7 @@ def _bent(spec: RobotSpec, ends: list[tuple[float, float]], up: list[float] | No
     return best[1]
 
 
-def _low(chain: Chain, y: list[float], up: list[float]) -> bool:
+def _low(chain: KinematicChain, y: list[float], up: list[float]) -> bool:
     """Whether a frame of the chain is below its base."""
     heights = [sum(u * row[3] for u, row in zip(up, frame, strict=True)) for frame in chain.frames(y)]
     return bool(min(heights[1:]) < heights[0] - 0.02 * chain.reach * hypot(*up))

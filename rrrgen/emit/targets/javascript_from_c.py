@@ -118,7 +118,7 @@ def _place(type_: _Type, terms: Sequence[str], shift: int) -> _Value:
 
 
 @dataclass
-class _Function:
+class _CFunction:
     """A C function: its comment, result, parameters and the tokens of its body."""
 
     name: str
@@ -153,7 +153,7 @@ class _Unit:
     def __init__(self) -> None:
         self.types: dict[str, _Type] = dict(_TYPES)
         self.constants: dict[str, int] = {}
-        self.functions: dict[str, _Function] = {}
+        self.functions: dict[str, _CFunction] = {}
         self.tables: dict[str, _Value] = {}
         self.used = {"F64": 1, "I32": 1}  # place 0 is the null pointer
         self.initial: list[str] = []
@@ -236,7 +236,7 @@ class _Unit:
         if cursor.take(";"):
             return
         result = _Type("pointer", base) if stars else base
-        self.functions[name] = _Function(name, comment, result, parameters, cursor.block())
+        self.functions[name] = _CFunction(name, comment, result, parameters, cursor.block())
 
     def _named_type(self, cursor: _Cursor) -> None:
         if cursor.peek().text == "enum":
@@ -355,7 +355,7 @@ class _Unit:
         while wanted:
             now = wanted.pop()
             if now not in texts:
-                body = _Body(self, self.functions[now])
+                body = _Translation(self, self.functions[now])
                 texts[now] = body.lines()
                 wanted += body.called
         places: dict[str, int | Mapping[str, int]] = {}
@@ -458,11 +458,11 @@ def _statements_and_comments(tokens: Sequence[_Token]) -> Iterator[_Token]:
 
 
 @dataclass
-class _Body:
+class _Translation:
     """Translates the body of one function."""
 
     unit: _Unit
-    function: _Function
+    function: _CFunction
     called: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:

@@ -90,7 +90,7 @@ def joint_types(joints: Sequence[Joint]) -> str:
 
 
 @dataclass(frozen=True)
-class Chain:
+class KinematicChain:
     """A serial chain in the form of this module: ``base``, the ``joints`` with ``links`` between them, and ``tip``.
 
     ``links[i]`` is the constant transform between ``joints[i]`` and ``joints[i+1]``; ``base`` (K_0) comes before the
@@ -247,7 +247,7 @@ def _twisted(link: Link, twist: Twist) -> Link:
     return replace(link, a=twist.a, ca=ca, sa=sa)
 
 
-def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> Chain:
+def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> KinematicChain:
     """Convert a robot description to a chain of exact SymPy numbers.
 
     The geometric parameters take their nominal values or, with ``nominal=False``, remain symbols. A link ends with the
@@ -270,15 +270,15 @@ def exact_chain(spec: RobotSpec, *, nominal: bool = True) -> Chain:
         own = Link(row.d if row.revolute else sp.S.Zero, ct=ct, st=st)
         following = rows[i + 1].before if i + 1 < len(rows) else NO_TWIST
         links.append(_twisted(own, row.behind.joined(following)))
-    return Chain(spec.name, base, tuple(joints), tuple(links[:-1]), multiply(links[-1].matrix(), tip))
+    return KinematicChain(spec.name, base, tuple(joints), tuple(links[:-1]), multiply(links[-1].matrix(), tip))
 
 
-def numeric_chain(spec: RobotSpec) -> Chain:
+def numeric_chain(spec: RobotSpec) -> KinematicChain:
     """Convert a robot description at its nominal geometry to a chain of floats, rounded once from exact numbers."""
     return in_floats(exact_chain(spec))
 
 
-def in_floats(chain: Chain) -> Chain:
+def in_floats(chain: KinematicChain) -> KinematicChain:
     """Convert every number of ``chain`` to a float."""
 
     def number(x: Number) -> float:
@@ -289,7 +289,7 @@ def in_floats(chain: Chain) -> Chain:
 
     links = tuple(Link(*(number(getattr(link, f)) for f in ("d", "a", "ca", "sa", "ct", "st"))) for link in chain.links)
     joints = tuple(replace(joint, offset=number(joint.offset)) for joint in chain.joints)
-    return Chain(chain.name, matrix(chain.base), joints, links, matrix(chain.tip))
+    return KinematicChain(chain.name, matrix(chain.base), joints, links, matrix(chain.tip))
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -297,7 +297,7 @@ def in_floats(chain: Chain) -> Chain:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def arm_angle(chain: Chain, q: Any) -> float:
+def arm_angle(chain: KinematicChain, q: Any) -> float:
     """Arm angle psi (rad) of a seven-joint configuration ``q``: rotation of the elbow about the line shoulder-wrist.
 
     psi is zero where the elbow lies on the side of a reference direction, the stereographic one that
@@ -333,7 +333,7 @@ def arm_angle(chain: Chain, q: Any) -> float:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def extended(chain: Chain, count: int, *, at_base: bool, shift: float, turn: int) -> Chain:
+def extended(chain: KinematicChain, count: int, *, at_base: bool, shift: float, turn: int) -> KinematicChain:
     """Extend ``chain`` by ``count`` virtual revolute joints after its last joint (or before its first, ``at_base``).
 
     Each axis meets its neighbour at a right angle and two of them meet in one point, so that together with a revolute

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import atan2
 
-from rrrgen.ik.geometry.chain import Chain, Joint, backwards, joint_types
+from rrrgen.ik.geometry.chain import Joint, KinematicChain, backwards, joint_types
 from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
     Rigid,
@@ -102,7 +102,7 @@ class Loop:
         return joint_types(self.joints)
 
 
-def close(b: DerivationBuilder, chain: Chain) -> Loop:
+def close(b: DerivationBuilder, chain: KinematicChain) -> Loop:
     """Close ``chain`` to a loop with the target pose T of the builder ``b``: the last link is tip T^-1 base."""
     closing = Closing((rigid(chain.tip), b.pose().inverse(), rigid(chain.base)))
     return Loop(chain.joints, (*(Crossing.of(link) for link in chain.links), closing))

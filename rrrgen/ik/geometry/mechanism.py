@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.ik.geometry.chain import Chain, Joint, Link, Matrix, multiply, numeric_chain, translation
+from rrrgen.ik.geometry.chain import Joint, KinematicChain, Link, Matrix, multiply, numeric_chain, translation
 from rrrgen.ik.geometry.nearly_special import pierced
 from rrrgen.ik.tolerances import EXACT, NEARLY_PARALLEL, SHORTER
 from rrrgen.robot.model.mechanism import FollowerLimits, chain_to_tip, coupling_to_tip, follower_limits
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 # perpendicular of the two axes splits it as ``K = Rz(theta) Tz(d) Tx(a) Rx(alpha) Rz(angle) Tz(shift)``, a link and a
 # screw that goes into the next joint: the chain has exact links again. Between nearly parallel axes the common
 # perpendicular may lie kilometres away; then the link for the equations has parallel axes, and the chain keeps K in
-# ``Chain.between``, which solutions are refined on.
+# ``KinematicChain.between``, which solutions are refined on.
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def without_fixed_rows(chain: Chain, S: sp.Matrix) -> tuple[Chain, sp.Matrix]:
+def without_fixed_rows(chain: KinematicChain, S: sp.Matrix) -> tuple[KinematicChain, sp.Matrix]:
     """Make every joint without motion part of a link: (chain of floats, its coupling ``y = S q``).
 
     ``S`` is the coupling of the rows of ``chain``; the row of a joint without motion is zero.
@@ -45,7 +45,7 @@ def without_fixed_rows(chain: Chain, S: sp.Matrix) -> tuple[Chain, sp.Matrix]:
     return chain, S
 
 
-def _without(chain: Chain, k: int) -> Chain:
+def _without(chain: KinematicChain, k: int) -> KinematicChain:
     """The chain without joint ``k``, which stands at its offset."""
     base, *between, tip = chain.transforms
     x = float(chain.joints[k].offset)
@@ -115,7 +115,7 @@ def _turn(angle: float) -> Matrix:
     return ((c, -s, 0.0, 0.0), (s, c, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 
 
-def largest_tilt(chain: Chain) -> float:
+def largest_tilt(chain: KinematicChain) -> float:
     """The largest difference (rad, or parts of the reach) of ``chain.between`` from the links."""
     found = [0.0]
     for link, true in zip(chain.links, chain.between, strict=True) if chain.between else ():
@@ -135,7 +135,7 @@ def largest_tilt(chain: Chain) -> float:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def without_telescopes(chain: Chain, S: sp.Matrix) -> tuple[Chain, sp.Matrix]:
+def without_telescopes(chain: KinematicChain, S: sp.Matrix) -> tuple[KinematicChain, sp.Matrix]:
     """Join sliding joints with parallel axes, one behind the other: (chain of floats, its coupling ``y = S q``).
 
     ``S`` is the coupling of the rows of ``chain``. Joints are left as they are where the sum would not determine q any
@@ -151,25 +151,25 @@ def without_telescopes(chain: Chain, S: sp.Matrix) -> tuple[Chain, sp.Matrix]:
     return chain, S
 
 
-def _slides_on(chain: Chain, k: int) -> bool:
+def _slides_on(chain: KinematicChain, k: int) -> bool:
     """Whether joints ``k`` and ``k + 1`` slide along parallel axes."""
     return not chain.joints[k].revolute and not chain.joints[k + 1].revolute and float(chain.links[k].sa) == 0.0
 
 
-def _joined_rows(chain: Chain, S: sp.Matrix, k: int) -> sp.Matrix:
+def _joined_rows(chain: KinematicChain, S: sp.Matrix, k: int) -> sp.Matrix:
     """The coupling whose row ``k`` is the displacement along axis ``k`` by both joints, without row ``k + 1``."""
     factor = _direction(chain, k)
     rows = [S.row(i) + factor * S.row(k + 1) if i == k else S.row(i) for i in range(S.rows) if i != k + 1]
     return sp.Matrix.vstack(*rows)
 
 
-def _direction(chain: Chain, k: int) -> int:
+def _direction(chain: KinematicChain, k: int) -> int:
     """1 or -1: how a displacement of joint ``k + 1`` counts as one of joint ``k``."""
     same = 1 if float(chain.links[k].ca) > 0.0 else -1
     return same * chain.joints[k].sign * chain.joints[k + 1].sign
 
 
-def _joined(chain: Chain, k: int) -> Chain:
+def _joined(chain: KinematicChain, k: int) -> KinematicChain:
     """The chain with joints ``k`` and ``k + 1`` as one; frames behind them may move along and about their axes."""
     one, other, link = chain.joints[k], chain.joints[k + 1], chain.links[k].matrix()
     offset = float(one.offset) + (1 if float(chain.links[k].ca) > 0.0 else -1) * float(other.offset)
@@ -278,7 +278,7 @@ class Coupling:
         return found[0] if len(found) == 1 else None
 
 
-def solved_chain(spec: RobotSpec) -> tuple[Chain, sp.Matrix]:
+def solved_chain(spec: RobotSpec) -> tuple[KinematicChain, sp.Matrix]:
     """The chain from base to tip whose joints are solved for, and its coupling ``y = S q``.
 
     Its joints are the rows, without fixed ones; the slides of a telescope are one joint.
@@ -286,7 +286,7 @@ def solved_chain(spec: RobotSpec) -> tuple[Chain, sp.Matrix]:
     return without_fixed_rows(*without_telescopes(numeric_chain(chain_to_tip(spec)), coupling_to_tip(spec)))
 
 
-def coupling_of(spec: RobotSpec, chain: Chain, S: sp.Matrix) -> Coupling:
+def coupling_of(spec: RobotSpec, chain: KinematicChain, S: sp.Matrix) -> Coupling:
     """The coupling ``y = S q`` of the mechanism ``spec``, whose joints from base to tip are ``chain``.
 
     Raises DerivationError if the rows do not determine q, or if too many combinations of full turns had to be tried.
@@ -320,7 +320,7 @@ def coupling_of(spec: RobotSpec, chain: Chain, S: sp.Matrix) -> Coupling:
     )
 
 
-def uncoupled(chain: Chain) -> Coupling:
+def uncoupled(chain: KinematicChain) -> Coupling:
     """The coupling ``y = q`` of an arm, whose joints all have a drive of their own."""
     joints = chain.joints
     identity = tuple(tuple(float(i == j) for j in range(chain.n)) for i in range(chain.n))

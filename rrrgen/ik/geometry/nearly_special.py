@@ -13,7 +13,7 @@ from random import Random
 
 import sympy as sp
 
-from rrrgen.ik.geometry.chain import Chain, Link, Matrix, Number
+from rrrgen.ik.geometry.chain import KinematicChain, Link, Matrix, Number
 from rrrgen.ik.tolerances import NEARLY_PARALLEL, SHORTER
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -21,7 +21,7 @@ from rrrgen.ik.tolerances import NEARLY_PARALLEL, SHORTER
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def snapped(chain: Chain, tolerance: float) -> Chain:
+def snapped(chain: KinematicChain, tolerance: float) -> KinematicChain:
     """Set the lengths below ``tolerance`` times the reach, and sines and cosines below ``tolerance``, to zero."""
     least = tolerance * chain.reach
     return replace(chain, links=tuple(_snap(link, least, tolerance) for link in chain.links), between=())
@@ -42,7 +42,7 @@ def _direction(c: float, s: float, tolerance: float) -> tuple[float, float]:
     return c, s
 
 
-def exact_like(exact: Chain, decided: Chain) -> Chain:
+def exact_like(exact: KinematicChain, decided: KinematicChain) -> KinematicChain:
     """Copy the zeros and ones of the numeric chain ``decided`` into ``exact``, the same arm in exact numbers.
 
     The closed form was chosen for the zeros of ``decided``, so the exact chain must have the same ones.
@@ -64,7 +64,7 @@ def exact_like(exact: Chain, decided: Chain) -> Chain:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def with_near_frames(chain: Chain) -> Chain:
+def with_near_frames(chain: KinematicChain) -> KinematicChain:
     """Move frames that lie far from the arm to it, along their joint axes; other chains are returned unchanged.
 
     The displacements are recorded in the field ``slides`` of the result.
@@ -73,7 +73,7 @@ def with_near_frames(chain: Chain) -> Chain:
     return replace(chain, slides=slides) if level.reach * SHORTER < chain.reach else chain
 
 
-def nearest_special(chain: Chain, tolerance: float) -> Chain:
+def nearest_special(chain: KinematicChain, tolerance: float) -> KinematicChain:
     """The special arm near ``chain``: lengths (over the reach), sines and cosines below ``tolerance`` become zero.
 
     Where frames lie far away, nearly parallel axes become parallel whatever the tolerance is.
@@ -81,7 +81,7 @@ def nearest_special(chain: Chain, tolerance: float) -> Chain:
     return snapped(_levelled(chain)[0] if chain.slides else chain, tolerance)
 
 
-def _levelled(chain: Chain) -> tuple[Chain, tuple[float, ...]]:
+def _levelled(chain: KinematicChain) -> tuple[KinematicChain, tuple[float, ...]]:
     """The chain with nearly parallel axes made parallel, and the displacement of each frame along its axis (m)."""
     links, slides = [], [0.0]
     c, s, shift = 1.0, 0.0, 0.0  # what is left of the link before: Rz Tz in the frame of the joint
@@ -118,7 +118,7 @@ def pierced(M: Matrix) -> tuple[Link, float, float]:
     return Link(0.0, a, ca, 0.0, ct, st), rest, shift
 
 
-def deviation(chain: Chain, special: Chain) -> float:
+def deviation(chain: KinematicChain, special: KinematicChain) -> float:
     """The largest difference of the tip poses of two arms at 40 random configurations.
 
     It is the angle between the orientations (rad) or the distance of the positions over the reach, whichever is more.
@@ -136,7 +136,7 @@ def deviation(chain: Chain, special: Chain) -> float:
     return most
 
 
-def changes(chain: Chain, special: Chain) -> tuple[str, ...]:
+def changes(chain: KinematicChain, special: KinematicChain) -> tuple[str, ...]:
     """Describe the differences of the arms: one phrase for each length or angle that is special in ``special`` only.
 
     A phrase says by how much ``chain`` is off, as in "axes 2 and 3 parallel (off by 0.001 rad)".

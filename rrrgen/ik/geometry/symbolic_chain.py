@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
-from rrrgen.ik.geometry.chain import Chain, exact_chain
+from rrrgen.ik.geometry.chain import KinematicChain, exact_chain
 from rrrgen.ik.geometry.nearly_special import exact_like
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.robot.spec import parameter_symbol
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
 
 
-def symbolic_chain(spec: RobotSpec, plan: SolverPlan) -> tuple[Chain, tuple[tuple[sp.Symbol, sp.Expr], ...]]:
+def symbolic_chain(spec: RobotSpec, plan: SolverPlan) -> tuple[KinematicChain, tuple[tuple[sp.Symbol, sp.Expr], ...]]:
     """The chain with symbols for its DH values, and the table (symbol, value).
 
     Special values, such as 0 and multiples of 90 degrees, stay numbers, because the closed form was chosen for them.
@@ -54,7 +54,7 @@ def symbolic_chain(spec: RobotSpec, plan: SolverPlan) -> tuple[Chain, tuple[tupl
     return exact_like(exact, plan.solving), tuple(values)
 
 
-def number_chain(spec: RobotSpec, plan: SolverPlan) -> Chain:
+def number_chain(spec: RobotSpec, plan: SolverPlan) -> KinematicChain:
     """The chain that ``plan`` solves, in exact numbers; in floats where it has virtual joints."""
     exact = exact_chain(spec)
     return plan.solving if plan.solving.n != exact.n else exact_like(exact, plan.solving)

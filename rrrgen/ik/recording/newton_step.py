@@ -13,7 +13,7 @@ from fractions import Fraction
 from itertools import combinations
 from math import factorial
 
-from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
+from rrrgen.ik.geometry.chain import Joint, KinematicChain, Matrix
 from rrrgen.ik.solutions.general_6r import cosine_and_sine
 from rrrgen.program import Builder, Port, Program, Value
 
@@ -21,7 +21,7 @@ TERMS = 11
 """Terms of the series of sine and cosine, for |x| <= pi/2: what is left out is below 1e-17."""
 
 
-def newton_program(chain: Chain, locked: int | None) -> Program:
+def newton_program(chain: KinematicChain, locked: int | None) -> Program:
     """The program of one step: ``q`` (n,) and ``T`` (12,) -> ``step`` (n,), ``error``, ``moved``, ``inverse``, ``det``.
 
     ``error`` is |e|^2 before the step, ``moved`` |d|^2 of the step, ``inverse`` the squared Frobenius norm of J^-1
@@ -46,14 +46,14 @@ def newton_program(chain: Chain, locked: int | None) -> Program:
     return b.program("newton", outputs)
 
 
-def error_program(chain: Chain) -> Program:
+def error_program(chain: KinematicChain) -> Program:
     """The program of the ``error`` alone, with the inputs of :func:`newton_program`."""
     b = Builder()
     _, error = _columns_and_error(b, chain)
     return b.program("missed", [(Port("error", (1,)), [_dot(error, error)])])
 
 
-def _columns_and_error(b: Builder, chain: Chain) -> tuple[list[list[Value]], list[Value]]:
+def _columns_and_error(b: Builder, chain: KinematicChain) -> tuple[list[list[Value]], list[Value]]:
     """Columns of the Jacobian at the input ``q``, and the task error (6,) of the target ``T``."""
     q = b.input(Port("q", (chain.n,)))
     T = b.input(Port("T", (12,)))
@@ -74,7 +74,7 @@ def _cross(u: list[Value], v: list[Value]) -> list[Value]:
     return [u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3] for i in range(3)]
 
 
-def _kinematics(chain: Chain, q: Sequence[Value]) -> tuple[list[list[Value]], list[Value], list[list[Value]]]:
+def _kinematics(chain: KinematicChain, q: Sequence[Value]) -> tuple[list[list[Value]], list[Value], list[list[Value]]]:
     """Columns of the Jacobian, position of the tip (in reaches), and the columns of its rotation."""
     x, y, z, p = _started(chain.transforms[0], chain.reach)
     axes = []

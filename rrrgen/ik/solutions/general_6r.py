@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.ik.geometry.chain import Chain, Joint, Link
+from rrrgen.ik.geometry.chain import Joint, KinematicChain, Link
 from rrrgen.ik.recording.steps import Stage
 from rrrgen.ik.solutions.elimination import Elimination, eliminations, shallowness
 from rrrgen.ik.tolerances import (
@@ -124,7 +124,7 @@ def longest_span(rows: Sequence[tuple[float, float, float, float]]) -> tuple[flo
 
 
 @cache
-def tables_of(chain: Chain, locked: int | None = None) -> General6RTables:
+def tables_of(chain: KinematicChain, locked: int | None = None) -> General6RTables:
     """Compute the tables of ``chain``, a chain of six joints, or of seven of which ``locked`` (first or last) is given.
 
     Constant angles about the axes of revolute joints are not part of the tables; :func:`shifts` returns them.
@@ -139,7 +139,7 @@ def tables_of(chain: Chain, locked: int | None = None) -> General6RTables:
     return general6r_tables([*alpha, 0.0], [*a, 0.0], [*d, 0.0], slides[0], turns[slides[0]])
 
 
-def is_general(chain: Chain, locked: int | None) -> bool:
+def is_general(chain: KinematicChain, locked: int | None) -> bool:
     """Whether the general solver applies: six joints besides ``locked``, at most one of them prismatic.
 
     ``locked`` is None or the prescribed joint, the first or the last of seven.
@@ -150,14 +150,14 @@ def is_general(chain: Chain, locked: int | None) -> bool:
     return len(joints) == 6 and sum(not joint.revolute for joint in joints) <= 1
 
 
-def free_joints(chain: Chain, locked: int | None) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
+def free_joints(chain: KinematicChain, locked: int | None) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
     """The six joints of ``chain`` without the prescribed joint ``locked`` (None: all), and the links between them."""
     if locked is None:
         return chain.joints, chain.links
     return (chain.joints[1:], chain.links[1:]) if locked == 0 else (chain.joints[:-1], chain.links[:-1])
 
 
-def shifts(chain: Chain, locked: int | None) -> list[float]:
+def shifts(chain: KinematicChain, locked: int | None) -> list[float]:
     """Offsets (rad or m), one per joint, which added to joint values of the elimination give those of the chain.
 
     Each is minus the offset of the joint and, for a revolute joint, minus the constant rotation of its link about z.
@@ -171,7 +171,7 @@ def _turns(links: Sequence[Link]) -> list[float]:
     return [math.atan2(float(link.st), float(link.ct)) for link in links]
 
 
-def root_stage(chain: Chain, locked: int | None = None) -> Stage:
+def root_stage(chain: KinematicChain, locked: int | None = None) -> Stage:
     """The only root selection of the general solver: up to 16 roots for the joint that the elimination keeps."""
     kept = tables_of(chain, locked).eliminations[0].kept_joint
     return Stage(free_joints(chain, locked)[0][kept].index, "degree-16", MAX_SOLUTIONS)

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 from rrrgen.base.errors import InternalError
-from rrrgen.ik.geometry.chain import Chain, Joint, Matrix
+from rrrgen.ik.geometry.chain import Joint, KinematicChain, Matrix
 from rrrgen.ik.geometry.loop import AnyLink, Closing, Loop, Motion, apply, factors, move, straightened, turned
 from rrrgen.ik.geometry.rigid_transforms import (
     Crossing,
@@ -164,7 +164,7 @@ def _shifted(motion: Motion, offset: S) -> Motion:
     return Turn(total(product(c, motion.c), product(s, motion.s)), total(product(c, motion.s), -product(s, motion.c)))
 
 
-def derive_point(b: DerivationBuilder, chain: Chain, length: float, last_link: Matrix | None = None) -> None:
+def derive_point(b: DerivationBuilder, chain: KinematicChain, length: float, last_link: Matrix | None = None) -> None:
     """Derive one or two joints from the position of the tip.
 
     The conditions that the target lies on the curve or surface traced by the tip become residuals. With a

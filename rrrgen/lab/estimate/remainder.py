@@ -213,7 +213,7 @@ def remainders(held_out: Errors | None, fitted: Errors | None, names: Sequence[s
     return tuple(found)
 
 
-CHANGED = "a friction or load that changed, or parameters that the fitted data hardly tell"
+CHANGED = "a friction or load that changed, or parameters that the fitted data hardly determine"
 UNMODELLED = (
     "friction that its law does not describe, ripple over position, backlash, a flexible joint, or slow noise of the "
     "measurement itself"

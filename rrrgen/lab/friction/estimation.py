@@ -46,16 +46,16 @@ RESOLVED = 1.0  # encoder steps: bristles that bend by less are seen only throug
 CLOSE = 1.05  # times the held-out error of the chosen law: one up to this is as good
 
 DETERMINED_BY = {
-    **dict.fromkeys(("coulomb", "coulomb_p", "coulomb_n"), "steady motion in both directions tells it"),
-    **dict.fromkeys(("viscous", "viscous_p", "viscous_n"), "fast motion tells it"),
-    **dict.fromkeys(("stiction_excess", "stribeck_speed"), "slow reversals tell it"),
-    **dict.fromkeys(("sigma0", "sigma1"), "slow reversals tell it, better a recording below break-away"),
+    **dict.fromkeys(("coulomb", "coulomb_p", "coulomb_n"), "steady motion in both directions determines it"),
+    **dict.fromkeys(("viscous", "viscous_p", "viscous_n"), "fast motion determines it"),
+    **dict.fromkeys(("stiction_excess", "stribeck_speed"), "slow reversals determine it"),
+    **dict.fromkeys(("sigma0", "sigma1"), "slow reversals determine it, a recording below break-away does so better"),
 }
-"""What kind of motion tells a parameter."""
+"""The kind of motion that determines a parameter."""
 
 
 def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
-    """Sentences on what the recording ``data`` of a joint tells poorly about the ``chosen`` law, or not at all."""
+    """Sentences on what the recording ``data`` of a joint determines poorly about the ``chosen`` law, or not at all."""
     found = []
     if chosen.torque_error > UNEXPLAINED:
         found.append(
@@ -65,7 +65,7 @@ def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
     elif chosen.score.held_out > MISFIT:
         found.append(
             f"errors on windows that were not fitted are {chosen.score.held_out:.2g} times the noise: {chosen.name} is "
-            "the best law tried, but does not describe rest and reversals; add slow reversals, which tell the law"
+            "the best law tried, but does not describe rest and reversals; add slow reversals, which determine the law"
         )
     elif chosen.score.held_out > LEFT:
         found.append(
@@ -107,7 +107,7 @@ def _bristles(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
         return ()
     return (
         f"the bristles bend by {bend:.2g} encoder steps before the joint slides: the deviations of sigma0, sigma1 and "
-        "stiction_excess are lower bounds; a finer encoder tells them, or a recording below break-away",
+        "stiction_excess are lower bounds; a finer encoder determines them, or a recording below break-away",
     )
 
 
@@ -124,7 +124,7 @@ def stiff_bristles(chosen: LawEstimate, laws: Sequence[LawEstimate], largest: fl
     bound = min(value * float(np.exp(-CERTAIN * std / value)), largest)
     return (
         f"LuGre friction with stiff bristles explains the recording as well (held-out error {bent.score.held_out:.3g}, "
-        f"Stribeck {chosen.score.held_out:.3g}): of sigma0 it tells a lower bound alone, about {bound:.2g}",
+        f"Stribeck {chosen.score.held_out:.3g}): it gives only a lower bound of sigma0, about {bound:.2g}",
     )
 
 
@@ -550,7 +550,7 @@ def _check(chosen: LawEstimate, data: JointData) -> None:
     relative = chosen.std["inertia"] / chosen.values["inertia"]
     if not relative < LARGEST_INERTIA_STD:
         raise DerivationError(
-            f"the motion of joint '{data.name}' does not tell its inertia (standard deviation {100 * relative:.0f} %): "
-            "it accelerates too little; add a fast multisine before the slow reversals "
+            f"the motion of joint '{data.name}' does not determine its inertia (standard deviation "
+            f"{100 * relative:.0f} %): it accelerates too little; add a fast multisine before the slow reversals "
             "(`rrrgen experiment excite --friction`)"
         )

@@ -124,7 +124,7 @@ def presliding(
     if max(found) > ALIKE * min(found):
         raise DerivationError(
             f"the stiffness is {min(found):.3g} at one amplitude and {max(found):.3g} at another: the recordings do "
-            "not tell it; the joint oscillates on its bristles too fast for the sampling rate, or moves too little"
+            "not determine it; the joint oscillates on its bristles too fast for the sampling rate, or moves too little"
         )
     values, stds = _extrapolated(levels)
     J, damping, stiffness = values

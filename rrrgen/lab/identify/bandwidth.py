@@ -200,7 +200,7 @@ def tune(processing: Processing, recordings: Sequence[Recording], split: Split |
 
 
 @dataclass(frozen=True)
-class Stretch:
+class PositionStretch:
     """Uninterrupted positions ``q`` (N, n) that begin at sample ``first`` of the stretch ``segment`` of a recording."""
 
     q: Array
@@ -213,22 +213,22 @@ class Stretch:
         return self.first + len(self.q)
 
 
-def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAMPLES) -> list[Stretch]:
+def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAMPLES) -> list[PositionStretch]:
     """Uninterrupted stretches of fitted positions from the beginning of a recording, up to ``limit`` samples in all.
 
     Raises :class:`InputError` if no stretch is long enough to tune filters on it.
     """
     start, duration = recording.span
-    found: list[Stretch] = []
+    found: list[PositionStretch] = []
     count = 0
     for part in recording.parts():
         q = part.coordinates(recording.period)
         fitted = split.fitted(part.t, start, duration)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], fitted.astype(np.int8), [0]])))
         for begin, end in zip(edges[::2], edges[1::2], strict=True):
-            taken = Stretch(q[begin : min(end, begin + limit - count)], part.segment, part.first + int(begin))
+            taken = PositionStretch(q[begin : min(end, begin + limit - count)], part.segment, part.first + int(begin))
             if found and (found[-1].segment, found[-1].end) == (taken.segment, taken.first):
-                taken = Stretch(np.concatenate([found[-1].q, taken.q]), taken.segment, found.pop().first)
+                taken = PositionStretch(np.concatenate([found[-1].q, taken.q]), taken.segment, found.pop().first)
             found.append(taken)
             count = sum(len(stretch.q) for stretch in found)
             if count >= limit:
@@ -244,7 +244,7 @@ def fitted_stretches(recording: Recording, split: Split, limit: int = TUNING_SAM
     return long
 
 
-def stretch_spectra(stretches: Sequence[Stretch], period: float) -> Spectra:
+def stretch_spectra(stretches: Sequence[PositionStretch], period: float) -> Spectra:
     """Spectra of the speeds (n,) in the fitted stretches of a recording.
 
     They are estimated twice: from the stretches alone, which resolve slow motion poorly, and with the gaps between them
@@ -261,13 +261,13 @@ def largest_bandwidth(spectra: Spectra) -> float:
     return max(spectrum.bandwidth for spectrum in spectra if spectrum is not None)
 
 
-def bridged(stretches: Sequence[Stretch]) -> list[Array]:
+def bridged(stretches: Sequence[PositionStretch]) -> list[Array]:
     """Positions of whole stretches of the recording, with held-out gaps interpolated by cubics.
 
     The cubics match position and speed at both ends of a gap; long stretches resolve slow motion.
     """
     whole: list[list[Array]] = []
-    before: Stretch | None = None
+    before: PositionStretch | None = None
     for stretch in stretches:
         if before is not None and before.segment == stretch.segment:
             whole[-1] += [_cubic(before.q, stretch.q, stretch.first - before.end), stretch.q]

@@ -48,9 +48,9 @@ FRICTION = ("viscous", "coulomb")  # kinds of columns that may differ between th
 class DriveGains:
     """Estimated drive gains of n joints: true divided by recorded torque, with standard deviations ``std`` (n,).
 
-    ``determined`` (n,) is False for gains that the payload does not tell. ``relative_error`` is that of the model with
-    these gains on the recorded torques, ``fallen_from`` that with all gains 1. ``tuning`` describes the filters,
-    ``notes`` are sentences on what is left out.
+    ``determined`` (n,) is False for gains that the payload does not determine. ``relative_error`` is that of the
+    model with these gains on the recorded torques, ``fallen_from`` that with all gains 1. ``tuning`` describes the
+    filters, ``notes`` are sentences on what is left out.
     """
 
     joints: tuple[str, ...]
@@ -64,7 +64,7 @@ class DriveGains:
 
     @property
     def undetermined(self) -> tuple[str, ...]:
-        """The joints whose gain the payload does not tell."""
+        """The joints whose gain the payload does not determine."""
         return tuple(joint for joint, known in zip(self.joints, self.determined, strict=True) if not known)
 
     def lines(self) -> list[str]:

@@ -505,7 +505,7 @@ class _Fit:
     # -- result ----------------------------------------------------------------------------------------------------
 
     def finish(self) -> _Fit:
-        """Compute what the end of the search tells: residuals, deviations, and how vague the compliances are."""
+        """Compute the results at the end of the search: residuals, deviations, and how vague the compliances are."""
         x, n = self.end.state, self.n
         left = self.residual(x)
         W, _ = self.rows(x)

@@ -90,7 +90,7 @@ Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Candidate:
+class LawErrors:
     """Relative torque errors of the model with one friction ``law`` at all joints.
 
     ``in_sample`` is the error on the fitted rows, ``held_out`` that on the others, and ``joints`` (n,) the held-out
@@ -119,7 +119,7 @@ class FrictionFit:
     std: tuple[tuple[float, ...], ...]
     names: tuple[str, ...]
     joints: tuple[str, ...]
-    table: tuple[Candidate, ...] = ()
+    table: tuple[LawErrors, ...] = ()
     load: tuple[float, ...] = ()
 
     def lines(self, width: int | None = None) -> list[str]:
@@ -231,7 +231,7 @@ def fit_friction(
     if all(law == LINEAR for law in wanted.values()):
         return None
     problems = _Problems(model, recordings, processing, terms, known)
-    table: tuple[Candidate, ...] = ()
+    table: tuple[LawErrors, ...] = ()
     if AUTO in wanted.values():
         table = tuple(_compared(problems, model.spec, wanted, split, tell))
         wanted |= _chosen(table, surfaces_with(model.spec, LINEAR), wanted)
@@ -279,7 +279,7 @@ def _surfaces(
     return tuple(found)
 
 
-def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: Split, tell: Tell) -> list[Candidate]:
+def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: Split, tell: Tell) -> list[LawErrors]:
     """Errors of every candidate law at the joints and motors whose law is to be chosen.
 
     Each is tuned on one half of the fitted data and scored on the other, and vice versa.
@@ -301,7 +301,7 @@ def _compared(problems: _Problems, spec: Any, wanted: Mapping[str, str], split: 
             inside += _sums(fitted.residual, use & half[:, None])
             inside_size += _sums(problem.tau, use & half[:, None])
         found.append(
-            Candidate(
+            LawErrors(
                 law,
                 float(np.sqrt(np.sum(inside) / np.sum(inside_size))),
                 float(np.sqrt(np.sum(squares) / np.sum(size))),
@@ -336,7 +336,7 @@ def _block_sums(values: Array, chosen: NDArray[np.bool_], use: NDArray[np.bool_]
 
 
 def _chosen(
-    table: Sequence[Candidate], surfaces: Sequence[FrictionSurface], wanted: Mapping[str, str]
+    table: Sequence[LawErrors], surfaces: Sequence[FrictionSurface], wanted: Mapping[str, str]
 ) -> dict[str, str]:
     """Choose the law of every joint and motor ("surface") whose law is open; in general all get a common law.
 

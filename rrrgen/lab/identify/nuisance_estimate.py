@@ -62,7 +62,7 @@ def parse_choices(texts: Sequence[str]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Corrected:
+class CorrectedRecording:
     """A recording whose zeros (n,), torque gains (n,) and delays (n,), s, are put right."""
 
     recording: Recording
@@ -279,7 +279,7 @@ def corrected(recording: Recording, terms: Sequence[Term], values: Array) -> Rec
             delays[j] += value
     if not (zeros.any() or delays.any() or np.any(gains != 1.0)):
         return recording
-    return Corrected(recording, zeros, gains, delays)
+    return CorrectedRecording(recording, zeros, gains, delays)
 
 
 def _beside(chosen: Parametrisation, k: int) -> tuple[Array, Array]:
@@ -464,7 +464,7 @@ def _reason(term: Term, has_effect: bool) -> str:
     if term.kind == "gain" and has_effect:
         return (
             "held at 1, since masses and friction can take up one common factor of all torques; "
-            "`rrrgen experiment drive-gains` tells it from a known load"
+            "`rrrgen experiment drive-gains` finds it with a known load"
         )
     return "the parameters of the model can take it up" if has_effect else "it changes no torque of this motion"
 

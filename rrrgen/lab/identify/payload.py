@@ -177,7 +177,7 @@ def identify_payload(
     moving = factors.counts > 0
     corrected = zip(corrections, found.theta[len(STANDARD) :], strict=True)
     friction = {column.name: float(value) for column, value in corrected if moving @ np.abs(column.direction)}
-    never = (f"payload: {sentence}, no motion of this arm can tell" for sentence in structure.in_words())
+    never = (f"payload: {sentence}, whatever the motion of this arm" for sentence in structure.in_words())
     notes = (*slow.sentences(), *never)
     return Payload(values, std, phi, undetermined, alone, error, friction, notes, tuning)
 

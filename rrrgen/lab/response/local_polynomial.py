@@ -263,7 +263,7 @@ def window_of(samples: int) -> int:
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _LocalFit:
     """Estimates from windows with ``width`` lines at either side.
 
     ``G`` (L, 2) are the responses, ``V`` (L, 2, 2) the covariance of the noise of a line with its ``dof``, ``spread``
@@ -281,7 +281,7 @@ class _Fit:
     inside: NDArray[np.bool_]
 
 
-def _fit(F: Complex, k: NDArray[np.int64], width: int) -> _Fit:
+def _fit(F: Complex, k: NDArray[np.int64], width: int) -> _LocalFit:
     """Fit windows of spectra F (lines, 3) of n, u, q about the lines k (L,)."""
     middle = np.clip(k, width, max(len(F) // 2 - width, width))
     around = F[(middle[:, None] + np.arange(-width, width + 1)) % len(F)]
@@ -291,10 +291,10 @@ def _fit(F: Complex, k: NDArray[np.int64], width: int) -> _Fit:
     P = G[:, 1] / Gu
     a = np.stack([-P / Gu, 1.0 / Gu], axis=1)
     variance = spread * np.einsum("la,lab,lb->l", a, V, a.conj()).real
-    return _Fit(width, G, V, spread, dof, P, variance, middle == k)
+    return _LocalFit(width, G, V, spread, dof, P, variance, middle == k)
 
 
-def _pooled(fit: _Fit, widest: int) -> _Fit:
+def _pooled(fit: _LocalFit, widest: int) -> _LocalFit:
     """The fit with a variance of P, relative to P, that is the mean over as many lines as the widest window has.
 
     The few lines of a narrow window tell the noise badly, and the response changes faster than the noise in it.
@@ -306,7 +306,9 @@ def _pooled(fit: _Fit, widest: int) -> _Fit:
     return replace(fit, V=change[:, None, None] * fit.V, variance=change * fit.variance, dof=dof)
 
 
-def _widest_without_bias(outer: _Fit, fits: list[_Fit], k: NDArray[np.int64]) -> tuple[NDArray[np.int64], Array]:
+def _widest_without_bias(
+    outer: _LocalFit, fits: list[_LocalFit], k: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], Array]:
     """Index (L,) of the fit that is used at each line, and its squared bias (L,) over its variance where that is large.
 
     ``fits`` become narrower by half from one to the next, and ``outer`` is twice as wide as the first. The bias of a

@@ -139,7 +139,7 @@ class ValidationResult(StudyResult):
         lines.append(f"scored on {result.label}{share}; {verdict(text, result.passed)}")
         if result.label == UNKNOWN and not self.origin_known:
             lines.append(
-                with_names("the robot file does not tell what it was fitted to: say it with {fitted_on} LOG, or none")
+                with_names("the robot file does not say what it was fitted to: state it with {fitted_on} LOG, or none")
             )
         return lines
 

@@ -41,7 +41,7 @@ _ARRAY = re.compile(r"\w+((?:\[[^\]]+\])+)")
 
 
 @dataclass(frozen=True)
-class _Function:
+class _FunctionCost:
     """One emitted C function: the bytes of the local arrays it declares, and the functions it calls."""
 
     arrays: int
@@ -77,13 +77,13 @@ def _sizes(name: str, real: str, solutions: Mapping[str, tuple[int, int]]) -> di
     return sizes
 
 
-def _functions(source: str, sizes: dict[str, int]) -> dict[str, _Function]:
+def _functions(source: str, sizes: dict[str, int]) -> dict[str, _FunctionCost]:
     text = _COMMENT.sub("", source)
     constants = dict(_CONSTANT.findall(text))
     bodies = dict(_FUNCTION.findall(text))
     called = re.compile(r"\b(" + "|".join(map(re.escape, bodies)) + r")\(")
     return {
-        name: _Function(_local_bytes(body, sizes, constants), tuple(sorted(set(called.findall(body)))))
+        name: _FunctionCost(_local_bytes(body, sizes, constants), tuple(sorted(set(called.findall(body)))))
         for name, body in bodies.items()
     }
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from rrrgen.base.errors import InternalError
 from rrrgen.base.templates import template_text
 from rrrgen.emit.c.language import Dialect
-from rrrgen.ik.geometry.chain import Chain, Matrix
+from rrrgen.ik.geometry.chain import KinematicChain, Matrix
 from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
 from rrrgen.ik.result_layout import may_lack
 from rrrgen.ik.solutions.general_6r import General6RTables, passes, shifts, tables_of
@@ -288,7 +288,7 @@ def _optional(options: dict[str, bool], dialect: Dialect) -> dict[str, str]:
     }
 
 
-def _chain(chain: Chain, last_link: Matrix | None, dialect: Dialect) -> dict[str, str]:
+def _chain(chain: KinematicChain, last_link: Matrix | None, dialect: Dialect) -> dict[str, str]:
     """Replacement texts for the chain's data: sizes, joint limits, offsets, constant transforms, magnitudes.
 
     Where there is a ``last_link``, the tool is an input, and the last constant transform ends at the last link frame.

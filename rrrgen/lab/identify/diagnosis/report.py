@@ -12,7 +12,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording, merged
 from rrrgen.lab.identify.diagnosis.hypotheses import Comparison, Finding
 from rrrgen.lab.identify.diagnosis.rules import (
-    RecordedMotion,
+    RecordedStretch,
     clock,
     clock_factor,
     dissipation,
@@ -21,7 +21,7 @@ from rrrgen.lab.identify.diagnosis.rules import (
     unexplained,
 )
 from rrrgen.lab.identify.diagnosis.trial_fits import FLOOR, AllTerms, Sample, linear_stand_ins, sample_of
-from rrrgen.lab.identify.diagnosis.units_and_wiring import SCORE, Corrected, corrected, magnitude, uncorrected
+from rrrgen.lab.identify.diagnosis.units_and_wiring import SCORE, CorrectedSample, corrected, magnitude, uncorrected
 from rrrgen.lab.identify.observations import Recording
 from rrrgen.lab.identify.regressor import RigidModel
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 EXPLAINED_BY_UNITS = 0.1
 """Relative torque error that may remain where a unit is called wrong: wrong gear sides look like degrees and kN m."""
 
-BEFORE: tuple[Callable[[RecordedMotion], Any], ...] = (clock, recorded_speed, limits)
+BEFORE: tuple[Callable[[RecordedStretch], Any], ...] = (clock, recorded_speed, limits)
 
 
 def wording(spec: Any, recording: Recording) -> Wording:
@@ -48,7 +48,7 @@ def diagnose_recordings(spec: Any, recordings: Sequence[Recording]) -> tuple[Cau
     """Diagnose recordings without a fit: clock, recorded speeds, limits of the robot file ``spec``."""
     found = []
     for recording in recordings:
-        motion = RecordedMotion.of(spec, wording(spec, recording), recording)
+        motion = RecordedStretch.of(spec, wording(spec, recording), recording)
         for rule in BEFORE:
             found += list(rule(motion))
     return merged(found)
@@ -69,7 +69,7 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
         if sample is not None and int(np.sum(sample.use)) > len(regressor.names):
             words = wording(model.spec, recording)
             # a clock that is already known to be wrong is corrected, so that it does not hide other faults
-            sample = sample.slowed(clock_factor(RecordedMotion.of(model.spec, words, recording)))
+            sample = sample.slowed(clock_factor(RecordedStretch.of(model.spec, words, recording)))
             causes += _of_sample(regressor, sample, words, found)
     return merged(causes)
 
@@ -86,7 +86,7 @@ def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Ident
     # friction at every joint; an offset or a drive inertia that is not in the model may stand for gravity or a link
     plain = [k for k, name in enumerate(names) if name in estimated or name.startswith(("fv", "fc"))]
 
-    def impossible(best: Corrected) -> list[Cause]:
+    def impossible(best: CorrectedSample) -> list[Cause]:
         fit, put_right = best.trial.fit(best.mix, plain), best.sample
         return [
             *magnitude(regressor.model.spec, regressor, put_right, fit.theta, words),
@@ -123,14 +123,14 @@ class Explained:
     ``joint_errors`` (n,) are the relative torque errors that remain, ``error`` that of all joints together.
     """
 
-    state: Corrected
+    state: CorrectedSample
     comparison: Comparison
     findings: list[Finding]
     joint_errors: Array
     error: float
 
     @classmethod
-    def of(cls, regressor: AllTerms, state: Corrected, inside: Sequence[int]) -> Explained:
+    def of(cls, regressor: AllTerms, state: CorrectedSample, inside: Sequence[int]) -> Explained:
         """Compare what may be wrong with the sample of ``state``; ``inside`` are the columns in the model."""
         comparison = Comparison(regressor, state.sample, inside)
         findings = comparison.findings()

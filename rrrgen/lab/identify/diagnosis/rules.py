@@ -70,7 +70,7 @@ LAG = 10  # samples over which positions are differenced: a tenth of the encoder
 
 
 @dataclass(frozen=True)
-class RecordedMotion:
+class RecordedStretch:
     """The first uninterrupted stretch of a recording (``part``), as the rules that need no model use it.
 
     ``spec`` is the robot file, ``words`` formulates the faults found, ``period`` is that of the sampling, s.
@@ -82,7 +82,7 @@ class RecordedMotion:
     period: float
 
     @classmethod
-    def of(cls, spec: Any, words: Wording, recording: Recording) -> RecordedMotion:
+    def of(cls, spec: Any, words: Wording, recording: Recording) -> RecordedStretch:
         """The first stretch of ``recording``, cut to at most TUNING_SAMPLES samples."""
         part = next(iter(recording.parts()))
         return cls(spec, words, part.sliced(0, min(len(part), TUNING_SAMPLES)), recording.period)
@@ -100,14 +100,14 @@ class RecordedMotion:
         return np.asarray((self.part.q[LAG:] - self.part.q[:-LAG]) / (LAG * self.period))
 
 
-def clock_factor(motion: RecordedMotion) -> float:
+def clock_factor(motion: RecordedStretch) -> float:
     """Correction factor of time: 1000 or 1/1000 if sampling rate and motion are implausible by that factor, else 1."""
     slow = motion.period >= SLOW_PERIOD and motion.bandwidth < SLOW_MOTION
     fast = motion.period <= FAST_PERIOD and motion.bandwidth > FAST_MOTION
     return 1e-3 if slow else 1e3 if fast else 1.0
 
 
-def clock(motion: RecordedMotion) -> Iterator[Cause]:
+def clock(motion: RecordedStretch) -> Iterator[Cause]:
     """Report a clock that makes both sampling and motion implausible by a factor of 1000."""
     factor = clock_factor(motion)
     if factor != 1.0:
@@ -129,7 +129,7 @@ TOO_STRONG = 10.0  # times the limit: peak torques are usually three times the n
 THOUSAND = 1000.0**0.5  # times the limit: above it a wrong factor of 1000 is more likely than none
 
 
-def limits(motion: RecordedMotion) -> Iterator[Cause]:
+def limits(motion: RecordedStretch) -> Iterator[Cause]:
     """Report positions, speeds and torques far beyond the limits of the robot file."""
     yield from _positions(motion)
     if len(motion.part) > 2 * LAG:
@@ -137,7 +137,7 @@ def limits(motion: RecordedMotion) -> Iterator[Cause]:
         yield from _torques(motion)
 
 
-def _positions(motion: RecordedMotion) -> Iterator[Cause]:
+def _positions(motion: RecordedStretch) -> Iterator[Cause]:
     q, words = motion.part.q, motion.words
     low, high = np.min(q, axis=0), np.max(q, axis=0)
     bounds = [_range(joint) for joint in motion.spec.joints]
@@ -180,7 +180,7 @@ def _within(low: float, high: float, bound: tuple[float, float]) -> bool:
     return low >= bound[0] - room and high <= bound[1] + room
 
 
-def _speeds(motion: RecordedMotion) -> Iterator[Cause]:
+def _speeds(motion: RecordedStretch) -> Iterator[Cause]:
     words = motion.words
     fastest = np.max(np.abs(motion.speeds()), axis=0)
     for i, joint in enumerate(motion.spec.joints):
@@ -195,7 +195,7 @@ def _speeds(motion: RecordedMotion) -> Iterator[Cause]:
             )
 
 
-def _torques(motion: RecordedMotion) -> Iterator[Cause]:
+def _torques(motion: RecordedStretch) -> Iterator[Cause]:
     words, tau = motion.words, motion.part.tau
     if tau is None:
         return
@@ -235,7 +235,7 @@ TURN = 180.0 / math.pi
 FACTORS = (TURN, 1.0 / TURN, 30.0 / math.pi, math.pi / 30.0, 1e3, 1e-3)
 
 
-def recorded_speed(motion: RecordedMotion) -> Iterator[Cause]:
+def recorded_speed(motion: RecordedStretch) -> Iterator[Cause]:
     """Report recorded speeds that are not the derivatives of the recorded positions."""
     if motion.part.dq is None or len(motion.part) <= 2 * LAG:
         return
@@ -278,7 +278,7 @@ def _ratios(words: Wording, joints: list[int], ratio: Array) -> str:
     return f"recorded speed over the derivative of the position: {ratios} (should be 1)"
 
 
-def _exchanged(motion: RecordedMotion, own: Array, recorded: Array, shape: Array) -> Iterator[Cause]:
+def _exchanged(motion: RecordedStretch, own: Array, recorded: Array, shape: Array) -> Iterator[Cause]:
     """Report pairs of joints whose recorded speeds are exchanged.
 
     ``own`` (N, n) are the derivatives of the positions, ``recorded`` (N, n) the recorded speeds, ``shape`` (n,) the

@@ -179,11 +179,11 @@ class Change:
         return bool(np.any(~np.isin(self.matrix, (-1.0, 0.0, 1.0))))
 
 
-Doubts = Callable[["Corrected"], int]
+Doubts = Callable[["CorrectedSample"], int]
 
 
 @dataclass(frozen=True)
-class Corrected:
+class CorrectedSample:
     """A sample after the accepted corrections, and its fit.
 
     The motion in ``trial`` is corrected; corrected torques are ``tau @ mix`` with ``mix`` (n, n). ``causes`` are the
@@ -202,13 +202,15 @@ class Corrected:
         return self.trial.sample.mixed(self.mix)
 
 
-def uncorrected(sample: Sample, regressor: Regressor) -> Corrected:
+def uncorrected(sample: Sample, regressor: Regressor) -> CorrectedSample:
     """The sample as it is, with its fit."""
     start = Trial(regressor, sample)
-    return Corrected(start, np.eye(sample.n), start.fit())
+    return CorrectedSample(start, np.eye(sample.n), start.fit())
 
 
-def corrected(sample: Sample, regressor: Regressor, words: Wording, doubts: Doubts = lambda found: 0) -> Corrected:
+def corrected(
+    sample: Sample, regressor: Regressor, words: Wording, doubts: Doubts = lambda found: 0
+) -> CorrectedSample:
     """Apply the best correction repeatedly until none improves the fit enough.
 
     Among corrections with equal errors, those that leave the fewest ``doubts`` (impossible signs and masses) are
@@ -227,8 +229,8 @@ def corrected(sample: Sample, regressor: Regressor, words: Wording, doubts: Doub
 
 
 def _descent(
-    now: Corrected, regressor: Regressor, words: Wording, doubts: Doubts, choice: int
-) -> tuple[Corrected, int]:
+    now: CorrectedSample, regressor: Regressor, words: Wording, doubts: Doubts, choice: int
+) -> tuple[CorrectedSample, int]:
     """Greedy descent: accept the best correction until none improves the fit enough.
 
     At the first step with several equally good corrections, that with index ``choice`` is taken. Returns the result and
@@ -287,14 +289,14 @@ def changes(sample: Sample, words: Wording) -> Iterator[Change]:
         yield Change(words.clock(factor), None, unit, slower=factor)
 
 
-def _corrected_fit(change: Change, now: Corrected, regressor: Regressor, words: Wording) -> Corrected:
+def _corrected_fit(change: Change, now: CorrectedSample, regressor: Regressor, words: Wording) -> CorrectedSample:
     """Apply the correction ``change`` to the sample ``now`` and fit the model again."""
     trial, mix, n = now.trial, now.mix, now.trial.sample.n
     if change.signal == "torque":
         N = _transmission(words, "torque", n)
         # rows: tau = tau_m N, so a change D of the motors' torques is inv(N) D' N on the right
         new = np.asarray(mix @ np.linalg.solve(N, change.matrix.T @ N))
-        return Corrected(trial, new, trial.fit(new))
+        return CorrectedSample(trial, new, trial.fit(new))
     if change.signal == "position":
         N = _transmission(words, "position", n)
         zero = np.zeros(n) if words.mapping is None else np.array([joint.zero for joint in words.mapping.joints])
@@ -302,7 +304,7 @@ def _corrected_fit(change: Change, now: Corrected, regressor: Regressor, words: 
     else:
         moved = trial.sample.slowed(change.slower)
     other = Trial(regressor, moved)
-    return Corrected(other, mix, other.fit(mix))
+    return CorrectedSample(other, mix, other.fit(mix))
 
 
 def _transmission(words: Wording, signal: Signal, n: int) -> Array:
