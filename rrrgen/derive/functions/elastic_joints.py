@@ -251,7 +251,7 @@ def elastic_feedback_linearization(r: Recording, links: Program) -> Program:
 
 
 def _recorders(function: Callable[[Recording, Program], Program]) -> tuple[Recorder, ...]:
-    """Recorders of ``function``, which differentiates a program of the torques of the links, from the links alone."""
+    """Two recorders of ``function``, one for each choice of frames in :func:`_links`; the cheaper program is kept."""
 
     def recorder(frames: Frames) -> Recorder:
         return lambda r: function(r, _links(r, frames))

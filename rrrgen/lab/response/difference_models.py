@@ -485,11 +485,11 @@ def _short_run_error(equation: Equation, u: Array, y: Array, begin: int, end: in
 def left_after(
     equation: Equation, u: Array, y: Array, start: int, stop: int, period: float, *, as_sensor: bool
 ) -> tuple[Remainder, ...]:
-    """Test what noise does not explain in the errors of the rows from ``stop`` on; the rows [start, stop) were fitted.
+    """Test whether the errors on the rows from ``stop`` on hold more than noise; the rows [start, stop) were fitted.
 
-    Rows lie ``period`` s apart. The errors are those of the free run where the noise was taken for that of a sensor
-    (``as_sensor``), which is in them as it is. They are those of the one-step prediction, relative to the change of y
-    in a sample, where the noise passes through the equation: in a free run it would ring on.
+    ``period`` (s) lies between rows. Noise of a sensor (``as_sensor``) is added to the output, so that the errors of a
+    free run show it unchanged; they are tested. Noise that passes through the equation would ring on in a free run:
+    there the errors of the one-step prediction are tested, relative to the change of y from sample to sample.
     """
     first, end = start + max(equation.past, 1), len(y)
 

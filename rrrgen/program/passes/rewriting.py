@@ -148,7 +148,11 @@ class Expansion:
         return {(literal,): 1, **alone}
 
     def _cuts_off(self, index: int, stage: int) -> bool:
-        """Whether the expansion stops at node ``index`` when an operation of this ``stage`` uses it."""
+        """Whether the expansion stops at node ``index`` when an operation of this ``stage`` uses it.
+
+        A local expansion stops at every shared sum, any other one at quantities of q alone: at a sum that is shared or
+        used with velocities, and, if ``_scaled``, at a shared multiple of one term.
+        """
         if self._local:
             return self.uses[index] > 1 and len(self._values[index]) > 1
         if self._whole or self.stages[index] != 1:
