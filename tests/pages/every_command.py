@@ -113,7 +113,7 @@ OTHER_FILES = {
     "panda.urdf": ARM.replace('"tool"', '"panda_link8"'),
     "torso.urdf": urdf_of_two_arms().replace('"right_lower"', '"right_hand"'),
     "arm.par": par_files.text(par_files.SLIDING | par_files.inertia(3, 1)),
-    "RX90.par": par_files.text(par_files.ELBOW | par_files.inertia(6), gravity="0,0,G3"),
+    "RX90.par": par_files.text(par_files.ELBOW | par_files.inertia(6), "rx90", "0,0,G3"),
     "my_ur5.yaml": FAR_AWAY,
 }
 """Files of other programs that the pages import, by their names."""
@@ -202,6 +202,8 @@ def printed(line: str) -> tuple[int, str]:
     target = re.search(r" -o (\S+)", words)
     if target and target[1].startswith("runs/"):  # alternatives on a page write to the same folder
         shutil.rmtree(target[1], ignore_errors=True)
+    if target and words.startswith("rrrgen import "):
+        Path(target[1]).unlink(missing_ok=True)
     if words.startswith("rrrgen ") and not re.search(r"[|><*~]|&&", words):
         import shlex
 
