@@ -7,19 +7,19 @@
 #include <string.h>
 
 /* Tolerances: relative to the reach for lengths, absolute for angles. */
-#define RRR_IK_TOL_REACH (rrr_real)1.3536469121517312
-#define RRR_IK_TOL_EPS (rrr_real)2.220446049250313e-16
-#define RRR_IK_TOL_FREE (rrr_real)1e-13 /* a vector shorter than this has no direction: the joint that turns it is free */
-#define RRR_IK_TOL_DOUBT (rrr_real)1e-5 /* a vector shorter than this may be zero but for the error of the target */
-#define RRR_IK_TOL_MERGE (rrr_real)1e-13 /* square of the half angle between roots that may be one */
-#define RRR_IK_TOL_SAME (rrr_real)5e-7 /* solutions nearer than this are one */
-#define RRR_IK_TOL_SLACK (rrr_real)1e-5 /* a discriminant this far below zero is still tried */
-#define RRR_IK_TOL_CIRCLE (rrr_real)1.6e-11 /* squared distance from the unit circle at which a complex root still counts as real */
-#define RRR_IK_TOL_TIGHT (rrr_real)1e-26 /* squared error above which a solution is refined */
-#define RRR_IK_TOL_ACCEPT (rrr_real)1.6e-25 /* squared error above which a solution is dropped */
-#define RRR_IK_TOL_DONE (rrr_real)1e-31
-#define RRR_IK_TOL_ORTHONORMAL (rrr_real)1e-7
-#define RRR_IK_TOL_LIMIT (rrr_real)1e-10
+#define RRR_IK_TOL_REACH (rrr_ik_real)1.3536469121517312
+#define RRR_IK_TOL_EPS (rrr_ik_real)2.220446049250313e-16
+#define RRR_IK_TOL_FREE (rrr_ik_real)1e-13 /* a vector shorter than this has no direction: the joint that turns it is free */
+#define RRR_IK_TOL_DOUBT (rrr_ik_real)1e-5 /* a vector shorter than this may be zero but for the error of the target */
+#define RRR_IK_TOL_MERGE (rrr_ik_real)1e-13 /* square of the half angle between roots that may be one */
+#define RRR_IK_TOL_SAME (rrr_ik_real)5e-7 /* solutions nearer than this are one */
+#define RRR_IK_TOL_SLACK (rrr_ik_real)1e-5 /* a discriminant this far below zero is still tried */
+#define RRR_IK_TOL_CIRCLE (rrr_ik_real)1.6e-11 /* squared distance from the unit circle at which a complex root still counts as real */
+#define RRR_IK_TOL_TIGHT (rrr_ik_real)1e-26 /* squared error above which a solution is refined */
+#define RRR_IK_TOL_ACCEPT (rrr_ik_real)1.6e-25 /* squared error above which a solution is dropped */
+#define RRR_IK_TOL_DONE (rrr_ik_real)1e-31
+#define RRR_IK_TOL_ORTHONORMAL (rrr_ik_real)1e-7
+#define RRR_IK_TOL_LIMIT (rrr_ik_real)1e-10
 #define RRR_IK_PUBLIC 15u /* mask of the flags that the caller sees; the others are internal */
 #define RRR_IK_NEAR 16u /* internal flag: a root of this solution may be double */
 #define RRR_IK_OPEN 768u /* internal flags, 256 << joint: the vector that determines the joint is short; 65536 << joint: it is free */
@@ -28,13 +28,13 @@
 #define RRR_IK_FIXED 64u /* internal flag: refined already, with the free joint kept at its value */
 
 /* Reduces an angle (rad) to (-pi, pi]. */
-static rrr_real rrr_ik_wrap(rrr_real x)
+static rrr_ik_real rrr_ik_wrap(rrr_ik_real x)
 {
     /* enough for |x| up to 3 pi */
-    x -= (x > (rrr_real)3.141592653589793) ? (rrr_real)6.283185307179586
-                                       : ((x <= (rrr_real)-3.141592653589793) ? (rrr_real)-6.283185307179586 : (rrr_real)0);
-    if ((x > (rrr_real)3.141592653589793) || (x <= (rrr_real)-3.141592653589793)) {
-        x -= (rrr_real)6.283185307179586 * floor((x * (rrr_real)0.15915494309189535) + (rrr_real)0.5);
+    x -= (x > (rrr_ik_real)3.141592653589793) ? (rrr_ik_real)6.283185307179586
+                                       : ((x <= (rrr_ik_real)-3.141592653589793) ? (rrr_ik_real)-6.283185307179586 : (rrr_ik_real)0);
+    if ((x > (rrr_ik_real)3.141592653589793) || (x <= (rrr_ik_real)-3.141592653589793)) {
+        x -= (rrr_ik_real)6.283185307179586 * floor((x * (rrr_ik_real)0.15915494309189535) + (rrr_ik_real)0.5);
     }
     return x;
 }
@@ -42,35 +42,35 @@ static rrr_real rrr_ik_wrap(rrr_real x)
 /* atan2(y, x) in rad with an error of at most 2.7 ulp; pi/2 at the origin. Without branches and tables, so that compilers can
  * vectorize it; the same bits on every machine that rounds each operation. The result is start + turn * arc: start is a multiple
  * of pi/4, turn is +1 or -1 and the arc at most pi/8; start and arc are computed in parallel. */
-static inline rrr_real rrr_ik_atan2(rrr_real y, rrr_real x)
+static inline rrr_ik_real rrr_ik_atan2(rrr_ik_real y, rrr_ik_real x)
 {
-    const rrr_real ax = fabs(x);
-    const rrr_real ay = fabs(y);
-    const rrr_real small = (ax < ay) ? ax : ay;
-    const rrr_real large = (ax > ay) ? ax : ay;
-    const rrr_real sense = copysign((rrr_real)1, (rrr_real)0 + y); /* +1 for y = -0 */
-    const rrr_real front = copysign((rrr_real)1, x);
-    const rrr_real flat = -copysign((rrr_real)1, ay - ax);
-    const rrr_real half = copysign((rrr_real)0.5, ((rrr_real)0.41421356237309503 * large) - small);
-    const rrr_real beyond = (rrr_real)0.5 - half; /* tan(pi/8) */
-    const rrr_real axis = flat * ((rrr_real)0.5 + half); /* the arc is measured from the x axis (1), the diagonal (0) or the y axis (-1) */
-    const rrr_real start = sense * ((rrr_real)1.5707963267948966 - (front * ((rrr_real)0.7853981633974483 + ((rrr_real)0.7853981633974483 * axis))));
-    const rrr_real turn = sense * front * flat;
-    const rrr_real t = (small - (beyond * large)) / (large + (rrr_real)1e-300 + (beyond * small)); /* the tiny constant avoids 0 / 0 */
-    const rrr_real s = turn * t;
-    const rrr_real u = t * t;
-    const rrr_real v = u * u;
-    const rrr_real w = v * v;
-    const rrr_real p0 = (rrr_real)-0.333333333333332 + (u * (rrr_real)0.19999999999953244);
-    const rrr_real p1 = (rrr_real)-0.14285714280166237 + (u * (rrr_real)0.11111110782140723);
-    const rrr_real p2 = (rrr_real)-0.09090897724893458 + (u * (rrr_real)0.07692059711868017);
-    const rrr_real p3 = (rrr_real)-0.06663099148471298 + (u * (rrr_real)0.05847858920620302);
-    const rrr_real p4 = (rrr_real)-0.050391890304237796 + (u * (rrr_real)0.038062108726007564) + (v * (rrr_real)-0.017905009476816506);
+    const rrr_ik_real ax = fabs(x);
+    const rrr_ik_real ay = fabs(y);
+    const rrr_ik_real small = (ax < ay) ? ax : ay;
+    const rrr_ik_real large = (ax > ay) ? ax : ay;
+    const rrr_ik_real sense = copysign((rrr_ik_real)1, (rrr_ik_real)0 + y); /* +1 for y = -0 */
+    const rrr_ik_real front = copysign((rrr_ik_real)1, x);
+    const rrr_ik_real flat = -copysign((rrr_ik_real)1, ay - ax);
+    const rrr_ik_real half = copysign((rrr_ik_real)0.5, ((rrr_ik_real)0.41421356237309503 * large) - small);
+    const rrr_ik_real beyond = (rrr_ik_real)0.5 - half; /* tan(pi/8) */
+    const rrr_ik_real axis = flat * ((rrr_ik_real)0.5 + half); /* the arc is measured from the x axis (1), the diagonal (0) or the y axis (-1) */
+    const rrr_ik_real start = sense * ((rrr_ik_real)1.5707963267948966 - (front * ((rrr_ik_real)0.7853981633974483 + ((rrr_ik_real)0.7853981633974483 * axis))));
+    const rrr_ik_real turn = sense * front * flat;
+    const rrr_ik_real t = (small - (beyond * large)) / (large + (rrr_ik_real)1e-300 + (beyond * small)); /* the tiny constant avoids 0 / 0 */
+    const rrr_ik_real s = turn * t;
+    const rrr_ik_real u = t * t;
+    const rrr_ik_real v = u * u;
+    const rrr_ik_real w = v * v;
+    const rrr_ik_real p0 = (rrr_ik_real)-0.333333333333332 + (u * (rrr_ik_real)0.19999999999953244);
+    const rrr_ik_real p1 = (rrr_ik_real)-0.14285714280166237 + (u * (rrr_ik_real)0.11111110782140723);
+    const rrr_ik_real p2 = (rrr_ik_real)-0.09090897724893458 + (u * (rrr_ik_real)0.07692059711868017);
+    const rrr_ik_real p3 = (rrr_ik_real)-0.06663099148471298 + (u * (rrr_ik_real)0.05847858920620302);
+    const rrr_ik_real p4 = (rrr_ik_real)-0.050391890304237796 + (u * (rrr_ik_real)0.038062108726007564) + (v * (rrr_ik_real)-0.017905009476816506);
     return start + (s + (s * u * ((p0 + (v * p1)) + (w * ((p2 + (v * p3)) + (w * p4))))));
 }
 
 /* atan2 of count pairs of sine and cosine; the loop is written so that compilers vectorize it. */
-static void rrr_ik_arcs(int count, const rrr_real *RRR_RESTRICT sine, const rrr_real *RRR_RESTRICT cosine, rrr_real *RRR_RESTRICT angle)
+static void rrr_ik_arcs(int count, const rrr_ik_real *RRR_RESTRICT sine, const rrr_ik_real *RRR_RESTRICT cosine, rrr_ik_real *RRR_RESTRICT angle)
 {
     int i;
     for (i = 0; i < count; ++i) {
@@ -79,25 +79,25 @@ static void rrr_ik_arcs(int count, const rrr_real *RRR_RESTRICT sine, const rrr_
 }
 
 /* Solves w^2 = w2 for w >= 0 and returns the number of real roots: 2, 1 for a double root (-slack size <= w2 <= 0), or 0. */
-static int rrr_ik_root(rrr_real w2, rrr_real size, rrr_real slack, rrr_real *w, unsigned *flags)
+static int rrr_ik_root(rrr_ik_real w2, rrr_ik_real size, rrr_ik_real slack, rrr_ik_real *w, unsigned *flags)
 {
-    if (w2 > (rrr_real)0) {
+    if (w2 > (rrr_ik_real)0) {
         *w = sqrt(w2);
         if (w2 <= (RRR_IK_TOL_MERGE * size)) { /* a conditional value would be computed for every root */
             *flags |= (unsigned)RRR_IK_NEAR;
         }
         return 2;
     }
-    *w = (rrr_real)0;
+    *w = (rrr_ik_real)0;
     *flags |= (unsigned)RRR_IK_MULTIPLE;
     return (w2 >= (-slack * size)) ? 1 : 0;
 }
 
 /* Solves cos(e) = k for w = sin(e) >= 0, where w^2 = w2. Returns the number of roots; for a double root k becomes -1 or 1. */
-static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, unsigned *flags)
+static int rrr_ik_cosine(rrr_ik_real *k, rrr_ik_real w2, rrr_ik_real slack, rrr_ik_real *w, unsigned *flags)
 {
-    const int n = rrr_ik_root(w2, (rrr_real)1, slack, w, flags);
-    *k = (n == 1) ? copysign((rrr_real)1, *k) : *k;
+    const int n = rrr_ik_root(w2, (rrr_ik_real)1, slack, w, flags);
+    *k = (n == 1) ? copysign((rrr_ik_real)1, *k) : *k;
     return n;
 }
 
@@ -105,26 +105,26 @@ static int rrr_ik_cosine(rrr_real *k, rrr_real w2, rrr_real slack, rrr_real *w, 
  * w >= 0. A w2 >= 0 is a more accurate value of a^2 + b^2 - k^2; a negative one is ignored. Where a, b and k vanish, every x
  * is a solution and x = ref is returned; the flag `none` is set then. The flag `open` is set where a and b are so small that they
  * may be zero but for the error of the target. `unit` is the natural size of a, b and k. */
-static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr_real unit, rrr_real ref, rrr_real least, unsigned open, unsigned none, rrr_real slack, rrr_real *w, unsigned *flags)
+static int rrr_ik_linear(rrr_ik_real *a, rrr_ik_real *b, rrr_ik_real *k, rrr_ik_real w2, rrr_ik_real unit, rrr_ik_real ref, rrr_ik_real least, unsigned open, unsigned none, rrr_ik_real slack, rrr_ik_real *w, unsigned *flags)
 {
-    const rrr_real h2 = (*a * *a) + (*b * *b);
+    const rrr_ik_real h2 = (*a * *a) + (*b * *b);
     if (h2 <= (RRR_IK_TOL_DOUBT * unit * (RRR_IK_TOL_DOUBT * unit))) {
         *flags |= open;
         if (h2 <= (least * unit * (least * unit))) {
-            *w = (rrr_real)0;
+            *w = (rrr_ik_real)0;
             *flags |= none;
             if (!((*k * *k) <= (slack * unit * unit))) {
                 return 0;
             }
             *a = cos(ref);
             *b = sin(ref);
-            *k = (rrr_real)1;
+            *k = (rrr_ik_real)1;
             return 1;
         }
     }
     { /* square root and quotient are independent, so that the processor can overlap them */
-        const rrr_real i = (rrr_real)1 / h2;
-        const int n = rrr_ik_root((w2 >= (rrr_real)0) ? w2 : (h2 - (*k * *k)), h2, slack, w, flags);
+        const rrr_ik_real i = (rrr_ik_real)1 / h2;
+        const int n = rrr_ik_root((w2 >= (rrr_ik_real)0) ? w2 : (h2 - (*k * *k)), h2, slack, w, flags);
         *w *= i;
         *k = ((n == 1) ? copysign(sqrt(h2), *k) : *k) * i;
         return n;
@@ -132,22 +132,22 @@ static int rrr_ik_linear(rrr_real *a, rrr_real *b, rrr_real *k, rrr_real w2, rrr
 }
 
 /* Constant transforms of the chain before joint 1, between the joints and after the last one: 3 x 4 matrices, row by row. */
-static const rrr_real rrr_ik_fixed[4][12] = {
-    {(rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0},
-    {(rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, -(rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.56},
-    {(rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.2, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.169},
-    {(rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.415, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)0.0, (rrr_real)1.0, (rrr_real)0.09}
+static const rrr_ik_real rrr_ik_fixed[4][12] = {
+    {(rrr_ik_real)1.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)1.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)1.0, (rrr_ik_real)0.0},
+    {(rrr_ik_real)1.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, -(rrr_ik_real)1.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)1.0, (rrr_ik_real)0.0, (rrr_ik_real)0.56},
+    {(rrr_ik_real)1.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.2, (rrr_ik_real)0.0, (rrr_ik_real)1.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)1.0, (rrr_ik_real)0.169},
+    {(rrr_ik_real)1.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.415, (rrr_ik_real)0.0, (rrr_ik_real)1.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)0.0, (rrr_ik_real)1.0, (rrr_ik_real)0.09}
 };
 
 /* x = x f: product of two rigid transforms, stored as 3 x 4 matrices row by row. */
-static void rrr_ik_advance(rrr_real x[12], const rrr_real f[12])
+static void rrr_ik_advance(rrr_ik_real x[12], const rrr_ik_real f[12])
 {
-    rrr_real y[12];
+    rrr_ik_real y[12];
     int i;
     int j;
     for (i = 0; i < 3; ++i) {
         for (j = 0; j < 4; ++j) {
-            y[(4 * i) + j] = (x[4 * i] * f[j]) + (x[(4 * i) + 1] * f[4 + j]) + (x[(4 * i) + 2] * f[8 + j]) + ((j == 3) ? x[(4 * i) + 3] : (rrr_real)0);
+            y[(4 * i) + j] = (x[4 * i] * f[j]) + (x[(4 * i) + 1] * f[4 + j]) + (x[(4 * i) + 2] * f[8 + j]) + ((j == 3) ? x[(4 * i) + 3] : (rrr_ik_real)0);
         }
     }
     for (i = 0; i < 12; ++i) {
@@ -157,28 +157,28 @@ static void rrr_ik_advance(rrr_real x[12], const rrr_real f[12])
 
 /* Task error e = target - forward kinematics (position over the reach, rotation in rad) and its Jacobian J, with zero columns
  * for the joints that are held (bits). Returns the squared error |e|^2. */
-static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3], rrr_real J[3][3], unsigned held)
+static rrr_ik_real rrr_ik_error(const rrr_ik_real *T, const rrr_ik_real *q, rrr_ik_real e[3], rrr_ik_real J[3][3], unsigned held)
 {
-    rrr_real x[12];
-    rrr_real axis[3][6];
-    rrr_real cost = (rrr_real)0;
+    rrr_ik_real x[12];
+    rrr_ik_real axis[3][6];
+    rrr_ik_real cost = (rrr_ik_real)0;
     int i;
     int k;
     for (i = 0; i < 12; ++i) {
         x[i] = rrr_ik_fixed[0][i];
     }
     for (k = 0; k < 3; ++k) {
-        const rrr_real raw = q[k];
+        const rrr_ik_real raw = q[k];
         for (i = 0; i < 3; ++i) {
             axis[k][i] = x[(4 * i) + 2];
             axis[k][3 + i] = x[(4 * i) + 3];
         }
         {
-            const rrr_real c = cos(raw);
-            const rrr_real s = sin(raw);
+            const rrr_ik_real c = cos(raw);
+            const rrr_ik_real s = sin(raw);
             for (i = 0; i < 3; ++i) {
-                const rrr_real u = x[4 * i];
-                const rrr_real v = x[(4 * i) + 1];
+                const rrr_ik_real u = x[4 * i];
+                const rrr_ik_real v = x[(4 * i) + 1];
                 x[4 * i] = (u * c) + (v * s);
                 x[(4 * i) + 1] = (v * c) - (u * s);
             }
@@ -192,48 +192,48 @@ static rrr_real rrr_ik_error(const rrr_real *T, const rrr_real *q, rrr_real e[3]
         cost += e[i] * e[i];
     }
     for (k = 0; k < 3; ++k) {
-        const rrr_real *z = axis[k];
-        const rrr_real r0 = x[3] - z[3];
-        const rrr_real r1 = x[7] - z[4];
-        const rrr_real r2 = x[11] - z[5];
+        const rrr_ik_real *z = axis[k];
+        const rrr_ik_real r0 = x[3] - z[3];
+        const rrr_ik_real r1 = x[7] - z[4];
+        const rrr_ik_real r2 = x[11] - z[5];
         J[0][k] = ((z[1] * r2) - (z[2] * r1)) / RRR_IK_TOL_REACH;
         J[1][k] = ((z[2] * r0) - (z[0] * r2)) / RRR_IK_TOL_REACH;
         J[2][k] = ((z[0] * r1) - (z[1] * r0)) / RRR_IK_TOL_REACH;
     }
     for (k = 0; k < 3; ++k) {
         for (i = 0; (i < 3) && (((held >> (unsigned)k) & 1u) != 0u); ++i) {
-            J[i][k] = (rrr_real)0;
+            J[i][k] = (rrr_ik_real)0;
         }
     }
     return cost;
 }
 
 /* Damped Gauss-Newton step: the d that minimizes |J d - e|^2 + damping^2 |d|^2, by Householder reflections. */
-static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping, rrr_real d[3])
+static void rrr_ik_step(rrr_ik_real J[3][3], const rrr_ik_real e[3], rrr_ik_real damping, rrr_ik_real d[3])
 {
-    rrr_real A[6][3];
-    rrr_real b[6];
+    rrr_ik_real A[6][3];
+    rrr_ik_real b[6];
     int i;
     int j;
     int k;
     for (i = 0; i < 6; ++i) {
-        b[i] = (i < 3) ? e[i] : (rrr_real)0;
+        b[i] = (i < 3) ? e[i] : (rrr_ik_real)0;
         for (j = 0; j < 3; ++j) {
-            A[i][j] = (i < 3) ? J[i][j] : (((i - 3) == j) ? damping : (rrr_real)0);
+            A[i][j] = (i < 3) ? J[i][j] : (((i - 3) == j) ? damping : (rrr_ik_real)0);
         }
     }
     for (k = 0; k < 3; ++k) {
-        rrr_real h2 = (rrr_real)0;
-        rrr_real h;
-        rrr_real f;
+        rrr_ik_real h2 = (rrr_ik_real)0;
+        rrr_ik_real h;
+        rrr_ik_real f;
         for (i = k; i <= (3 + k); ++i) { /* rows below are still zero in this column */
             h2 += A[i][k] * A[i][k];
         }
-        h = (A[k][k] > (rrr_real)0) ? -sqrt(h2) : sqrt(h2);
+        h = (A[k][k] > (rrr_ik_real)0) ? -sqrt(h2) : sqrt(h2);
         f = h * (A[k][k] - h);
         A[k][k] -= h;
         for (j = k + 1; j <= 3; ++j) {
-            rrr_real t = (rrr_real)0;
+            rrr_ik_real t = (rrr_ik_real)0;
             for (i = k; i <= (3 + k); ++i) {
                 t += A[i][k] * ((j < 3) ? A[i][j] : b[i]);
             }
@@ -249,7 +249,7 @@ static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping,
         A[k][k] = h;
     }
     for (k = 2; k >= 0; --k) {
-        rrr_real t = b[k];
+        rrr_ik_real t = b[k];
         for (j = k + 1; j < 3; ++j) {
             t -= A[k][j] * d[j];
         }
@@ -261,13 +261,13 @@ static void rrr_ik_step(rrr_real J[3][3], const rrr_real e[3], rrr_real damping,
  * convergence fast at singular configurations. Up to three steps in a row may increase the error, because the bottom of a
  * curved valley is followed by leaving it and coming back. Joints in `held` (bits) do not move. On return q is the best
  * configuration found; returns its squared error. */
-static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_real damping, unsigned held)
+static rrr_ik_real rrr_ik_refine(const rrr_ik_real *T, rrr_ik_real *q, int steps, rrr_ik_real damping, unsigned held)
 {
-    rrr_real x[3];
-    rrr_real e[3];
-    rrr_real J[3][3];
-    rrr_real best;
-    rrr_real cost;
+    rrr_ik_real x[3];
+    rrr_ik_real e[3];
+    rrr_ik_real J[3][3];
+    rrr_ik_real best;
+    rrr_ik_real cost;
     int i;
     int step;
     bool going;
@@ -277,10 +277,10 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
     }
     cost = rrr_ik_error(T, x, e, J, held);
     best = cost;
-    going = (best > RRR_IK_TOL_DONE) && (damping < (rrr_real)1e6);
+    going = (best > RRR_IK_TOL_DONE) && (damping < (rrr_ik_real)1e6);
     for (step = 0; (step < steps) && going; ++step) {
-        rrr_real d[3] = {0};
-        rrr_real most = (rrr_real)1;
+        rrr_ik_real d[3] = {0};
+        rrr_ik_real most = (rrr_ik_real)1;
         rrr_ik_step(J, e, (damping * sqrt(cost)) + RRR_IK_TOL_EPS, d);
         for (i = 0; i < 3; ++i) {
             most = (fabs(d[i]) > most) ? fabs(d[i]) : most;
@@ -290,26 +290,26 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
         }
         cost = rrr_ik_error(T, x, e, J, held);
         if (cost < best) {
-            const bool stuck = (cost > ((rrr_real)0.999999999 * best)) && (damping > (rrr_real)1); /* at the minimum, which is not zero */
+            const bool stuck = (cost > ((rrr_ik_real)0.999999999 * best)) && (damping > (rrr_ik_real)1); /* at the minimum, which is not zero */
             for (i = 0; i < 3; ++i) {
                 q[i] = x[i];
             }
             best = cost;
             worse = 0;
-            damping = (damping > (rrr_real)0.01) ? ((rrr_real)0.2 * damping) : damping;
+            damping = (damping > (rrr_ik_real)0.01) ? ((rrr_ik_real)0.2 * damping) : damping;
             if (stuck) {
                 break;
             }
-        } else if ((++worse > 3) || !(cost < (rrr_real)1e4)) {
+        } else if ((++worse > 3) || !(cost < (rrr_ik_real)1e4)) {
             for (i = 0; i < 3; ++i) {
                 x[i] = q[i];
             }
             cost = rrr_ik_error(T, x, e, J, held);
             worse = 0;
-            damping *= (rrr_real)100;
+            damping *= (rrr_ik_real)100;
         } else { /* a step to the worse, of which some in a row are allowed */
         }
-        going = (best > RRR_IK_TOL_DONE) && (damping < (rrr_real)1e6);
+        going = (best > RRR_IK_TOL_DONE) && (damping < (rrr_ik_real)1e6);
     }
     return best;
 }
@@ -318,59 +318,59 @@ static rrr_real rrr_ik_refine(const rrr_real *T, rrr_real *q, int steps, rrr_rea
  * squared here, and negative where they are not known yet. A joint is free, and takes its value from ref, where the vector
  * whose direction gives its angle is shorter than `least`. */
 static int rrr_ik_branches(
-    const rrr_real *T, const rrr_real *ref, rrr_real slack, rrr_real least, rrr_ik_solutions *found, int *stage)
+    const rrr_ik_real *T, const rrr_ik_real *ref, rrr_ik_real slack, rrr_ik_real least, rrr_ik_solutions *found, int *stage)
 {
     int rows = 0;
-    rrr_real sine[8] = {0};
-    rrr_real cosine[8] = {0};
-    rrr_real angle[8];
+    rrr_ik_real sine[8] = {0};
+    rrr_ik_real cosine[8] = {0};
+    rrr_ik_real angle[8];
     int i;
-    const rrr_real pz = T[2] - (rrr_real)0.56;
-    rrr_real a1 = -T[1];
-    rrr_real b1 = T[0];
-    rrr_real k1 = (rrr_real)0.259;
-    rrr_real w1;
+    const rrr_ik_real pz = T[2] - (rrr_ik_real)0.56;
+    rrr_ik_real a1 = -T[1];
+    rrr_ik_real b1 = T[0];
+    rrr_ik_real k1 = (rrr_ik_real)0.259;
+    rrr_ik_real w1;
     unsigned f1 = 0u;
-    const int n1 = rrr_ik_linear(&a1, &b1, &k1, (rrr_real)-1, (rrr_real)1.3536469121517312, ref[0], least, 256u, (unsigned)RRR_IK_FREE | 65792u, slack, &w1, &f1);
+    const int n1 = rrr_ik_linear(&a1, &b1, &k1, (rrr_ik_real)-1, (rrr_ik_real)1.3536469121517312, ref[0], least, 256u, (unsigned)RRR_IK_FREE | 65792u, slack, &w1, &f1);
     if (n1 == 0) { *stage = (*stage < 1) ? 1 : *stage; return 0; }
-    const rrr_real t1 = a1*k1;
-    const rrr_real t2 = b1*k1;
-    const rrr_real t3 = pz*pz;
-    const rrr_real r = (T[0]*T[0]) + (T[1]*T[1]) + t3;
-    rrr_real k3 = (rrr_real)6.024096385542168*(r - (rrr_real)0.279306);
-    rrr_real w3;
+    const rrr_ik_real t1 = a1*k1;
+    const rrr_ik_real t2 = b1*k1;
+    const rrr_ik_real t3 = pz*pz;
+    const rrr_ik_real r = (T[0]*T[0]) + (T[1]*T[1]) + t3;
+    rrr_ik_real k3 = (rrr_ik_real)6.024096385542168*(r - (rrr_ik_real)0.279306);
+    rrr_ik_real w3;
     unsigned f3 = 0u;
-    const int n3 = rrr_ik_cosine(&k3, ((rrr_real)1.0 - k3)*(k3 + (rrr_real)1.0), slack, &w3, &f3);
+    const int n3 = rrr_ik_cosine(&k3, ((rrr_ik_real)1.0 - k3)*(k3 + (rrr_ik_real)1.0), slack, &w3, &f3);
     if (n3 == 0) { *stage = (*stage < 2) ? 2 : *stage; return 0; }
-    const rrr_real vx = ((rrr_real)0.415*k3) + (rrr_real)0.2;
-    const rrr_real t4 = vx*vx;
-    const rrr_real t5 = pz*vx;
+    const rrr_ik_real vx = ((rrr_ik_real)0.415*k3) + (rrr_ik_real)0.2;
+    const rrr_ik_real t4 = vx*vx;
+    const rrr_ik_real t5 = pz*vx;
     for (int i1 = 0; i1 < n1; ++i1) {
-        const rrr_real v1 = (i1 == 0) ? -w1 : w1;
-        const rrr_real c1 = t1 - (b1*v1);
-        const rrr_real s1 = t2 + (a1*v1);
+        const rrr_ik_real v1 = (i1 == 0) ? -w1 : w1;
+        const rrr_ik_real c1 = t1 - (b1*v1);
+        const rrr_ik_real s1 = t2 + (a1*v1);
         cosine[i1] = c1;
         sine[i1] = s1;
-        const rrr_real ux = (T[0]*c1) + (T[1]*s1);
-        const rrr_real uz = (T[0]*s1) - (T[1]*c1);
-        const rrr_real onto2 = sqrt((ux*ux) + t3);
-        const rrr_real t6 = ux*vx;
-        const rrr_real t7 = (rrr_real)0.259 - uz;
-        const rrr_real t8 = t7*t7;
+        const rrr_ik_real ux = (T[0]*c1) + (T[1]*s1);
+        const rrr_ik_real uz = (T[0]*s1) - (T[1]*c1);
+        const rrr_ik_real onto2 = sqrt((ux*ux) + t3);
+        const rrr_ik_real t6 = ux*vx;
+        const rrr_ik_real t7 = (rrr_ik_real)0.259 - uz;
+        const rrr_ik_real t8 = t7*t7;
         for (int i3 = 0; i3 < n3; ++i3) {
-            const rrr_real v3 = (i3 == 0) ? w3 : -w3;
+            const rrr_ik_real v3 = (i3 == 0) ? w3 : -w3;
             cosine[2 + i3] = k3;
             sine[2 + i3] = v3;
-            const rrr_real vy = (rrr_real)0.415*v3;
-            const rrr_real from2 = sqrt(t4 + (vy*vy));
-            const rrr_real size2 = from2*onto2;
-            rrr_real a2 = t6 + (pz*vy);
-            rrr_real b2 = t5 - (ux*vy);
+            const rrr_ik_real vy = (rrr_ik_real)0.415*v3;
+            const rrr_ik_real from2 = sqrt(t4 + (vy*vy));
+            const rrr_ik_real size2 = from2*onto2;
+            rrr_ik_real a2 = t6 + (pz*vy);
+            rrr_ik_real b2 = t5 - (ux*vy);
             unsigned f2 = 0u;
-            if (size2 <= ((RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312) * (RRR_IK_TOL_DOUBT * (rrr_real)1.3536469121517312))) {
+            if (size2 <= ((RRR_IK_TOL_DOUBT * (rrr_ik_real)1.3536469121517312) * (RRR_IK_TOL_DOUBT * (rrr_ik_real)1.3536469121517312))) {
                 f2 = 512u;
-                if (size2 <= ((least * (rrr_real)1.3536469121517312) * (least * (rrr_real)1.3536469121517312))) {
-                    const rrr_real x2 = ref[1];
+                if (size2 <= ((least * (rrr_ik_real)1.3536469121517312) * (least * (rrr_ik_real)1.3536469121517312))) {
+                    const rrr_ik_real x2 = ref[1];
                     f2 = (unsigned)RRR_IK_FREE | 131584u;
                     a2 = cos(x2);
                     b2 = sin(x2);
@@ -378,8 +378,8 @@ static int rrr_ik_branches(
             }
             cosine[4 + (2 * i1) + i3] = a2;
             sine[4 + (2 * i1) + i3] = b2;
-            const rrr_real t9 = from2 - onto2;
-            const rrr_real error = (rrr_real)0.5457442971434324*((t9*t9) + t8);
+            const rrr_ik_real t9 = from2 - onto2;
+            const rrr_ik_real error = (rrr_ik_real)0.5457442971434324*((t9*t9) + t8);
             found->flags[rows] = f1 | f3 | f2;
             found->branch[rows] = (unsigned)i1 | ((unsigned)i3 << 1);
             found->residual[rows] = error;
@@ -406,7 +406,7 @@ static int rrr_ik_branches(
 
 /* Adds multiples of 2 pi to the angles to come nearest to the reference and inside the limits, if there are any. Returns 0 if
  * a joint is outside its limits for every multiple. */
-static int rrr_ik_place(rrr_real q[3], const rrr_real *ref)
+static int rrr_ik_place(rrr_ik_real q[3], const rrr_ik_real *ref)
 {
     int inside = 1;
     int i;
@@ -419,12 +419,12 @@ static int rrr_ik_place(rrr_real q[3], const rrr_real *ref)
 }
 
 /* Largest difference of a joint between two configurations: rad, displacements in units of the reach. */
-static rrr_real rrr_ik_apart(const rrr_real *a, const rrr_real *b)
+static rrr_ik_real rrr_ik_apart(const rrr_ik_real *a, const rrr_ik_real *b)
 {
-    rrr_real most = (rrr_real)0;
+    rrr_ik_real most = (rrr_ik_real)0;
     int i;
     for (i = 0; i < 3; ++i) {
-        const rrr_real d = fabs(rrr_ik_wrap(a[i] - b[i]));
+        const rrr_ik_real d = fabs(rrr_ik_wrap(a[i] - b[i]));
         most = (d > most) ? d : most;
     }
     return most;
@@ -434,7 +434,7 @@ static void rrr_ik_exchange(rrr_ik_solutions *out, int i, int j)
 {
     const unsigned flags = out->flags[i];
     const unsigned branch = out->branch[i];
-    const rrr_real residual = out->residual[i];
+    const rrr_ik_real residual = out->residual[i];
     int k;
     out->flags[i] = out->flags[j];
     out->branch[i] = out->branch[j];
@@ -443,7 +443,7 @@ static void rrr_ik_exchange(rrr_ik_solutions *out, int i, int j)
     out->branch[j] = branch;
     out->residual[j] = residual;
     for (k = 0; k < 3; ++k) {
-        const rrr_real x = out->q[i][k];
+        const rrr_ik_real x = out->q[i][k];
         out->q[i][k] = out->q[j][k];
         out->q[j][k] = x;
     }
@@ -463,20 +463,20 @@ static void rrr_ik_move(const rrr_ik_solutions *from, int i, rrr_ik_solutions *o
 }
 
 /* Sorts the solutions by their squared distance from the reference, nearest first (insertion sort). */
-static void rrr_ik_sort(const rrr_real *ref, rrr_ik_solutions *out)
+static void rrr_ik_sort(const rrr_ik_real *ref, rrr_ik_solutions *out)
 {
-    rrr_real away[4];
+    rrr_ik_real away[4];
     int i;
     int j;
     int k;
     for (i = 0; i < out->count; ++i) {
-        away[i] = (rrr_real)0;
+        away[i] = (rrr_ik_real)0;
         for (k = 0; k < 3; ++k) {
-            const rrr_real d = (out->q[i][k] - ((ref != NULL) ? ref[k] : (rrr_real)0));
+            const rrr_ik_real d = (out->q[i][k] - ((ref != NULL) ? ref[k] : (rrr_ik_real)0));
             away[i] += d * d;
         }
         for (j = i; (j > 0) && (away[j] < away[j - 1]); --j) {
-            const rrr_real d = away[j];
+            const rrr_ik_real d = away[j];
             away[j] = away[j - 1];
             away[j - 1] = d;
             rrr_ik_exchange(out, j, j - 1);
@@ -499,64 +499,64 @@ static int rrr_ik_repeated(rrr_ik_solutions *out, int i)
 
 /* Estimates the accuracy of the numbers of a target: the defect of its rotation, but at least a few rounding errors. Called
  * only where a joint may be free, so that other targets do not pay for it. */
-static rrr_real rrr_ik_accuracy(const rrr_real *target)
+static rrr_ik_real rrr_ik_accuracy(const rrr_ik_real *target)
 {
-    const rrr_real rounding = (rrr_real)64.0 * RRR_IK_TOL_EPS;
+    const rrr_ik_real rounding = (rrr_ik_real)64.0 * RRR_IK_TOL_EPS;
     (void)target;
     return rounding;
 }
 
 /* Checks the numbers of a target and copies it to T, with its rotation made orthonormal. Returns the status of the check. */
-static rrr_ik_status rrr_ik_check(const rrr_real *target, const rrr_real *q_ref, rrr_real T[3])
+static rrr_ik_status rrr_ik_check(const rrr_ik_real *target, const rrr_ik_real *q_ref, rrr_ik_real T[3])
 {
-    rrr_real sum = (rrr_real)0;
+    rrr_ik_real sum = (rrr_ik_real)0;
     int i;
     for (i = 0; i < 3; ++i) {
         T[i] = target[i];
-        sum += target[i] * (rrr_real)0;
+        sum += target[i] * (rrr_ik_real)0;
     }
     if (q_ref != NULL) {
         for (i = 0; i < 3; ++i) {
-            sum += (q_ref[i] * q_ref[i]) * (rrr_real)0; /* sums and distances of huge numbers would overflow */
+            sum += (q_ref[i] * q_ref[i]) * (rrr_ik_real)0; /* sums and distances of huge numbers would overflow */
         }
     }
-    if (!(sum <= (rrr_real)0)) {
+    if (!(sum <= (rrr_ik_real)0)) {
         return RRR_IK_NOT_FINITE;
     }
     return RRR_IK_OK;
 }
 
 /* Whether the target is so far away that, in its coordinates, the size of the arm is lost in rounding errors. */
-static int rrr_ik_far(const rrr_real *T)
+static int rrr_ik_far(const rrr_ik_real *T)
 {
-    const rrr_real bound = (rrr_real)1353646.912151731;
+    const rrr_ik_real bound = (rrr_ik_real)1353646.912151731;
     return (int)(!((fabs(T[0]) < bound) && (fabs(T[1]) < bound) && (fabs(T[2]) < bound)));
 }
 
 /* Minimizes the task error from every branch (with negative discriminants set to zero), from the reference and from a few
  * fixed configurations. Returns the number of solutions that meet the target. If it is 0, solution 0 is the nearest
  * configuration and out->distance its error: the root of the squared position (m) and rotation (rad times reach) errors. */
-static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutions *out)
+static int rrr_ik_descend(const rrr_ik_real *T, const rrr_ik_real *ref, rrr_ik_solutions *out)
 {
     rrr_ik_solutions found;
-    rrr_real best = (rrr_real)1e30; /* no start has been tried */
+    rrr_ik_real best = (rrr_ik_real)1e30; /* no start has been tried */
     int stage = 0;
     int start;
     int i;
     int kept = 0;
     int rows;
     (void)memset(&found, 0, sizeof(found)); /* rows that are not written are not read, but no analysis sees that */
-    rows = rrr_ik_branches(T, ref, (rrr_real)1e30, RRR_IK_TOL_FREE, &found, &stage);
+    rows = rrr_ik_branches(T, ref, (rrr_ik_real)1e30, RRR_IK_TOL_FREE, &found, &stage);
     for (start = 0; (start < (rows + 6)) && (kept < 4); ++start) {
-        rrr_real x[3];
-        rrr_real cost;
+        rrr_ik_real x[3];
+        rrr_ik_real cost;
         if ((start == rows) && (kept > 0)) {
             break;
         }
         for (i = 0; i < 3; ++i) {
-            x[i] = (start < rows) ? found.q[start][i] : (ref[i] + ((start > rows) ? ((rrr_real)2.0 * sin((rrr_real)start * ((rrr_real)i + (rrr_real)1))) : (rrr_real)0));
+            x[i] = (start < rows) ? found.q[start][i] : (ref[i] + ((start > rows) ? ((rrr_ik_real)2.0 * sin((rrr_ik_real)start * ((rrr_ik_real)i + (rrr_ik_real)1))) : (rrr_ik_real)0));
         }
-        cost = rrr_ik_refine(T, x, 200, (rrr_real)0.1, 0u);
+        cost = rrr_ik_refine(T, x, 200, (rrr_ik_real)0.1, 0u);
         if ((cost < best) || ((cost <= RRR_IK_TOL_ACCEPT) && (kept > 0))) {
             best = (cost < best) ? cost : best;
             for (i = 0; i < 3; ++i) {
@@ -570,7 +570,7 @@ static int rrr_ik_descend(const rrr_real *T, const rrr_real *ref, rrr_ik_solutio
             }
         }
     }
-    out->distance = (kept > 0) ? (rrr_real)0 : (sqrt(best) * RRR_IK_TOL_REACH);
+    out->distance = (kept > 0) ? (rrr_ik_real)0 : (sqrt(best) * RRR_IK_TOL_REACH);
     return kept;
 }
 
@@ -588,26 +588,26 @@ static void rrr_ik_take(const rrr_ik_solutions *from, int i, rrr_ik_solutions *o
 
 /* Moves x to a configuration with the joints `held` (bits) where they are that meets the target up to the squared error `goal`, by
  * at most `steps` damped Gauss-Newton steps. Gives up where two steps do not halve the error, and returns 0. */
-static int rrr_ik_reaches(const rrr_real *T, rrr_real *x, rrr_real goal, int steps, unsigned held)
+static int rrr_ik_reaches(const rrr_ik_real *T, rrr_ik_real *x, rrr_ik_real goal, int steps, unsigned held)
 {
-    rrr_real e[3];
-    rrr_real J[3][3];
-    rrr_real d[3];
-    rrr_real cost = (rrr_real)0;
-    rrr_real before = (rrr_real)0;
+    rrr_ik_real e[3];
+    rrr_ik_real J[3][3];
+    rrr_ik_real d[3];
+    rrr_ik_real cost = (rrr_ik_real)0;
+    rrr_ik_real before = (rrr_ik_real)0;
     int i;
     for (;;) {
-        const rrr_real earlier = before;
-        rrr_real most = (rrr_real)1;
+        const rrr_ik_real earlier = before;
+        rrr_ik_real most = (rrr_ik_real)1;
         before = cost;
         cost = rrr_ik_error(T, x, e, J, held);
         if (cost <= goal) {
             return 1;
         }
-        if ((steps == 0) || ((earlier > (rrr_real)0) && !(((rrr_real)4 * cost) < earlier))) {
+        if ((steps == 0) || ((earlier > (rrr_ik_real)0) && !(((rrr_ik_real)4 * cost) < earlier))) {
             return 0;
         }
-        rrr_ik_step(J, e, ((rrr_real)0.01 * sqrt(cost)) + RRR_IK_TOL_EPS, d);
+        rrr_ik_step(J, e, ((rrr_ik_real)0.01 * sqrt(cost)) + RRR_IK_TOL_EPS, d);
         for (i = 0; i < 3; ++i) {
             most = (fabs(d[i]) > most) ? fabs(d[i]) : most;
         }
@@ -620,20 +620,20 @@ static int rrr_ik_reaches(const rrr_real *T, rrr_real *x, rrr_real goal, int ste
 
 /* Finds the joints of solution i that the target leaves free; returns them as a bit mask. A joint is free if, after it is turned
  * by a small angle and held there, the other joints still meet the target to within `accuracy` (the error of its numbers). */
-static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_solutions *found, int i)
+static unsigned rrr_ik_loose(const rrr_ik_real *T, rrr_ik_real accuracy, rrr_ik_solutions *found, int i)
 {
     unsigned held = RRR_IK_HELD(found->flags[i]);
     int j;
     int k;
     int side;
-    if ((held == 0u) && !((found->residual[i] <= RRR_IK_TOL_TIGHT) && (found->residual[i] >= (rrr_real)0))) {
-        found->residual[i] = rrr_ik_refine(T, found->q[i], 12, (rrr_real)0.01, 0u);
+    if ((held == 0u) && !((found->residual[i] <= RRR_IK_TOL_TIGHT) && (found->residual[i] >= (rrr_ik_real)0))) {
+        found->residual[i] = rrr_ik_refine(T, found->q[i], 12, (rrr_ik_real)0.01, 0u);
     }
     for (j = 0; j < 3; ++j) {
         for (side = -1; (side <= 1) && (((found->flags[i] >> (8u + (unsigned)j)) & ~(held >> (unsigned)j) & 1u) != 0u); side += 2) {
-            rrr_real q[3];
+            rrr_ik_real q[3];
             for (k = 0; k < 3; ++k) {
-                q[k] = found->q[i][k] + ((k == j) ? ((rrr_real)side * (rrr_real)0.01) : (rrr_real)0);
+                q[k] = found->q[i][k] + ((k == j) ? ((rrr_ik_real)side * (rrr_ik_real)0.01) : (rrr_ik_real)0);
             }
             if (rrr_ik_reaches(T, q, accuracy * accuracy, 12, 1u << (unsigned)j) != 0) {
                 held |= 1u << (unsigned)j;
@@ -645,7 +645,7 @@ static unsigned rrr_ik_loose(const rrr_real *T, rrr_real accuracy, rrr_ik_soluti
 }
 
 /* x = from + part (to - from), angles by at most pi. */
-static void rrr_ik_between(const rrr_real *from, const rrr_real *to, rrr_real part, rrr_real *x)
+static void rrr_ik_between(const rrr_ik_real *from, const rrr_ik_real *to, rrr_ik_real part, rrr_ik_real *x)
 {
     int i;
     for (i = 0; i < 3; ++i) {
@@ -656,10 +656,10 @@ static void rrr_ik_between(const rrr_real *from, const rrr_real *to, rrr_real pa
 /* Whether the configurations `from` and `to` lie on one path of configurations that meet the target up to the squared error
  * `goal`. If all configurations straight between them do not, the free joints `held` (bits) go straight to their values in `to`, and
  * the other joints follow. For a prescribed arm angle all joints go straight, because joints that follow might change it. */
-static int rrr_ik_joined(const rrr_real *T, const rrr_real *from, const rrr_real *to, unsigned held, rrr_real goal)
+static int rrr_ik_joined(const rrr_ik_real *T, const rrr_ik_real *from, const rrr_ik_real *to, unsigned held, rrr_ik_real goal)
 {
-    rrr_real x[3];
-    rrr_real last[3];
+    rrr_ik_real x[3];
+    rrr_ik_real last[3];
     int straight = 1;
     int left;
     int i;
@@ -667,15 +667,15 @@ static int rrr_ik_joined(const rrr_real *T, const rrr_real *from, const rrr_real
         return 1;
     }
     for (i = 1; (i < 4) && (straight != 0); ++i) {
-        rrr_ik_between(from, to, (rrr_real)0.25 * (rrr_real)i, x);
+        rrr_ik_between(from, to, (rrr_ik_real)0.25 * (rrr_ik_real)i, x);
         straight = rrr_ik_reaches(T, x, goal, 0, held);
     }
     for (i = 0; i < 3; ++i) {
         last[i] = from[i];
     }
     for (left = straight ? 0 : 16; left > 0; --left) {
-        rrr_ik_between(last, to, (rrr_real)1 / (rrr_real)left, x);
-        if ((rrr_ik_reaches(T, x, goal, 4, held) == 0) || (rrr_ik_apart(x, last) > (rrr_real)0.5)) {
+        rrr_ik_between(last, to, (rrr_ik_real)1 / (rrr_ik_real)left, x);
+        if ((rrr_ik_reaches(T, x, goal, 4, held) == 0) || (rrr_ik_apart(x, last) > (rrr_ik_real)0.5)) {
             return 0;
         }
         for (i = 0; i < 3; ++i) {
@@ -700,11 +700,11 @@ static unsigned rrr_ik_merged_branches(unsigned held)
  * length `least` below which a vector counts as zero raised tenfold at a time until they treat exactly those joints as free.
  * Beside two singular configurations at once, a candidate may be no part of the replacement's continuum: it stays, and stands for
  * its own one. */
-static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsigned options, rrr_real accuracy, rrr_ik_solutions *found, int rows)
+static void rrr_ik_reopen_branches(const rrr_ik_real *T, const rrr_ik_real *at, unsigned options, rrr_ik_real accuracy, rrr_ik_solutions *found, int rows)
 {
-    const rrr_real own = (rrr_real)16 * accuracy * accuracy;
-    const rrr_real tolerance = (own > RRR_IK_TOL_ACCEPT) ? own : RRR_IK_TOL_ACCEPT;
-    rrr_real least = RRR_IK_TOL_FREE;
+    const rrr_ik_real own = (rrr_ik_real)16 * accuracy * accuracy;
+    const rrr_ik_real tolerance = (own > RRR_IK_TOL_ACCEPT) ? own : RRR_IK_TOL_ACCEPT;
+    rrr_ik_real least = RRR_IK_TOL_FREE;
     int pending = 0;
     int round;
     int i;
@@ -712,7 +712,7 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
     for (i = 0; i < rows; ++i) {
         pending += (int)(((found->flags[i] & RRR_IK_OPEN) != 0u) && (rrr_ik_loose(T, accuracy, found, i) != 0u));
     }
-    bool wider = least < ((rrr_real)2 * RRR_IK_TOL_DOUBT);
+    bool wider = least < ((rrr_ik_real)2 * RRR_IK_TOL_DOUBT);
     for (round = 0; (round < 64) && (pending > 0) && wider; ++round) { /* far fewer decades lie between the two */
         rrr_ik_solutions wide;
         int stage = 0;
@@ -728,7 +728,7 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
             for (i = 0; i < rows; ++i) {
                 if ((held != 0u) && (RRR_IK_HELD(found->flags[i]) == held) && (((found->branch[i] ^ wide.branch[w]) & other) == 0u)) {
                     if (fits < 0) {
-                        wide.residual[w] = rrr_ik_refine(T, wide.q[w], 12, (rrr_real)0.01, held);
+                        wide.residual[w] = rrr_ik_refine(T, wide.q[w], 12, (rrr_ik_real)0.01, held);
                         fits = (int)(wide.residual[w] <= tolerance);
                     }
                     if (fits > 0) {
@@ -750,8 +750,8 @@ static void rrr_ik_reopen_branches(const rrr_real *T, const rrr_real *at, unsign
                 rrr_ik_take(&wide, w, found, first);
             }
         }
-        least *= (rrr_real)10;
-        wider = least < ((rrr_real)2 * RRR_IK_TOL_DOUBT);
+        least *= (rrr_ik_real)10;
+        wider = least < ((rrr_ik_real)2 * RRR_IK_TOL_DOUBT);
     }
     (void)options;
 }
@@ -770,9 +770,9 @@ static int rrr_ik_sound(const rrr_ik_solutions *found, int rows)
 }
 
 /* Refines solution i where its residual requires it. Returns 0 if it misses the target or repeats an earlier solution. */
-static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *out, int i)
+static int rrr_ik_settle(const rrr_ik_real *T, unsigned options, rrr_ik_solutions *out, int i)
 {
-    const rrr_real error = out->residual[i];
+    const rrr_ik_real error = out->residual[i];
     if ((out->flags[i] & RRR_IK_GONE) != 0u) {
         return 0;
     }
@@ -780,10 +780,10 @@ static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *
         out->flags[i] &= RRR_IK_PUBLIC;
         return (int)((rrr_ik_repeated(out, i) == 0));
     }
-    if (!((error <= RRR_IK_TOL_TIGHT) && (error >= (rrr_real)0))) {
-        out->residual[i] = rrr_ik_refine(T, out->q[i], 12, (rrr_real)0.01, 0u);
+    if (!((error <= RRR_IK_TOL_TIGHT) && (error >= (rrr_ik_real)0))) {
+        out->residual[i] = rrr_ik_refine(T, out->q[i], 12, (rrr_ik_real)0.01, 0u);
         if (!(out->residual[i] <= RRR_IK_TOL_ACCEPT)) {
-            if (((options & RRR_IK_RESIDUAL) == 0u) || !(out->residual[i] <= (rrr_real)1e6)) {
+            if (((options & RRR_IK_RESIDUAL) == 0u) || !(out->residual[i] <= (rrr_ik_real)1e6)) {
                 return 0;
             }
             out->flags[i] |= (unsigned)RRR_IK_INEXACT;
@@ -794,7 +794,7 @@ static int rrr_ik_settle(const rrr_real *T, unsigned options, rrr_ik_solutions *
 }
 
 /* Appends candidate i to the solutions if it meets the target. */
-static void rrr_ik_keep(const rrr_real *T, unsigned options, const rrr_ik_solutions *found, int i, rrr_ik_solutions *out)
+static void rrr_ik_keep(const rrr_ik_real *T, unsigned options, const rrr_ik_solutions *found, int i, rrr_ik_solutions *out)
 {
     const int to = out->count;
     rrr_ik_move(found, i, out, to);
@@ -806,7 +806,7 @@ static void rrr_ik_keep(const rrr_real *T, unsigned options, const rrr_ik_soluti
 __attribute__((noinline)) /* rarely called; inlined, it would take registers from the usual way */
 #endif
 static void rrr_ik_keep_all(
-    const rrr_real *T, const rrr_real *target, const rrr_real *ref, unsigned options, rrr_ik_solutions *found, int rows,
+    const rrr_ik_real *T, const rrr_ik_real *target, const rrr_ik_real *ref, unsigned options, rrr_ik_solutions *found, int rows,
     rrr_ik_solutions *out)
 {
     int i;
@@ -818,7 +818,7 @@ static void rrr_ik_keep_all(
 
 /* Final form of the solutions: multiples of 2 pi chosen, limits checked, residuals as square roots, branch numbers. Returns 0
  * if a solution lies outside the limits. */
-static inline int rrr_ik_finish(const rrr_real *ref, unsigned options, rrr_ik_solutions *out)
+static inline int rrr_ik_finish(const rrr_ik_real *ref, unsigned options, rrr_ik_solutions *out)
 {
     int i;
     (void)options;
@@ -834,25 +834,25 @@ static inline int rrr_ik_finish(const rrr_real *ref, unsigned options, rrr_ik_so
 }
 
 rrr_ik_status rrr_inverse_kinematics(
-    const rrr_real target[RRR_RESTRICT 3], const rrr_real *RRR_RESTRICT q_ref, unsigned options,
+    const rrr_ik_real target[RRR_RESTRICT 3], const rrr_ik_real *RRR_RESTRICT q_ref, unsigned options,
     rrr_ik_solutions *RRR_RESTRICT out)
 {
-    static const rrr_real zero[3] = {0};
-    const rrr_real *const ref = (q_ref != NULL) ? q_ref : zero;
-    rrr_real T[3];
+    static const rrr_ik_real zero[3] = {0};
+    const rrr_ik_real *const ref = (q_ref != NULL) ? q_ref : zero;
+    rrr_ik_real T[3];
     rrr_ik_solutions *const found = out;
     const rrr_ik_status status = rrr_ik_check(target, q_ref, T);
     int rows;
     int outside;
     out->count = 0;
     out->stage = 0;
-    out->distance = (rrr_real)0;
+    out->distance = (rrr_ik_real)0;
     if (status != RRR_IK_OK) {
         return status;
     }
     if (rrr_ik_far(T) != 0) {
         out->stage = 4;
-        out->distance = (rrr_real)-1;
+        out->distance = (rrr_ik_real)-1;
         return RRR_IK_UNREACHABLE;
     }
     rows = rrr_ik_branches(T, ref, RRR_IK_TOL_SLACK, RRR_IK_TOL_FREE, found, &out->stage);
@@ -865,7 +865,7 @@ rrr_ik_status rrr_inverse_kinematics(
     if ((out->count == 0) && (outside == 0)) {
         if (rows > 0) { /* candidates may stem from slightly negative discriminants: find the stage that failed */
             out->stage = 0;
-            rows = rrr_ik_branches(T, ref, (rrr_real)0, RRR_IK_TOL_FREE, found, &out->stage);
+            rows = rrr_ik_branches(T, ref, (rrr_ik_real)0, RRR_IK_TOL_FREE, found, &out->stage);
             out->stage = (rows > 0) ? 3 : out->stage;
         }
         out->count = rows = rrr_ik_descend(T, ref, out);
@@ -884,8 +884,8 @@ rrr_ik_status rrr_inverse_kinematics(
 }
 
 void rrr_inverse_kinematics_batch(
-    size_t count, const rrr_real *RRR_RESTRICT targets, const rrr_real *RRR_RESTRICT q_ref, unsigned options,
-    rrr_real *RRR_RESTRICT q, int *RRR_RESTRICT counts, unsigned *flags, unsigned *branch, int *statuses, rrr_real *distances)
+    size_t count, const rrr_ik_real *RRR_RESTRICT targets, const rrr_ik_real *RRR_RESTRICT q_ref, unsigned options,
+    rrr_ik_real *RRR_RESTRICT q, int *RRR_RESTRICT counts, unsigned *flags, unsigned *branch, int *statuses, rrr_ik_real *distances)
 {
     size_t k;
     for (k = 0; k < count; ++k) {
@@ -915,22 +915,22 @@ void rrr_inverse_kinematics_batch(
 }
 
 rrr_ik_status rrr_closest(
-    const rrr_real target[RRR_RESTRICT 3], const rrr_real *RRR_RESTRICT q_ref, unsigned options,
+    const rrr_ik_real target[RRR_RESTRICT 3], const rrr_ik_real *RRR_RESTRICT q_ref, unsigned options,
     rrr_ik_solutions *RRR_RESTRICT out)
 {
-    static const rrr_real zero[3] = {0};
-    const rrr_real *const ref = (q_ref != NULL) ? q_ref : zero;
-    rrr_real T[3];
+    static const rrr_ik_real zero[3] = {0};
+    const rrr_ik_real *const ref = (q_ref != NULL) ? q_ref : zero;
+    rrr_ik_real T[3];
     rrr_ik_status status = rrr_ik_check(target, q_ref, T);
     out->count = 0;
     out->stage = 0;
-    out->distance = (rrr_real)0;
+    out->distance = (rrr_ik_real)0;
     if (status != RRR_IK_OK) {
         return status;
     }
     if (rrr_ik_far(T) != 0) {
         out->stage = 4;
-        out->distance = (rrr_real)-1;
+        out->distance = (rrr_ik_real)-1;
         return RRR_IK_UNREACHABLE;
     }
     (void)rrr_ik_descend(T, ref, out);

@@ -24,9 +24,9 @@
 
 #include <stddef.h>
 
-#ifndef RRR_REAL_DEFINED
-#define RRR_REAL_DEFINED
-typedef double rrr_real; /* the one real type of this robot's code */
+#ifndef RRR_IK_REAL_DEFINED
+#define RRR_IK_REAL_DEFINED
+typedef double rrr_ik_real; /* the one real type of this file's code */
 #endif
 
 /* restrict inside array brackets is C99; C++ and MSVC do without */
@@ -73,11 +73,11 @@ typedef enum rrr_ik_status {
 typedef struct rrr_ik_solutions {
     int count; /* number of solutions */
     int stage; /* number of the reason why there are none: see rrr_ik_reason */
-    rrr_real distance; /* distance of the target from the nearest one that can be reached, m; negative if unknown */
-    rrr_real q[4][3]; /* rad | m */
+    rrr_ik_real distance; /* distance of the target from the nearest one that can be reached, m; negative if unknown */
+    rrr_ik_real q[4][3]; /* rad | m */
     unsigned flags[4];
     unsigned branch[4]; /* bit 0 shoulder, bit 1 elbow; the bit of a choice between two roots is 0 for the one labelled plus */
-    rrr_real residual[4]; /* error of the task: root of the sum of squares of the position error divided by 1.3536469121517312 m */
+    rrr_ik_real residual[4]; /* error of the task: root of the sum of squares of the position error divided by 1.3536469121517312 m */
 } rrr_ik_solutions;
 
 /*
@@ -91,20 +91,20 @@ typedef struct rrr_ik_solutions {
  * Stack: at most 4064 bytes.
  */
 rrr_ik_status rrr_inverse_kinematics(
-    const rrr_real target[RRR_RESTRICT 3], const rrr_real *RRR_RESTRICT q_ref, unsigned options,
+    const rrr_ik_real target[RRR_RESTRICT 3], const rrr_ik_real *RRR_RESTRICT q_ref, unsigned options,
     rrr_ik_solutions *RRR_RESTRICT out);
 
 /* Solves `count` targets: q[count][RRR_IK_ROWS][RRR_IK_JOINTS], flags and branch [count][RRR_IK_ROWS]; one q_ref[RRR_IK_JOINTS] for all.
  * counts, statuses and distances have `count` entries. Any of flags, branch, statuses, distances may be a null pointer.
  * Stack: at most 4528 bytes. */
 void rrr_inverse_kinematics_batch(
-    size_t count, const rrr_real *RRR_RESTRICT targets, const rrr_real *RRR_RESTRICT q_ref, unsigned options,
-    rrr_real *RRR_RESTRICT q, int *RRR_RESTRICT counts, unsigned *flags, unsigned *branch, int *statuses, rrr_real *distances);
+    size_t count, const rrr_ik_real *RRR_RESTRICT targets, const rrr_ik_real *RRR_RESTRICT q_ref, unsigned options,
+    rrr_ik_real *RRR_RESTRICT q, int *RRR_RESTRICT counts, unsigned *flags, unsigned *branch, int *statuses, rrr_ik_real *distances);
 
 /* Finds the configuration whose `residual` is smallest, for a target that cannot be reached: one solution, the best of descents
  * that begin at every branch, at q_ref and at a few fixed configurations. Stack: at most 4064 bytes. */
 rrr_ik_status rrr_closest(
-    const rrr_real target[RRR_RESTRICT 3], const rrr_real *RRR_RESTRICT q_ref, unsigned options,
+    const rrr_ik_real target[RRR_RESTRICT 3], const rrr_ik_real *RRR_RESTRICT q_ref, unsigned options,
     rrr_ik_solutions *RRR_RESTRICT out);
 
 /* Texts of a status, and of the reason (field `stage`) why there is no solution; never NULL. */

@@ -98,7 +98,7 @@ def certify(
     from rrrgen.evidence.boxes import Ranges
     from rrrgen.evidence.certificate import CERTIFICATE, PAGE, SAMPLED, certificate_files, rounding_entries
     from rrrgen.evidence.coding_rules import checked_with_cppcheck
-    from rrrgen.evidence.counts import counts_entry
+    from rrrgen.evidence.counts import counts_entry, not_applicable
     from rrrgen.evidence.statements import statements
     from rrrgen.evidence.value_analysis import analysed_with_eva
     from rrrgen.runtime import load
@@ -123,7 +123,7 @@ def certify(
             "speed": speed,
             "acceleration": acceleration,
         }
-        tools, unchecked = checked_with_cppcheck(files)
+        tools, unchecked = checked_with_cppcheck(files, jobs)
         counts, uncounted = counts_entry(spec.name, model.programs, files, real)
         tools, unchecked = tools | counts, [*unchecked, *uncounted]
         if value_analysis:
@@ -145,6 +145,7 @@ def certify(
             seed=seed,
             further=tools,
             skipped=[*_beyond_the_model(files), *unchecked],
+            not_applicable=not_applicable(real),
             tell=tell,
         )
     write(files, output)

@@ -131,6 +131,7 @@ def certificate_files(
     seed: int = 0,
     further: Mapping[str, Any] | None = None,
     skipped: Sequence[tuple[str, str]] = (),
+    not_applicable: Sequence[tuple[str, str]] = (),
     tell: Tell | None = None,
 ) -> dict[str, Contents]:
     """The files of the folder ``evidence`` for the emitted ``files`` of ``model``: relative path -> contents.
@@ -146,6 +147,7 @@ def certificate_files(
         seed: of the test vectors.
         further: entries of the certificate about external tools, by name.
         skipped: what was not done, with the reason.
+        not_applicable: what cannot be done for this code, with the reason.
         tell: called as ``tell(done, total, message)`` as the work proceeds.
     """
     from rrrgen.evidence.page import html, markdown
@@ -202,6 +204,7 @@ def certificate_files(
         **dict(further or {}),
         "trace": _trace(functions),
         "skipped": [{"what": what, "reason": reason} for what, reason in missing],
+        "not_applicable": [{"what": what, "reason": reason} for what, reason in not_applicable],
         "not_claimed": list(NOT_CLAIMED),
     }
     vector_text = _json({"schema": "rrrgen-vectors/1", "robot": spec.name, "real": real, "functions": vectors})

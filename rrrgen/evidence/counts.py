@@ -234,17 +234,24 @@ def counted(target: Target, files: Mapping[str, Contents], directory: Path) -> d
     return counts
 
 
+def not_applicable(real: Real) -> list[tuple[str, str]]:
+    """Targets for which code in ``real`` has no longest path by its nature, each with the reason."""
+    reason = (
+        "it has no arithmetic in double: every operation is a call of the compiler's library, whose division loops, so "
+        "that no path is longest; `--real float` has the counts"
+    )
+    return [(f"instructions on {t.name}", reason) for t in TARGETS if t.single_only and real == "double"]
+
+
 def counts_entry(
     robot: str, functions: Iterable[str], files: Mapping[str, Contents], real: Real
 ) -> tuple[dict[str, Any], list[tuple[str, str]]]:
     """The certificate's entry about instructions and stack of the model ``functions``; what was not counted and why."""
     skipped: list[tuple[str, str]] = []
     by_target: dict[str, dict[str, Count]] = {}
-    for target in TARGETS:
+    for target in (each for each in TARGETS if not (each.single_only and real == "double")):
         if target.missing:
             skipped.append((f"instructions on {target.name}", f"not installed: {', '.join(target.missing)}"))
-        elif target.single_only and real == "double":
-            skipped.append((f"instructions on {target.name}", "it computes in double by calls of a library"))
         else:
             with tempfile.TemporaryDirectory(prefix="rrrgen-counts-") as folder:
                 by_target[target.name] = counted(target, files, Path(folder))

@@ -46,6 +46,7 @@ def _blocks(content: Mapping[str, Any]) -> list[tuple[str, Any]]:
     blocks += [
         ("heading", "From equation to test"),
         ("table", [("equation", "function", "checks"), *_trace_rows(content)]),
+        *_inapplicable_blocks(content.get("not_applicable", ())),
         ("heading", "Not covered"),
         ("table", [("what", "reason"), *((row["what"], row["reason"]) for row in content["skipped"])]),
         ("text", "This certificate does not claim:"),
@@ -54,6 +55,15 @@ def _blocks(content: Mapping[str, Any]) -> list[tuple[str, Any]]:
         ("table", [("file", "SHA-256"), *content["files"].items(), *content["evidence"].items()]),
     ]
     return blocks
+
+
+def _inapplicable_blocks(rows: Sequence[Mapping[str, str]]) -> list[tuple[str, Any]]:
+    if not rows:
+        return []
+    return [
+        ("heading", "Not applicable"),
+        ("table", [("what", "reason"), *((row["what"], row["reason"]) for row in rows)]),
+    ]
 
 
 TOOL_SECTIONS = (

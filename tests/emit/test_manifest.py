@@ -42,7 +42,7 @@ def test_the_manifest_describes_the_inverse_kinematics(files):
     assert all(f" {name}(" in files["planar_ik.h"].replace("*", " ") for name in entry["functions"])
     assert all(f'"{reason}"' in files["planar_ik.c"] for reason in entry["reasons"])
     assert f"{entry['operations']['mul']} mul, {entry['operations']['add']} add" in files["planar_ik.h"]
-    assert f"(planar_real){entry['tolerances']['accept']!r}" in files["planar_ik.c"]
+    assert f"(planar_ik_real){entry['tolerances']['accept']!r}" in files["planar_ik.c"]
     assert all(f"Stack: at most {size} bytes." in files["planar_ik.h"] for size in entry["stack"].values())
 
 

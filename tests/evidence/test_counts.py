@@ -11,7 +11,7 @@ import pytest
 from pipeline.optimized import bundled
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.c.language import InlineSinCos
-from rrrgen.evidence.counts import FLAGS, TARGETS, counted, counts_entry
+from rrrgen.evidence.counts import FLAGS, TARGETS, counted, counts_entry, not_applicable
 
 X86, CORTEX = TARGETS
 installed = pytest.mark.skipif(bool(X86.missing), reason=f"not installed: {X86.missing}")
@@ -78,7 +78,9 @@ def test_the_entry_states_a_target_that_has_no_figures():
     model = bundled("pendulum")
     files = function_files("pendulum", "all functions", list(model.programs.values()), "double", InlineSinCos())
     entry, skipped = counts_entry("pendulum", model.programs, files, "double")
-    assert [what for what, _ in skipped] == ["instructions on Cortex-M4F"]
+    assert not skipped
+    assert [what for what, _ in not_applicable("double")] == ["instructions on Cortex-M4F"]
+    assert not not_applicable("float")
     rows = {row[0]: row[1:] for row in entry["instructions"]["rows"]}
     assert {*rows} == {*model.programs}
     assert 0 < rows["inverse_dynamics"][0] < 200

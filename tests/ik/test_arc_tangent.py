@@ -15,8 +15,8 @@ BOUND = 2.7
 
 EXPORT = """
 #include "rrr_ik.c"
-void arcs(int count, const rrr_real *y, const rrr_real *x, rrr_real *angle);
-void arcs(int count, const rrr_real *y, const rrr_real *x, rrr_real *angle)
+void arcs(int count, const rrr_ik_real *y, const rrr_ik_real *x, rrr_ik_real *angle);
+void arcs(int count, const rrr_ik_real *y, const rrr_ik_real *x, rrr_ik_real *angle)
 {
     rrr_ik_arcs(count, y, x, angle);
 }

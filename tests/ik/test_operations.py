@@ -67,7 +67,9 @@ def prepared(spec, folder, body):
     """The program that runs ``body`` behind the emitted code with counting numbers: what it prints."""
     files, M = emit(spec, plan(spec)).files, spec.name.upper()
     (folder / f"{spec.name}_ik.h").write_text(files[f"{spec.name}_ik.h"])
-    text = COUNTING + f"#define {M}_REAL_DEFINED\ntypedef Counted {spec.name}_real;\n" + files[f"{spec.name}_ik.c"]
+    text = (
+        COUNTING + f"#define {M}_IK_REAL_DEFINED\ntypedef Counted {spec.name}_ik_real;\n" + files[f"{spec.name}_ik.c"]
+    )
     text = text.replace("typedef double", "typedef Counted")  # of an elimination
     (folder / "count.cpp").write_text(text + f"int main() {{ {body} }}")
     subprocess.run([COMPILER, "-w", "-std=c++11", "-o", "count", "count.cpp"], cwd=folder, check=True)
@@ -151,7 +153,7 @@ int main() {{
 }}
 """
     (tmp_path / f"{name}_ik.h").write_text(files[f"{name}_ik.h"])
-    text = COUNTING + f"#define {M}_REAL_DEFINED\ntypedef Counted {name}_real;\n" + files[f"{name}_ik.c"] + main
+    text = COUNTING + f"#define {M}_IK_REAL_DEFINED\ntypedef Counted {name}_ik_real;\n" + files[f"{name}_ik.c"] + main
     (tmp_path / "count.cpp").write_text(text)
     subprocess.run([COMPILER, "-w", "-std=c++11", "-o", "count", "count.cpp"], cwd=tmp_path, check=True)
     done = subprocess.run([tmp_path / "count"], capture_output=True, text=True, check=True)

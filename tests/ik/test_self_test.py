@@ -37,7 +37,7 @@ def run(folder, source):
 
 
 SPOILED = [
-    ("found->q[i][1] = angle[", "found->q[i][1] = (rrr_real)1e-6 + angle[", "every row meets its target"),
+    ("found->q[i][1] = angle[", "found->q[i][1] = (rrr_ik_real)1e-6 + angle[", "every row meets its target"),
     ("out->count = rows;", "out->count = rows > 0 ? rows - 1 : 0;", "rows of golden targets"),
     ("return (outside != 0) ? RRR_IK_OUTSIDE_LIMITS : RRR_IK_UNREACHABLE;", "return RRR_IK_OK;", "out of reach"),
 ]

@@ -69,11 +69,11 @@ def test_no_chain_of_calls_takes_more_stack_than_is_stated(name, limited, real, 
 
 SOURCE = """
 #define R_IK_SIZE 3 /* a comment with REAL x[7]; */
-static const r_real r_table[2] = { (r_real)1, (r_real)2};
-static void r_inner(const r_real a[4])
+static const r_ik_real r_table[2] = { (r_ik_real)1, (r_ik_real)2};
+static void r_inner(const r_ik_real a[4])
 {
     static const int order[5] = {1, 2, 3, 4, 5};
-    r_real scale = a[0] * (a[1] + a[2]), x[2][R_IK_SIZE + 1] = { {(r_real)0} }, *const y = x[1];
+    r_ik_real scale = a[0] * (a[1] + a[2]), x[2][R_IK_SIZE + 1] = { {(r_ik_real)0} }, *const y = x[1];
     unsigned flags[R_IK_SIZE];
     for (int i = 0; i < 2; ++i) {
         const int k[1] = {order[i]};
@@ -99,4 +99,4 @@ def test_the_figure_counts_arrays_structures_and_the_deepest_chain():
 
 def test_an_array_of_unknown_size_is_a_fault():
     with pytest.raises(InternalError, match=r"\[R_SIZE\]"):
-        stack_bounds("void r_f(void)\n{\n    r_real x[R_SIZE];\n}\n", "r", "float", {"ik": (3, 2)})
+        stack_bounds("void r_f(void)\n{\n    r_ik_real x[R_SIZE];\n}\n", "r", "float", {"ik": (3, 2)})

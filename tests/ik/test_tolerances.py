@@ -10,7 +10,7 @@ from rrrgen.ik.tolerances import runtime
 def test_every_tolerance_reaches_the_code():
     text = sources(robot("puma"))["puma_ik.c"]
     for name in ("eps", "free", "doubt", "merge", "same", "slack", "circle", "tight", "accept", "done", "limit"):
-        assert f"#define PUMA_IK_TOL_{name.upper()} (puma_real){runtime('double')[name]}" in text
+        assert f"#define PUMA_IK_TOL_{name.upper()} (puma_ik_real){runtime('double')[name]}" in text
 
 
 """Its wrist has one real axis, which is turned by pi in no solution."""

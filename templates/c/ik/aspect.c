@@ -6,8 +6,8 @@ LOCAL unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags)
 {
     REAL e[6];
     REAL J[6][JOINTS];
-    ik_real a[6][10];
-    ik_real det;
+    ik_6r_real a[6][10];
+    ik_6r_real det;
     int i;
     int j;
     (void)ik_error(T, q, e, J NONE_HELD);
@@ -17,9 +17,9 @@ LOCAL unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags)
         }
         for (j = 0; j < 6; ++j) {
 #if LOCKED_FIRST
-            a[i][j] = (ik_real)J[i][j + 1];
+            a[i][j] = (ik_6r_real)J[i][j + 1];
 #else
-            a[i][j] = (ik_real)J[i][j];
+            a[i][j] = (ik_6r_real)J[i][j];
 #endif
         }
     }

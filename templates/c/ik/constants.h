@@ -23,7 +23,7 @@
 #define IK_PUBLIC 15u /* mask of the flags that the caller sees; the others are internal */
 #define IK_NEAR 16u /* internal flag: a root of this solution may be double */
 #if GENERAL
-typedef double ik_real; /* the real type of the elimination, whose matrices lose too many digits in single precision */
+typedef double ik_6r_real; /* the real type of the elimination, whose matrices lose too many digits in single precision */
 #define IK_DOUBT 256 /* added to the stage by ik_branches: solutions may be missing */
 #endif
 #if OPENED

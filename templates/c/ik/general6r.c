@@ -16,37 +16,37 @@
 #define IK_6R_ZONES VALUE_6R_ZONES /* most zones: the whole circle, and arcs of it that are magnified to separate close roots */
 #define IK_6R_PATIENCE VALUE_6R_PATIENCE /* most Newton steps of all patient searches of one elimination together */
 #define IK_6R_EDGE (-0.3847) /* cosine of the angle x at the edge of what a zone resolves: tan(x/2) = 1.5 */
-#define IK_6R_EPS (ik_real)VALUE_6R_EPS
-#define IK_6R_TINY (ik_real)VALUE_6R_TINY
-#define IK_6R_DONE (ik_real)VALUE_6R_DONE /* error of an entry of the pose below which a solution is not refined further */
-#define IK_6R_ACCEPT (ik_real)VALUE_6R_ACCEPT /* error above which a solution is rejected */
-#define IK_6R_SAME (ik_real)VALUE_6R_SAME /* solutions nearer than this are the same one: forward kinematics cannot tell them apart */
+#define IK_6R_EPS (ik_6r_real)VALUE_6R_EPS
+#define IK_6R_TINY (ik_6r_real)VALUE_6R_TINY
+#define IK_6R_DONE (ik_6r_real)VALUE_6R_DONE /* error of an entry of the pose below which a solution is not refined further */
+#define IK_6R_ACCEPT (ik_6r_real)VALUE_6R_ACCEPT /* error above which a solution is rejected */
+#define IK_6R_SAME (ik_6r_real)VALUE_6R_SAME /* solutions nearer than this are the same one: forward kinematics cannot tell them apart */
 
 /* DH table: cos alpha, sin alpha, a, d of each joint, lengths in units of the length that the solver is scaled by. */
-static const ik_real ik_6r_dh[6][4] = DH;
+static const ik_6r_real ik_6r_dh[6][4] = DH;
 #if DH_SLIDES
 /* Cosine and sine of the constant angle theta of the prismatic joint. In arrays of joint cosines and sines the prismatic joint
  * has its displacement and 0. */
-static const ik_real ik_6r_fixed[2] = DH_TURN;
+static const ik_6r_real ik_6r_fixed[2] = DH_TURN;
 #else
 /* Two points, on axis 1 of the base and on axis 6 of the target, by their coordinates along these axes, and the longest distance
  * between them that the arm can span. */
-static const ik_real ik_6r_span[3] = DH_SPAN;
+static const ik_6r_real ik_6r_span[3] = DH_SPAN;
 #endif
 /* Eliminations to try, best first. The entries are: the joint at which the numbering of the loop begins, and its direction; which
  * of the joints 3, 4, 5 of that numbering (0, 1, 2) are kept, shifted and other; and an index of ik_6r_nudge, the small motion of
  * the target at which the elimination is done, because coinciding roots separate at a pose nearby. */
 static const signed char ik_6r_pass[PASSES][6] = PASS;
 /* Rounding noise of the polynomial of each elimination, relative to the sum of the magnitudes of its coefficients. */
-static const ik_real ik_6r_noise[PASSES] = PASS_NOISE;
+static const ik_6r_real ik_6r_noise[PASSES] = PASS_NOISE;
 /* No motion, a small motion in no special direction, and its inverse. */
-static const ik_real ik_6r_nudge[3][12] = {
+static const ik_6r_real ik_6r_nudge[3][12] = {
     {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0},
     {0.9999996152000963, -0.0006401438399640401, -0.0005998462500384375, 0.00063985584003604, 0.99999968000008, -0.00048019187995203, 0.0006001534499616375, 0.00047980788004803, 0.9999997048000738, 0.0006, 0.00064, -0.00048},
     {0.9999996152000963, 0.00063985584003604, 0.0006001534499616375, -0.0006401438399640401, 0.99999968000008, 0.00047980788004803, -0.0005998462500384375, -0.00048019187995203, 0.9999997048000738, -0.0006001212032016992, -0.0006393854011136498, 0.0004806670888572278}
 };
 /* A rotation about z by an angle that is not a simple fraction of pi; its cosine and sine are entries 0 and 3. */
-static const ik_real ik_6r_odd[12] = {0.28, -0.96, 0.0, 0.96, 0.28, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
+static const ik_6r_real ik_6r_odd[12] = {0.28, -0.96, 0.0, 0.96, 0.28, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0};
 /* Features that a rotation about z does not change, and the x components of the pairs that it rotates. */
 static const signed char ik_6r_axial[7] = {3, 4, 7, 10, 11, 14, 0};
 static const signed char ik_6r_planar[4] = {1, 5, 8, 12};
@@ -54,9 +54,9 @@ static const signed char ik_6r_planar[4] = {1, 5, 8, 12};
  * p.p' - (1 (p.p)' + (p.p) 1') / 2 + l.w' + w.l' - 2 m.m' + 2 (p.l) (p.l)'. Each feature is multiplied by the feature dual[i] of
  * the other line and by the factor form[i]. */
 static const signed char ik_6r_dual[15] = {4, 1, 2, 3, 0, 12, 13, 14, 8, 9, 10, 11, 5, 6, 7};
-static const ik_real ik_6r_form[15] = {-0.5, 1.0, 1.0, 1.0, -0.5, 1.0, 1.0, 1.0, -2.0, -2.0, -2.0, 2.0, 1.0, 1.0, 1.0};
+static const ik_6r_real ik_6r_form[15] = {-0.5, 1.0, 1.0, 1.0, -0.5, 1.0, 1.0, 1.0, -2.0, -2.0, -2.0, 2.0, 1.0, 1.0, 1.0};
 /* cos(2 pi k / 17), sin(2 pi k / 17) */
-static const ik_real ik_6r_wave[17][2] = {
+static const ik_6r_real ik_6r_wave[17][2] = {
     {1.0, 0.0},
     {0.9324722294043558, 0.3612416661871529},
     {0.7390089172206591, 0.6736956436465572},
@@ -77,11 +77,11 @@ static const ik_real ik_6r_wave[17][2] = {
 };
 
 /* Normalizes n pairs to cosine and sine; a pair without a direction becomes the angle zero. */
-LOCAL void ik_6r_unit(int n, ik_real cs[][2])
+LOCAL void ik_6r_unit(int n, ik_6r_real cs[][2])
 {
     int i;
     for (i = 0; i < n; ++i) {
-        ik_real scale;
+        ik_6r_real scale;
         cs[i][0] += IK_6R_EPS * IK_6R_EPS;
         scale = 1.0 / sqrt((cs[i][0] * cs[i][0]) + (cs[i][1] * cs[i][1]));
         cs[i][0] *= scale;
@@ -90,14 +90,14 @@ LOCAL void ik_6r_unit(int n, ik_real cs[][2])
 }
 
 /* Rigid transforms are 12 numbers: the rotation row-major, then the translation. z = x y; z may be x. */
-LOCAL void ik_6r_product(const ik_real x[12], const ik_real y[12], ik_real z[12])
+LOCAL void ik_6r_product(const ik_6r_real x[12], const ik_6r_real y[12], ik_6r_real z[12])
 {
     int i;
     int j;
     for (i = 0; i < 3; ++i) {
-        const ik_real u = x[3 * i];
-        const ik_real v = x[(3 * i) + 1];
-        const ik_real w = x[(3 * i) + 2];
+        const ik_6r_real u = x[3 * i];
+        const ik_6r_real v = x[(3 * i) + 1];
+        const ik_6r_real w = x[(3 * i) + 2];
         for (j = 0; j < 3; ++j) {
             z[(3 * i) + j] = (u * y[j]) + (v * y[3 + j]) + (w * y[6 + j]);
         }
@@ -105,7 +105,7 @@ LOCAL void ik_6r_product(const ik_real x[12], const ik_real y[12], ik_real z[12]
     }
 }
 
-LOCAL void ik_6r_inverse(const ik_real x[12], ik_real z[12])
+LOCAL void ik_6r_inverse(const ik_6r_real x[12], ik_6r_real z[12])
 {
     int i;
     int j;
@@ -117,7 +117,7 @@ LOCAL void ik_6r_inverse(const ik_real x[12], ik_real z[12])
     }
 }
 
-LOCAL void ik_6r_identity(ik_real x[12])
+LOCAL void ik_6r_identity(ik_6r_real x[12])
 {
     int i;
     for (i = 0; i < 12; ++i) {
@@ -126,12 +126,12 @@ LOCAL void ik_6r_identity(ik_real x[12])
 }
 
 /* x Rz with the cosine and sine cs. */
-LOCAL void ik_6r_turn(ik_real x[12], const ik_real cs[2])
+LOCAL void ik_6r_turn(ik_6r_real x[12], const ik_6r_real cs[2])
 {
     int i;
     for (i = 0; i < 9; i += 3) {
-        const ik_real u = x[i];
-        const ik_real v = x[i + 1];
+        const ik_6r_real u = x[i];
+        const ik_6r_real v = x[i + 1];
         x[i] = (u * cs[0]) + (v * cs[1]);
         x[i + 1] = (v * cs[0]) - (u * cs[1]);
     }
@@ -139,7 +139,7 @@ LOCAL void ik_6r_turn(ik_real x[12], const ik_real cs[2])
 
 #if DH_SLIDES
 /* x Tz: a displacement along z. */
-LOCAL void ik_6r_slide(ik_real x[12], ik_real by)
+LOCAL void ik_6r_slide(ik_6r_real x[12], ik_6r_real by)
 {
     int i;
     for (i = 0; i < 3; ++i) {
@@ -157,14 +157,14 @@ LOCAL void ik_6r_slide(ik_real x[12], ik_real by)
  * the target pose. Every angle is counted from a direction that is no simple fraction of pi, so that the tangent of its half is
  * not infinite at round values such as pi. */
 #endif
-LOCAL void ik_6r_loop(const ik_real pose[12], int start, int direction, ik_real e[6][12])
+LOCAL void ik_6r_loop(const ik_6r_real pose[12], int start, int direction, ik_6r_real e[6][12])
 {
     int k;
     for (k = 0; k < 6; ++k) {
         const int link = (start + 12 + (direction * k) + ((direction - 1) / 2)) % 6;
-        const ik_real *const row = ik_6r_dh[link];
-        ik_real x[12];
-        ik_real y[12];
+        const ik_6r_real *const row = ik_6r_dh[link];
+        ik_6r_real x[12];
+        ik_6r_real y[12];
         ik_6r_identity(x);
         x[4] = row[0];
         x[5] = -row[1];
@@ -181,7 +181,7 @@ LOCAL void ik_6r_loop(const ik_real pose[12], int start, int direction, ik_real 
         }
 #if DH_SLIDES
         if (((start + 12 + (direction * k)) % 6) == DH_SLIDE) {
-            const ik_real turn[2] = {ik_6r_fixed[0], ik_6r_fixed[1] * (ik_real)direction};
+            const ik_6r_real turn[2] = {ik_6r_fixed[0], ik_6r_fixed[1] * (ik_6r_real)direction};
             ik_6r_identity(e[k]);
             ik_6r_turn(e[k], turn);
             ik_6r_product(e[k], (direction < 0) ? y : x, e[k]);
@@ -192,7 +192,7 @@ LOCAL void ik_6r_loop(const ik_real pose[12], int start, int direction, ik_real 
     }
 }
 
-LOCAL void ik_6r_cross(const ik_real a[3], const ik_real b[3], ik_real c[3])
+LOCAL void ik_6r_cross(const ik_6r_real a[3], const ik_6r_real b[3], ik_6r_real c[3])
 {
     int i;
     for (i = 0; i < 3; ++i) {
@@ -205,22 +205,22 @@ LOCAL void ik_6r_cross(const ik_real a[3], const ik_real b[3], ik_real c[3])
 /* Transforms n columns of line features in place by the rigid transform e. The features of the line through the point p with the
  * direction l are 0: 1, 1..3: p, 4: p.p, 5..7: l, 8..10: m = p x l, 11: p.l, 12..14: w = (p.p) l - 2 (p.l) p; a rigid transform
  * acts on them linearly. */
-LOCAL void ik_6r_carry(const ik_real e[12], int n, ik_real f[15][18])
+LOCAL void ik_6r_carry(const ik_6r_real e[12], int n, ik_6r_real f[15][18])
 {
-    const ik_real *const t = e + 9;
-    const ik_real tt = (t[0] * t[0]) + (t[1] * t[1]) + (t[2] * t[2]);
+    const ik_6r_real *const t = e + 9;
+    const ik_6r_real tt = (t[0] * t[0]) + (t[1] * t[1]) + (t[2] * t[2]);
     int i;
     int j;
     for (j = 0; j < n; ++j) {
-        ik_real v[4][3];
-        ik_real tl[3];
-        ik_real tm[3];
-        ik_real along = 0.0;
+        ik_6r_real v[4][3];
+        ik_6r_real tl[3];
+        ik_6r_real tm[3];
+        ik_6r_real along = 0.0;
         for (i = 0; i < 4; ++i) {
             const int at = ik_6r_planar[i];
-            const ik_real a = f[at][j];
-            const ik_real b = f[at + 1][j];
-            const ik_real c = f[at + 2][j];
+            const ik_6r_real a = f[at][j];
+            const ik_6r_real b = f[at + 1][j];
+            const ik_6r_real c = f[at + 2][j];
             v[i][0] = (e[0] * a) + (e[1] * b) + (e[2] * c);
             v[i][1] = (e[3] * a) + (e[4] * b) + (e[5] * c);
             v[i][2] = (e[6] * a) + (e[7] * b) + (e[8] * c);
@@ -245,22 +245,22 @@ LOCAL void ik_6r_carry(const ik_real e[12], int n, ik_real f[15][18])
 
 /* Replaces each of n columns of features by three: the coefficients of 1, cos x and sin x of the features rotated by x about z
  * (sense -1: about -z). */
-LOCAL void ik_6r_split(int n, ik_real sense, ik_real f[15][18])
+LOCAL void ik_6r_split(int n, ik_6r_real sense, ik_6r_real f[15][18])
 {
     int i;
     int j;
     for (j = n - 1; j >= 0; --j) {
         for (i = 0; i < 7; ++i) {
-            ik_real *const x = f[ik_6r_axial[i]];
+            ik_6r_real *const x = f[ik_6r_axial[i]];
             x[3 * j] = x[j];
             x[(3 * j) + 1] = 0.0;
             x[(3 * j) + 2] = 0.0;
         }
         for (i = 0; i < 4; ++i) {
-            ik_real *const x = f[ik_6r_planar[i]];
-            ik_real *const y = f[ik_6r_planar[i] + 1];
-            const ik_real u = x[j];
-            const ik_real v = y[j];
+            ik_6r_real *const x = f[ik_6r_planar[i]];
+            ik_6r_real *const y = f[ik_6r_planar[i] + 1];
+            const ik_6r_real u = x[j];
+            const ik_6r_real v = y[j];
             x[3 * j] = 0.0;
             y[3 * j] = 0.0;
             x[(3 * j) + 1] = u;
@@ -274,12 +274,12 @@ LOCAL void ik_6r_split(int n, ik_real sense, ik_real f[15][18])
 #if DH_SLIDES
 /* Replaces each of n columns of features by three: the coefficients of 1, x and x^2 of the features displaced by x along z
  * (sense -1: along -z). */
-LOCAL void ik_6r_stretch(int n, ik_real sense, ik_real f[15][18])
+LOCAL void ik_6r_stretch(int n, ik_6r_real sense, ik_6r_real f[15][18])
 {
     int i;
     int j;
     for (j = n - 1; j >= 0; --j) {
-        ik_real v[15];
+        ik_6r_real v[15];
         for (i = 0; i < 15; ++i) {
             v[i] = f[i][j];
             f[i][3 * j] = v[i];
@@ -303,7 +303,7 @@ LOCAL void ik_6r_stretch(int n, ik_real sense, ik_real f[15][18])
 
 /* Replaces each of n columns of features by three coefficients of the motion of joint `place` of the loop, a rotation about z or
  * a displacement along z. */
-LOCAL void ik_6r_part(const signed char pass[6], int place, int n, ik_real sense, ik_real f[15][18])
+LOCAL void ik_6r_part(const signed char pass[6], int place, int n, ik_6r_real sense, ik_6r_real f[15][18])
 {
     if (place == (2 + pass[4])) {
         ik_6r_stretch(n, sense, f);
@@ -314,13 +314,13 @@ LOCAL void ik_6r_part(const signed char pass[6], int place, int n, ik_real sense
 
 #endif
 /* Writes to column j the features of the z axis of the frame e, which is the axis of joint 6. */
-LOCAL void ik_6r_line(const ik_real e[12], int j, ik_real f[15][18])
+LOCAL void ik_6r_line(const ik_6r_real e[12], int j, ik_6r_real f[15][18])
 {
-    const ik_real *const point = e + 9;
-    const ik_real axis[3] = {e[2], e[5], e[8]};
-    ik_real moment[3];
-    ik_real pp = 0.0;
-    ik_real pl = 0.0;
+    const ik_6r_real *const point = e + 9;
+    const ik_6r_real axis[3] = {e[2], e[5], e[8]};
+    ik_6r_real moment[3];
+    ik_6r_real pp = 0.0;
+    ik_6r_real pl = 0.0;
     int i;
     for (i = 0; i < 3; ++i) {
         pp += point[i] * point[i];
@@ -339,9 +339,9 @@ LOCAL void ik_6r_line(const ik_real e[12], int j, ik_real f[15][18])
 }
 
 /* x -= scale (v.x) v on 8 entries */
-LOCAL void ik_6r_reflect(const ik_real v[8], ik_real scale, ik_real x[8])
+LOCAL void ik_6r_reflect(const ik_6r_real v[8], ik_6r_real scale, ik_6r_real x[8])
 {
-    ik_real dot = 0.0;
+    ik_6r_real dot = 0.0;
     int i;
     for (i = 0; i < 8; ++i) {
         dot += v[i] * x[i];
@@ -354,9 +354,9 @@ LOCAL void ik_6r_reflect(const ik_real v[8], ik_real scale, ik_real x[8])
 
 /* Finds m - n orthonormal vectors y that are perpendicular to the n vectors a, all of m entries (filled up with zeros to 8), by
  * Householder reflections. a is overwritten. */
-LOCAL void ik_6r_complement(int m, int n, ik_real a[6][8], ik_real y[4][8])
+LOCAL void ik_6r_complement(int m, int n, ik_6r_real a[6][8], ik_6r_real y[4][8])
 {
-    ik_real scale[6];
+    ik_6r_real scale[6];
     int i;
     int j;
     int k;
@@ -366,8 +366,8 @@ LOCAL void ik_6r_complement(int m, int n, ik_real a[6][8], ik_real y[4][8])
         }
     }
     for (k = 0; k < n; ++k) {
-        ik_real norm = 0.0;
-        ik_real length;
+        ik_6r_real norm = 0.0;
+        ik_6r_real length;
         for (i = 0; i < 8; ++i) {
             a[k][i] = (i < k) ? 0.0 : a[k][i];
             norm += a[k][i] * a[k][i];
@@ -390,10 +390,10 @@ LOCAL void ik_6r_complement(int m, int n, ik_real a[6][8], ik_real y[4][8])
  * multiplied by the product that rigid transforms preserve. The columns of f are the coefficients of 1, cos and sin of joint 1 in
  * the features of that axis. Four of the combinations are of the axial features, which joint 2 does not change. The other two are
  * the real and the imaginary part of one combination of the planar pairs (x + i y), which joint 2 multiplies by exp(i q2). */
-LOCAL void ik_6r_cancel(ik_real f[15][18], ik_real row[15][18])
+LOCAL void ik_6r_cancel(ik_6r_real f[15][18], ik_6r_real row[15][18])
 {
-    ik_real a[6][8];
-    ik_real y[4][8];
+    ik_6r_real a[6][8];
+    ik_6r_real y[4][8];
     int i;
     int j;
     int k;
@@ -433,16 +433,16 @@ LOCAL void ik_6r_cancel(ik_real f[15][18], ik_real row[15][18])
 /* Computes the coefficients h[k][row][3 a + b] of the six equations in joints 3, 4 and 5: k is 0, 1, 2 for the factors 1, cos, sin
  * of the kept angle, a the power of the shifted half angle's tangent, b that of the other one's or of the displacement. They are
  * the combinations of ik_6r_cancel, applied to the features of axis 6 as computed through joints 5, 4 and 3. */
-LOCAL void ik_6r_pencil(ik_real e[6][12], const signed char pass[6], ik_real h[3][6][10])
+LOCAL void ik_6r_pencil(ik_6r_real e[6][12], const signed char pass[6], ik_6r_real h[3][6][10])
 {
     static const signed char stride[3] = {60, 1, 3}; /* distance in g between the coefficients of joint 3, 4 and 5 */
     const int kept = stride[pass[2]];
     const int outer = stride[pass[3]];
     const int inner = stride[pass[4]];
-    ik_real f[15][18];
-    ik_real row[15][18];
-    ik_real g[180];
-    ik_real back[12];
+    ik_6r_real f[15][18];
+    ik_6r_real row[15][18];
+    ik_6r_real g[180];
+    ik_6r_real back[12];
     int i;
     int j;
     int k;
@@ -475,23 +475,23 @@ LOCAL void ik_6r_pencil(ik_real e[6][12], const signed char pass[6], ik_real h[3
         f[i][9] = 0.0;
     }
     for (j = 0; j < 18; ++j) {
-        ik_real *const sum = g + (60 * (j % 3)) + (10 * (j / 3));
+        ik_6r_real *const sum = g + (60 * (j % 3)) + (10 * (j / 3));
         for (x = 0; x < 10; ++x) {
             sum[x] = 0.0;
         }
         for (i = 0; i < 15; ++i) {
-            const ik_real z = ik_6r_form[i] * row[ik_6r_dual[i]][j];
+            const ik_6r_real z = ik_6r_form[i] * row[ik_6r_dual[i]][j];
             for (x = 0; x < 10; ++x) {
                 sum[x] += z * f[i][x];
             }
         }
     }
     for (x = 0; x < 6; ++x) {
-        ik_real norm = IK_6R_TINY;
+        ik_6r_real norm = IK_6R_TINY;
         for (k = 0; k < 3; ++k) {
-            ik_real m[3][3];
+            ik_6r_real m[3][3];
             for (i = 0; i < 3; ++i) { /* 1, cos, sin -> powers of tan(x/2) */
-                const ik_real *const s = g + (10 * x) + (kept * k) + (outer * i);
+                const ik_6r_real *const s = g + (10 * x) + (kept * k) + (outer * i);
 #if DH_SLIDES
                 m[i][0] = s[0];
                 m[i][1] = s[inner];
@@ -509,7 +509,7 @@ LOCAL void ik_6r_pencil(ik_real e[6][12], const signed char pass[6], ik_real h[3
             }
             h[k][x][9] = 0.0;
             for (j = 0; j < 9; ++j) {
-                const ik_real size = fabs(h[k][x][j]);
+                const ik_6r_real size = fabs(h[k][x][j]);
                 norm = (size > norm) ? size : norm;
             }
         }
@@ -523,19 +523,19 @@ LOCAL void ik_6r_pencil(ik_real e[6][12], const signed char pass[6], ik_real h[3
 
 /* Gaussian elimination of the first n columns with partial pivoting. Returns the product of the pivots, with the sign of the row
  * exchanges. */
-LOCAL ik_real ik_6r_lu(ik_real a[6][10], int n)
+LOCAL ik_6r_real ik_6r_lu(ik_6r_real a[6][10], int n)
 {
-    ik_real det = 1.0;
+    ik_6r_real det = 1.0;
     int i;
     int j;
     int k;
     for (k = 0; k < n; ++k) {
-        ik_real best = fabs(a[k][k]);
-        ik_real top[10];
-        ik_real scale;
+        ik_6r_real best = fabs(a[k][k]);
+        ik_6r_real top[10];
+        ik_6r_real scale;
         int pivot = k;
         for (i = k + 1; i < 6; ++i) {
-            const ik_real size = fabs(a[i][k]);
+            const ik_6r_real size = fabs(a[i][k]);
             pivot = (size > best) ? i : pivot;
             best = (size > best) ? size : best;
         }
@@ -549,7 +549,7 @@ LOCAL ik_real ik_6r_lu(ik_real a[6][10], int n)
         det *= (pivot == k) ? top[k] : -top[k];
         scale = 1.0 / ((best > IK_6R_TINY) ? top[k] : IK_6R_TINY);
         for (i = k + 1; i < 6; ++i) {
-            const ik_real factor = a[i][k] * scale;
+            const ik_6r_real factor = a[i][k] * scale;
             for (j = 0; j < 10; ++j) {
                 a[i][j] -= factor * top[j];
             }
@@ -562,9 +562,9 @@ LOCAL ik_real ik_6r_lu(ik_real a[6][10], int n)
  * times 1 and times the tangent t of the shifted half angle, in blocks [M0 M1 M2 0; 0 M0 M1 M2] for the powers t^0 .. t^3. t^0 and
  * t^3 occur in one block row each and are eliminated: work[0] = [M0 | M1 M2], work[1] = [M2 | M0 M1]. work[2] is the 6 x 6 rest for
  * t^1 and t^2. Returns the product of the pivots, which times the determinant of the rest is that of the matrix, up to its sign. */
-LOCAL ik_real ik_6r_reduce(ik_real h[3][6][10], const ik_real cs[2], ik_real work[3][6][10])
+LOCAL ik_6r_real ik_6r_reduce(ik_6r_real h[3][6][10], const ik_6r_real cs[2], ik_6r_real work[3][6][10])
 {
-    ik_real det;
+    ik_6r_real det;
     int i;
     int j;
     for (i = 0; i < 6; ++i) {
@@ -594,20 +594,20 @@ LOCAL ik_real ik_6r_reduce(ik_real h[3][6][10], const ik_real cs[2], ik_real wor
 /* Maps an angle y of the magnified circle to the angle x of the true circle, given as cosine and sine cs. A zone is an arc: its
  * centre (cosine zone[0], sine zone[1]) and its scale zone[2], with tan(x/2) = zone[2] tan(y/2) for x counted from the centre.
  * Returns cos(y/2)^2 + zone[2]^2 sin(y/2)^2. */
-LOCAL ik_real ik_6r_magnify(const ik_real zone[3], const ik_real y[2], ik_real cs[2])
+LOCAL ik_6r_real ik_6r_magnify(const ik_6r_real zone[3], const ik_6r_real y[2], ik_6r_real cs[2])
 {
-    const ik_real a = 0.5 * (1.0 + y[0]);
-    const ik_real b = 0.5 * (1.0 - y[0]) * zone[2] * zone[2];
-    const ik_real weight = a + b;
-    const ik_real c = (a - b) / weight;
-    const ik_real s = zone[2] * y[1] / weight;
+    const ik_6r_real a = 0.5 * (1.0 + y[0]);
+    const ik_6r_real b = 0.5 * (1.0 - y[0]) * zone[2] * zone[2];
+    const ik_6r_real weight = a + b;
+    const ik_6r_real c = (a - b) / weight;
+    const ik_6r_real s = zone[2] * y[1] / weight;
     cs[0] = (c * zone[0]) - (s * zone[1]);
     cs[1] = (c * zone[1]) + (s * zone[0]);
     return weight;
 }
 
 /* Tangent of half the angle from x to y. */
-LOCAL ik_real ik_6r_tangent(const ik_real x[2], const ik_real y[2])
+LOCAL ik_6r_real ik_6r_tangent(const ik_6r_real x[2], const ik_6r_real y[2])
 {
     return ((x[0] * y[1]) - (x[1] * y[0])) / (1.0 + (x[0] * y[0]) + (x[1] * y[1]) + (IK_6R_EPS * IK_6R_EPS));
 }
@@ -617,32 +617,32 @@ LOCAL ik_real ik_6r_tangent(const ik_real x[2], const ik_real y[2])
  * (sines), which is interpolated from 17 samples. Its noise, *level, is measured: it is the largest of the usual relative noise, of
  * four times the difference between polynomial and determinant at three angles between the samples, and of the rounding errors of
  * the samples, which grow as the smallest pivot shrinks. order: 1 for a simple root, 2 for an unresolved one. */
-LOCAL int ik_6r_scan(ik_real h[3][6][10], const ik_real zone[3], ik_real noise, ik_real p[2][9], ik_real *level, ik_real root[24][3], int order[24])
+LOCAL int ik_6r_scan(ik_6r_real h[3][6][10], const ik_6r_real zone[3], ik_6r_real noise, ik_6r_real p[2][9], ik_6r_real *level, ik_6r_real root[24][3], int order[24])
 {
-    ik_real value[20];
-    ik_real size = 0.0;
-    ik_real rounding = 0.0;
+    ik_6r_real value[20];
+    ik_6r_real size = 0.0;
+    ik_6r_real rounding = 0.0;
     int j;
     int k;
     for (j = 0; j < 20; ++j) { /* 17 .. 19: the angles opposite to samples 4, 9 and 15 lie in the middle between two samples */
-        ik_real work[3][6][10];
-        ik_real cs[2];
-        ik_real weight;
-        ik_real least = 1.0;
-        const ik_real *const wave = ik_6r_wave[(j < 17) ? j : (((11 * j) + 4) % 17)];
-        const ik_real y[2] = {(j < 17) ? wave[0] : -wave[0], (j < 17) ? wave[1] : -wave[1]};
+        ik_6r_real work[3][6][10];
+        ik_6r_real cs[2];
+        ik_6r_real weight;
+        ik_6r_real least = 1.0;
+        const ik_6r_real *const wave = ik_6r_wave[(j < 17) ? j : (((11 * j) + 4) % 17)];
+        const ik_6r_real y[2] = {(j < 17) ? wave[0] : -wave[0], (j < 17) ? wave[1] : -wave[1]};
         weight = ik_6r_magnify(zone, y, cs);
         weight *= weight;
         weight *= weight;
         value[j] = weight * weight * ik_6r_reduce(h, cs, work);
         value[j] *= ik_6r_lu(work[2], 6);
         for (k = 0; k < 6; ++k) {
-            const ik_real inner = fabs(work[2][k][k]);
-            const ik_real outer = fabs(work[k / 3][k % 3][k % 3]);
+            const ik_6r_real inner = fabs(work[2][k][k]);
+            const ik_6r_real outer = fabs(work[k / 3][k % 3][k % 3]);
             least = (inner < least) ? inner : least;
             least = (outer < least) ? outer : least;
         }
-        rounding += (ik_real)VALUE_6R_ROUNDING * IK_6R_EPS * fabs(value[j]) / (least + IK_6R_TINY);
+        rounding += (ik_6r_real)VALUE_6R_ROUNDING * IK_6R_EPS * fabs(value[j]) / (least + IK_6R_TINY);
     }
     for (k = 0; k <= 8; ++k) {
         int at = 0;
@@ -661,11 +661,11 @@ LOCAL int ik_6r_scan(ik_real h[3][6][10], const ik_real zone[3], ik_real noise, 
     *level = size * noise;
     *level = (*level > rounding) ? *level : rounding;
     for (j = 17; j < 20; ++j) {
-        const ik_real *const y = ik_6r_wave[((11 * j) + 4) % 17];
-        ik_real v[2];
-        ik_real off;
+        const ik_6r_real *const y = ik_6r_wave[((11 * j) + 4) % 17];
+        ik_6r_real v[2];
+        ik_6r_real off;
         ik_trig8_value(p[0], p[1], -y[1] / (1.0 - y[0]), v);
-        off = (ik_real)VALUE_6R_MISMATCH * fabs(v[0] - value[j]);
+        off = (ik_6r_real)VALUE_6R_MISMATCH * fabs(v[0] - value[j]);
         *level = (off > *level) ? off : *level;
     }
     return ik_trig_roots_8(p[0], p[1], *level, root, order);
@@ -673,7 +673,7 @@ LOCAL int ik_6r_scan(ik_real h[3][6][10], const ik_real zone[3], ik_real noise, 
 
 /* Inner products of parts of two null vectors. Their entries belong to powers of the two tangents; the low part omits the highest
  * power of one tangent and the high part the lowest one. by = 3 selects the tangent of the shifted angle, 1 that of the other. */
-LOCAL void ik_6r_shift(const ik_real u[12], const ik_real v[12], int by, ik_real s[4])
+LOCAL void ik_6r_shift(const ik_6r_real u[12], const ik_6r_real v[12], int by, ik_6r_real s[4])
 {
     int i;
     for (i = 0; i < 4; ++i) {
@@ -691,14 +691,14 @@ LOCAL void ik_6r_shift(const ik_real u[12], const ik_real v[12], int by, ik_real
 
 /* Computes the shifted and the other angle from a null vector whose entries are the products of (1, x, x^2, x^3) and (1, y, y^2),
  * with x and y the tangents of the half angles. Returns how far the vector is from that form: 0 for an exact one. */
-LOCAL ik_real ik_6r_factor(const ik_real w[12], ik_real angle[2][2])
+LOCAL ik_6r_real ik_6r_factor(const ik_6r_real w[12], ik_6r_real angle[2][2])
 {
-    ik_real far = 0.0;
+    ik_6r_real far = 0.0;
     int k;
     for (k = 0; k < 2; ++k) { /* low and high part are the cosine and sine of the half angle times the same vector */
-        ik_real s[4];
-        ik_real sum;
-        ik_real off;
+        ik_6r_real s[4];
+        ik_6r_real sum;
+        ik_6r_real off;
         ik_6r_shift(w, w, 3 - (2 * k), s);
         sum = 1.0 / (s[0] + s[3] + IK_6R_TINY);
         angle[k][0] = (s[0] - s[3]) * sum;
@@ -710,12 +710,12 @@ LOCAL ik_real ik_6r_factor(const ik_real w[12], ik_real angle[2][2])
 }
 
 /* Computes the null vector v of the 12 x 12 matrix at a kept angle if its null space has dimension one. */
-LOCAL void ik_6r_null(ik_real h[3][6][10], const ik_real cs[2], ik_real v[12])
+LOCAL void ik_6r_null(ik_6r_real h[3][6][10], const ik_6r_real cs[2], ik_6r_real v[12])
 {
-    ik_real work[3][6][10];
-    ik_real (*const low)[10] = work[0];
-    ik_real (*const high)[10] = work[1];
-    ik_real (*const s)[10] = work[2];
+    ik_6r_real work[3][6][10];
+    ik_6r_real (*const low)[10] = work[0];
+    ik_6r_real (*const high)[10] = work[1];
+    ik_6r_real (*const s)[10] = work[2];
     int i;
     int j;
     (void)ik_6r_reduce(h, cs, work);
@@ -743,19 +743,19 @@ LOCAL void ik_6r_null(ik_real h[3][6][10], const ik_real cs[2], ik_real v[12])
 
 /* Computes a basis of the null space of the n x n matrix a by Gaussian elimination with complete pivoting: pivots below the first
  * one times VALUE_6R_RANK count as zero, and so do the last `least` ones. Returns the dimension, or 0 if it exceeds IK_6R_WIDE. */
-LOCAL int ik_6r_kernel(ik_real a[12][12], int n, int least, ik_real basis[IK_6R_WIDE][12])
+LOCAL int ik_6r_kernel(ik_6r_real a[12][12], int n, int least, ik_6r_real basis[IK_6R_WIDE][12])
 {
     int column[12];
     int i;
     int j;
     int k;
     int m;
-    ik_real first = 0.0;
+    ik_6r_real first = 0.0;
     for (j = 0; j < n; ++j) {
         column[j] = j;
     }
     for (k = 0; k < (n - least); ++k) {
-        ik_real best = -1.0;
+        ik_6r_real best = -1.0;
         int row = k;
         int at = k;
         for (i = k; i < n; ++i) {
@@ -768,11 +768,11 @@ LOCAL int ik_6r_kernel(ik_real a[12][12], int n, int least, ik_real basis[IK_6R_
             }
         }
         first = (k == 0) ? best : first;
-        if (!(best > ((ik_real)VALUE_6R_RANK * first))) {
+        if (!(best > ((ik_6r_real)VALUE_6R_RANK * first))) {
             break;
         }
         for (i = 0; i < n; ++i) {
-            const ik_real x = a[i][at];
+            const ik_6r_real x = a[i][at];
             a[i][at] = a[i][k];
             a[i][k] = x;
         }
@@ -780,12 +780,12 @@ LOCAL int ik_6r_kernel(ik_real a[12][12], int n, int least, ik_real basis[IK_6R_
         column[at] = column[k];
         column[k] = j;
         for (j = 0; j < n; ++j) {
-            const ik_real x = a[row][j];
+            const ik_6r_real x = a[row][j];
             a[row][j] = a[k][j];
             a[k][j] = x;
         }
         for (i = k + 1; i < n; ++i) {
-            const ik_real factor = a[i][k] / a[k][k];
+            const ik_6r_real factor = a[i][k] / a[k][k];
             for (j = k; j < n; ++j) {
                 a[i][j] -= factor * a[k][j];
             }
@@ -795,7 +795,7 @@ LOCAL int ik_6r_kernel(ik_real a[12][12], int n, int least, ik_real basis[IK_6R_
         return 0;
     }
     for (m = 0; m < (n - k); ++m) {
-        ik_real x[12];
+        ik_6r_real x[12];
         for (i = n - 1; i >= 0; --i) {
             x[i] = (i == (k + m)) ? 1.0 : 0.0;
             for (j = i + 1; (i < k) && (j < n); ++j) {
@@ -808,7 +808,7 @@ LOCAL int ik_6r_kernel(ik_real a[12][12], int n, int least, ik_real basis[IK_6R_
 }
 
 /* Makes m vectors orthonormal. */
-LOCAL void ik_6r_orthonormalize(int m, ik_real v[IK_6R_WIDE][12])
+LOCAL void ik_6r_orthonormalize(int m, ik_6r_real v[IK_6R_WIDE][12])
 {
     int pass;
     int i;
@@ -816,9 +816,9 @@ LOCAL void ik_6r_orthonormalize(int m, ik_real v[IK_6R_WIDE][12])
     int k;
     for (k = 0; k < m; ++k) {
         for (pass = 0; pass < 2; ++pass) { /* the second time against rounding errors of the first */
-            ik_real norm = IK_6R_TINY;
+            ik_6r_real norm = IK_6R_TINY;
             for (j = 0; j < k; ++j) {
-                ik_real dot = 0.0;
+                ik_6r_real dot = 0.0;
                 for (i = 0; i < 12; ++i) {
                     dot += v[j][i] * v[k][i];
                 }
@@ -842,17 +842,17 @@ LOCAL void ik_6r_orthonormalize(int m, ik_real v[IK_6R_WIDE][12])
  * vectors without the highest and without the lowest power of the tangent. The half angle is turned first, by an
  * angle with the cosine 5/13: L is singular where a turned angle is pi, which must not be a round value of the joint. Returns the squared error:
  * the span is not mapped into itself where the solutions that share the root are a continuum. */
-LOCAL ik_real ik_6r_multiply(int m, ik_real v[IK_6R_WIDE][12], int by, ik_real weight, ik_real sum[12][12])
+LOCAL ik_6r_real ik_6r_multiply(int m, ik_6r_real v[IK_6R_WIDE][12], int by, ik_6r_real weight, ik_6r_real sum[12][12])
 {
-    ik_real g[IK_6R_WIDE][16];
-    ik_real part[IK_6R_WIDE][IK_6R_WIDE];
-    ik_real error = 0.0; /* g: 2 IK_6R_WIDE */
+    ik_6r_real g[IK_6R_WIDE][16];
+    ik_6r_real part[IK_6R_WIDE][IK_6R_WIDE];
+    ik_6r_real error = 0.0; /* g: 2 IK_6R_WIDE */
     int i;
     int j;
     int k;
     for (i = 0; i < m; ++i) {
         for (j = 0; j < m; ++j) {
-            ik_real s[4];
+            ik_6r_real s[4];
             ik_6r_shift(v[i], v[j], by, s);
             g[i][j] = ((25.0 / 169.0) * s[0]) + ((60.0 / 169.0) * (s[1] + s[2])) + ((144.0 / 169.0) * s[3]);
             g[i][m + j] = ((60.0 / 169.0) * (s[3] - s[0])) + ((25.0 / 169.0) * s[1]) - ((144.0 / 169.0) * s[2]);
@@ -861,12 +861,12 @@ LOCAL ik_real ik_6r_multiply(int m, ik_real v[IK_6R_WIDE][12], int by, ik_real w
         }
     }
     for (k = 0; k < m; ++k) { /* L'L is positive definite: no pivoting */
-        const ik_real pivot = 1.0 / (g[k][k] + IK_6R_TINY);
+        const ik_6r_real pivot = 1.0 / (g[k][k] + IK_6R_TINY);
         for (j = k; j < (2 * m); ++j) {
             g[k][j] *= pivot;
         }
         for (i = 0; i < m; ++i) {
-            const ik_real factor = g[i][k];
+            const ik_6r_real factor = g[i][k];
             for (j = k; (j < (2 * m)) && (i != k); ++j) {
                 g[i][j] -= factor * g[k][j];
             }
@@ -883,27 +883,27 @@ LOCAL ik_real ik_6r_multiply(int m, ik_real v[IK_6R_WIDE][12], int by, ik_real w
 
 /* Computes the m eigenvalues (real and imaginary part) of a matrix: the roots, by Aberth's iteration, of its characteristic
  * polynomial, by the recursion of Faddeev and LeVerrier. */
-LOCAL void ik_6r_eigenvalues(int m, ik_real a[12][12], ik_real z[IK_6R_WIDE][2])
+LOCAL void ik_6r_eigenvalues(int m, ik_6r_real a[12][12], ik_6r_real z[IK_6R_WIDE][2])
 {
-    ik_real c[IK_6R_WIDE + 1];
-    ik_real b[IK_6R_WIDE][IK_6R_WIDE];
-    ik_real size = 0.0;
+    ik_6r_real c[IK_6R_WIDE + 1];
+    ik_6r_real b[IK_6R_WIDE][IK_6R_WIDE];
+    ik_6r_real size = 0.0;
     int i;
     int j;
     int k;
     int it;
     for (i = 0; i < m; ++i) {
         for (j = 0; j < m; ++j) {
-            b[i][j] = (ik_real)(i == j);
+            b[i][j] = (ik_6r_real)(i == j);
         }
     }
     c[0] = 1.0;
     for (k = 1; k <= m; ++k) {
-        ik_real ab[IK_6R_WIDE][IK_6R_WIDE];
-        ik_real trace = 0.0;
+        ik_6r_real ab[IK_6R_WIDE][IK_6R_WIDE];
+        ik_6r_real trace = 0.0;
         for (i = 0; i < m; ++i) {
             for (j = 0; j < m; ++j) {
-                ik_real sum = 0.0;
+                ik_6r_real sum = 0.0;
                 for (it = 0; it < m; ++it) {
                     sum += a[i][it] * b[it][j];
                 }
@@ -912,7 +912,7 @@ LOCAL void ik_6r_eigenvalues(int m, ik_real a[12][12], ik_real z[IK_6R_WIDE][2])
             }
             trace += ab[i][i];
         }
-        c[k] = -trace / (ik_real)k;
+        c[k] = -trace / (ik_6r_real)k;
         for (i = 0; i < m; ++i) {
             for (j = 0; j < m; ++j) {
                 b[i][j] = ab[i][j] + ((i == j) ? c[k] : 0.0);
@@ -920,21 +920,21 @@ LOCAL void ik_6r_eigenvalues(int m, ik_real a[12][12], ik_real z[IK_6R_WIDE][2])
         }
     }
     for (i = 0; i < m; ++i) {
-        const ik_real *const start = ik_6r_wave[(1 + (17 * i / m)) % 17];
+        const ik_6r_real *const start = ik_6r_wave[(1 + (17 * i / m)) % 17];
         z[i][0] = 0.5 * size * start[0];
         z[i][1] = 0.5 * size * start[1];
     }
     for (it = 0; it < VALUE_6R_ABERTH; ++it) {
         for (i = 0; i < m; ++i) {
-            const ik_real x = z[i][0];
-            const ik_real y = z[i][1];
-            ik_real p = 1.0;
-            ik_real q = 0.0;
-            ik_real dp = 0.0;
-            ik_real dq = 0.0;
-            ik_real u;
-            ik_real v;
-            ik_real w;
+            const ik_6r_real x = z[i][0];
+            const ik_6r_real y = z[i][1];
+            ik_6r_real p = 1.0;
+            ik_6r_real q = 0.0;
+            ik_6r_real dp = 0.0;
+            ik_6r_real dq = 0.0;
+            ik_6r_real u;
+            ik_6r_real v;
+            ik_6r_real w;
             for (k = 1; k <= m; ++k) { /* Horner: p + i q, and its derivative */
                 w = (dp * x) - (dq * y) + p;
                 dq = (dp * y) + (dq * x) + q;
@@ -946,9 +946,9 @@ LOCAL void ik_6r_eigenvalues(int m, ik_real a[12][12], ik_real z[IK_6R_WIDE][2])
             u = dp; /* p' / p - sum 1 / (z - z_j), times p */
             v = dq;
             for (j = 0; j < m; ++j) {
-                const ik_real dx = x - z[j][0];
-                const ik_real dy = y - z[j][1];
-                const ik_real d = 1.0 / ((dx * dx) + (dy * dy) + IK_6R_TINY);
+                const ik_6r_real dx = x - z[j][0];
+                const ik_6r_real dy = y - z[j][1];
+                const ik_6r_real d = 1.0 / ((dx * dx) + (dy * dy) + IK_6R_TINY);
                 if (j != i) {
                     u -= ((p * dx) + (q * dy)) * d;
                     v -= ((q * dx) - (p * dy)) * d;
@@ -964,13 +964,13 @@ LOCAL void ik_6r_eigenvalues(int m, ik_real a[12][12], ik_real z[IK_6R_WIDE][2])
 /* Computes the pairs (shifted, other) of eliminated angles of all solutions that share an unresolved root: in the null space they are
  * the vectors that both tangents multiply by a number, the eigenvectors of a weighted sum of the two multiplications. Returns their
  * number; *unreal counts the solutions with complex angles, as far as two different weights agree on them. */
-LOCAL int ik_6r_shared(ik_real h[3][6][10], const ik_real cs[2], ik_real pair[IK_6R_WIDE + 1][2][2], int *unreal)
+LOCAL int ik_6r_shared(ik_6r_real h[3][6][10], const ik_6r_real cs[2], ik_6r_real pair[IK_6R_WIDE + 1][2][2], int *unreal)
 {
-    static const ik_real weight[2][2] = {{0.8, -0.6}, {0.47, 0.88}};
-    ik_real a[12][12];
-    ik_real v[IK_6R_WIDE][12];
-    ik_real z[IK_6R_WIDE][2];
-    ik_real error = 0.0;
+    static const ik_6r_real weight[2][2] = {{0.8, -0.6}, {0.47, 0.88}};
+    ik_6r_real a[12][12];
+    ik_6r_real v[IK_6R_WIDE][12];
+    ik_6r_real z[IK_6R_WIDE][2];
+    ik_6r_real error = 0.0;
     int i;
     int j;
     int k;
@@ -998,16 +998,16 @@ LOCAL int ik_6r_shared(ik_real h[3][6][10], const ik_real cs[2], ik_real pair[IK
         error += ik_6r_multiply(m, v, 1, weight[way][1], a);
         ik_6r_eigenvalues(m, a, z);
         for (k = 0; k < m; ++k) {
-            unlike += (int)(fabs(z[k][1]) > ((ik_real)VALUE_6R_UNREAL * (1.0 + fabs(z[k][0]))));
+            unlike += (int)(fabs(z[k][1]) > ((ik_6r_real)VALUE_6R_UNREAL * (1.0 + fabs(z[k][0]))));
         }
         *unreal = (unlike < *unreal) ? unlike : *unreal;
-        *unreal = (error < (ik_real)VALUE_6R_MAPPED) ? *unreal : 0;
+        *unreal = (error < (ik_6r_real)VALUE_6R_MAPPED) ? *unreal : 0;
     }
     for (k = 0; k < m; ++k) {
-        ik_real less[12][12];
-        ik_real mix[IK_6R_WIDE][12];
-        ik_real w[12];
-        if (fabs(z[k][1]) > ((ik_real)VALUE_6R_UNREAL * (1.0 + fabs(z[k][0])))) {
+        ik_6r_real less[12][12];
+        ik_6r_real mix[IK_6R_WIDE][12];
+        ik_6r_real w[12];
+        if (fabs(z[k][1]) > ((ik_6r_real)VALUE_6R_UNREAL * (1.0 + fabs(z[k][0])))) {
             continue;
         }
         for (i = 0; i < m; ++i) {
@@ -1033,20 +1033,20 @@ LOCAL int ik_6r_shared(ik_real h[3][6][10], const ik_real cs[2], ik_real pair[IK
 /* Computes joints 1, 2 and 6 of the loop from joints 3, 4 and 5 (t: cosines and sines): joint 2 by least squares over the
  * features that joint 1 does not change, joint 1 from those that it rotates, joint 6 from the remaining rotation. */
 #if DH_SLIDES
-LOCAL void ik_6r_complete(ik_real e[6][12], int slide, ik_real t[6][2])
+LOCAL void ik_6r_complete(ik_6r_real e[6][12], int slide, ik_6r_real t[6][2])
 #else
-LOCAL void ik_6r_complete(ik_real e[6][12], ik_real t[6][2])
+LOCAL void ik_6r_complete(ik_6r_real e[6][12], ik_6r_real t[6][2])
 #endif
 {
-    ik_real x[12];
-    ik_real y[12];
-    ik_real goal[12];
-    ik_real f[15][18];
-    ik_real aa = 0.0;
-    ik_real ab = 0.0;
-    ik_real bb = 0.0;
-    ik_real ar = 0.0;
-    ik_real br = 0.0;
+    ik_6r_real x[12];
+    ik_6r_real y[12];
+    ik_6r_real goal[12];
+    ik_6r_real f[15][18];
+    ik_6r_real aa = 0.0;
+    ik_6r_real ab = 0.0;
+    ik_6r_real bb = 0.0;
+    ik_6r_real ar = 0.0;
+    ik_6r_real br = 0.0;
     int i;
     ik_6r_identity(x);
     ik_6r_identity(y);
@@ -1070,7 +1070,7 @@ LOCAL void ik_6r_complete(ik_real e[6][12], ik_real t[6][2])
     ik_6r_carry(e[0], 3, f);
     ik_6r_line(goal, 3, f);
     for (i = 0; i < 6; ++i) {
-        const ik_real *const v = f[ik_6r_axial[i]];
+        const ik_6r_real *const v = f[ik_6r_axial[i]];
         aa += v[1] * v[1];
         ab += v[1] * v[2];
         bb += v[2] * v[2];
@@ -1081,10 +1081,10 @@ LOCAL void ik_6r_complete(ik_real e[6][12], ik_real t[6][2])
     t[1][1] = (aa * br) - (ab * ar);
     ik_6r_unit(1, t + 1);
     for (i = 0; i < 4; ++i) {
-        const ik_real *const v = f[ik_6r_planar[i]];
-        const ik_real *const w = f[ik_6r_planar[i] + 1];
-        const ik_real vx = v[0] + (v[1] * t[1][0]) + (v[2] * t[1][1]);
-        const ik_real vy = w[0] + (w[1] * t[1][0]) + (w[2] * t[1][1]);
+        const ik_6r_real *const v = f[ik_6r_planar[i]];
+        const ik_6r_real *const w = f[ik_6r_planar[i] + 1];
+        const ik_6r_real vx = v[0] + (v[1] * t[1][0]) + (v[2] * t[1][1]);
+        const ik_6r_real vy = w[0] + (w[1] * t[1][0]) + (w[2] * t[1][1]);
         t[0][0] += (vx * v[3]) + (vy * w[3]);
         t[0][1] += (vx * w[3]) - (vy * v[3]);
     }
@@ -1102,15 +1102,15 @@ LOCAL void ik_6r_complete(ik_real e[6][12], ik_real t[6][2])
 /* Computes the pose error r (linear, then angular) from the forward kinematics to the target pose, and the Jacobian; jac[k] is the
  * column of joint k. cs holds the cosine and sine of each joint, or a displacement and 0. Returns the largest difference between an
  * entry of the pose and of the forward kinematics. */
-LOCAL ik_real ik_6r_residual(const ik_real pose[12], ik_real cs[6][2], ik_real r[6], ik_real jac[6][6])
+LOCAL ik_6r_real ik_6r_residual(const ik_6r_real pose[12], ik_6r_real cs[6][2], ik_6r_real r[6], ik_6r_real jac[6][6])
 {
-    ik_real x[12];
-    ik_real err = 0.0;
+    ik_6r_real x[12];
+    ik_6r_real err = 0.0;
     int i;
     int k;
     ik_6r_identity(x);
     for (k = 0; k < 6; ++k) {
-        const ik_real *const row = ik_6r_dh[k];
+        const ik_6r_real *const row = ik_6r_dh[k];
         for (i = 0; i < 3; ++i) {
             jac[k][i] = x[9 + i];
             jac[k][3 + i] = x[(3 * i) + 2];
@@ -1126,19 +1126,19 @@ LOCAL ik_real ik_6r_residual(const ik_real pose[12], ik_real cs[6][2], ik_real r
         ik_6r_turn(x, cs[k]);
 #endif
         for (i = 0; i < 3; ++i) {
-            const ik_real v = x[(3 * i) + 1];
-            const ik_real w = x[(3 * i) + 2];
+            const ik_6r_real v = x[(3 * i) + 1];
+            const ik_6r_real w = x[(3 * i) + 2];
             x[9 + i] += (row[3] * w) + (row[2] * x[3 * i]);
             x[(3 * i) + 1] = (row[0] * v) + (row[1] * w);
             x[(3 * i) + 2] = (row[0] * w) - (row[1] * v);
         }
     }
     for (i = 0; i < 12; ++i) {
-        const ik_real off = fabs(pose[i] - x[i]);
+        const ik_6r_real off = fabs(pose[i] - x[i]);
         err = ((off > err) || !(off >= 0.0)) ? off : err;
     }
     for (k = 0; k < 6; ++k) {
-        ik_real arm[3];
+        ik_6r_real arm[3];
         for (i = 0; i < 3; ++i) {
             arm[i] = x[9 + i] - jac[k][i];
         }
@@ -1164,23 +1164,23 @@ LOCAL ik_real ik_6r_residual(const ik_real pose[12], ik_real cs[6][2], ik_real r
 
 /* (J'J + damping) step = J' r by the LDL' decomposition. Returns the smallest pivot: the square of the smallest singular value of J, or
  * more. */
-LOCAL ik_real ik_6r_step(ik_real jac[6][6], const ik_real r[6], ik_real damping, ik_real step[6])
+LOCAL ik_6r_real ik_6r_step(ik_6r_real jac[6][6], const ik_6r_real r[6], ik_6r_real damping, ik_6r_real step[6])
 {
-    ik_real l[6][6];
-    ik_real d[6];
-    ik_real least = 1.0;
+    ik_6r_real l[6][6];
+    ik_6r_real d[6];
+    ik_6r_real least = 1.0;
     int i;
     int j;
     int k;
     for (i = 0; i < 6; ++i) {
-        ik_real pivot = damping + (IK_6R_EPS * IK_6R_EPS);
+        ik_6r_real pivot = damping + (IK_6R_EPS * IK_6R_EPS);
         step[i] = 0.0;
         for (k = 0; k < 6; ++k) {
             step[i] += jac[i][k] * r[k];
             pivot += jac[i][k] * jac[i][k];
         }
         for (j = 0; j < i; ++j) {
-            ik_real v = 0.0;
+            ik_6r_real v = 0.0;
             for (k = 0; k < 6; ++k) {
                 v += jac[i][k] * jac[j][k];
             }
@@ -1205,18 +1205,18 @@ LOCAL ik_real ik_6r_step(ik_real jac[6][6], const ik_real r[6], ik_real damping,
 
 /* Moves the joints by a step, scaled down where a joint would move by more than half. Angles turn by 2 atan(step / 2), which is the step
  * up to third order and needs no sine and cosine. */
-LOCAL void ik_6r_move(ik_real cs[6][2], const ik_real step[6])
+LOCAL void ik_6r_move(ik_6r_real cs[6][2], const ik_6r_real step[6])
 {
-    ik_real largest = 1.0;
+    ik_6r_real largest = 1.0;
     int i;
     for (i = 0; i < 6; ++i) {
         largest = ((2.0 * fabs(step[i])) > largest) ? (2.0 * fabs(step[i])) : largest;
     }
     for (i = 0; i < 6; ++i) {
-        const ik_real t = 0.5 * step[i] / largest;
-        const ik_real c = cs[i][0];
-        const ik_real s = cs[i][1];
-        const ik_real w = 1.0 / (1.0 + (t * t));
+        const ik_6r_real t = 0.5 * step[i] / largest;
+        const ik_6r_real c = cs[i][0];
+        const ik_6r_real s = cs[i][1];
+        const ik_6r_real w = 1.0 / (1.0 + (t * t));
         cs[i][0] = ((c * (1.0 - (t * t))) - (2.0 * s * t)) * w;
         cs[i][1] = ((s * (1.0 - (t * t))) + (2.0 * c * t)) * w;
 #if DH_SLIDES
@@ -1233,21 +1233,21 @@ LOCAL void ik_6r_move(ik_real cs[6][2], const ik_real step[6])
  * the best solution so far, which is the order of the distance to the solution where the Jacobian is singular. *firm is lowered to the
  * smallest pivot of the last step, or of one that is not needed. Returns 0 if the pose is not met, 1 if it is met far from the start, 2 if it is met close to the
  * start. */
-LOCAL int ik_6r_polish(const ik_real pose[12], int patient, int *left, ik_real *firm, ik_real trial[6][2], ik_real cs[6][2])
+LOCAL int ik_6r_polish(const ik_6r_real pose[12], int patient, int *left, ik_6r_real *firm, ik_6r_real trial[6][2], ik_6r_real cs[6][2])
 {
-    ik_real best = 10.0;
-    ik_real pivot = 0.0;
-    ik_real begin = 0.0;
-    ik_real before = 10.0;
+    ik_6r_real best = 10.0;
+    ik_6r_real pivot = 0.0;
+    ik_6r_real begin = 0.0;
+    ik_6r_real before = 10.0;
     int it;
     int i;
     for (it = 0; (it <= IK_6R_STEPS) || ((patient != 0) && (*left > 0) && (it <= (6 * IK_6R_STEPS))); ++it) {
-        ik_real r[6];
-        ik_real jac[6][6];
-        ik_real step[6];
-        ik_real damping = 0.0;
-        ik_real (*from)[2] = trial;
-        const ik_real err = ik_6r_residual(pose, trial, r, jac);
+        ik_6r_real r[6];
+        ik_6r_real jac[6][6];
+        ik_6r_real step[6];
+        ik_6r_real damping = 0.0;
+        ik_6r_real (*from)[2] = trial;
+        const ik_6r_real err = ik_6r_residual(pose, trial, r, jac);
         const bool better = err < best;
         const bool stalled = !((patient != 0) ? (fabs(err - before) > (0.01 * err)) : (err < (0.5 * before)));
         *left -= patient;
@@ -1259,7 +1259,7 @@ LOCAL int ik_6r_polish(const ik_real pose[12], int patient, int *left, ik_real *
                 cs[i][1] = trial[i][1];
             }
         }
-        if ((best < IK_6R_DONE) || ((it >= 3) && (best > (ik_real)VALUE_6R_HOPELESS)) || ((best < IK_6R_ACCEPT) && !(err < (0.5 * before))) || !((patient != 0) || better)) {
+        if ((best < IK_6R_DONE) || ((it >= 3) && (best > (ik_6r_real)VALUE_6R_HOPELESS)) || ((best < IK_6R_ACCEPT) && !(err < (0.5 * before))) || !((patient != 0) || better)) {
             pivot = (it == 0) ? ik_6r_step(jac, r, 0.0, step) : pivot;
             break;
         }
@@ -1269,7 +1269,7 @@ LOCAL int ik_6r_polish(const ik_real pose[12], int patient, int *left, ik_real *
         }
         pivot = ik_6r_step(jac, r, damping, step);
         if (stalled && (patient != 0)) {
-            const ik_real kick = 2.0 * sqrt(best);
+            const ik_6r_real kick = 2.0 * sqrt(best);
             from = cs;
             for (i = 0; i < 6; ++i) {
                 step[i] = kick * ik_6r_wave[((5 * i) + (3 * it)) % 17][0];
@@ -1283,13 +1283,13 @@ LOCAL int ik_6r_polish(const ik_real pose[12], int patient, int *left, ik_real *
         ik_6r_move(trial, step);
     }
     *firm = ((best < IK_6R_ACCEPT) && (pivot < *firm)) ? pivot : *firm;
-    return (best < IK_6R_ACCEPT) ? (1 + (int)(begin < (ik_real)VALUE_6R_CLOSE)) : 0;
+    return (best < IK_6R_ACCEPT) ? (1 + (int)(begin < (ik_6r_real)VALUE_6R_CLOSE)) : 0;
 }
 
 /* Sum of the differences of the cosines and sines (or displacements) of two solutions. */
-LOCAL ik_real ik_6r_apart(ik_real a[6][2], ik_real b[6][2])
+LOCAL ik_6r_real ik_6r_apart(ik_6r_real a[6][2], ik_6r_real b[6][2])
 {
-    ik_real apart = 0.0;
+    ik_6r_real apart = 0.0;
     int i;
     for (i = 0; i < 12; ++i) {
         apart += fabs(a[i / 2][i % 2] - b[i / 2][i % 2]);
@@ -1298,7 +1298,7 @@ LOCAL ik_real ik_6r_apart(ik_real a[6][2], ik_real b[6][2])
 }
 
 /* Index of the earlier solution that equals solution number count; count itself if it is new. */
-LOCAL int ik_6r_place(ik_real rows[IK_6R_MAX + 1][6][2], int count)
+LOCAL int ik_6r_place(ik_6r_real rows[IK_6R_MAX + 1][6][2], int count)
 {
     int k;
     for (k = 0; (k < count) && (ik_6r_apart(rows[k], rows[count]) >= IK_6R_SAME); ++k) {
@@ -1309,26 +1309,26 @@ LOCAL int ik_6r_place(ik_real rows[IK_6R_MAX + 1][6][2], int count)
 /* Adds the solutions of one root of the kept angle. A simple root has one of its own: where its null vector leads to none, or to one
  * that is among `taken` (bits) by other roots, the solutions that share it are sought as for an unresolved root. Returns the number
  * of complex solutions at the root. */
-LOCAL int ik_6r_rows(const ik_real pose[12], const signed char pass[6], ik_real e[6][12], ik_real h[3][6][10],
-    const ik_real root[2], int order, int *left, ik_real *firm, unsigned *taken, ik_real rows[IK_6R_MAX + 1][6][2], int *count)
+LOCAL int ik_6r_rows(const ik_6r_real pose[12], const signed char pass[6], ik_6r_real e[6][12], ik_6r_real h[3][6][10],
+    const ik_6r_real root[2], int order, int *left, ik_6r_real *firm, unsigned *taken, ik_6r_real rows[IK_6R_MAX + 1][6][2], int *count)
 {
     int unreal = 0;
     int attempt;
     int met = 0;
     for (attempt = order; (attempt <= 2) && (met == 0) && (*left > 0); ++attempt) {
-        ik_real pair[IK_6R_WIDE + 1][2][2];
-        ik_real w[12];
+        ik_6r_real pair[IK_6R_WIDE + 1][2][2];
+        ik_6r_real w[12];
         int i;
         int j;
         int pairs = 0;
         ik_6r_null(h, root, w);
-        pairs = (int)(ik_6r_factor(w, pair[0]) < (ik_real)VALUE_6R_SHAPE);
+        pairs = (int)(ik_6r_factor(w, pair[0]) < (ik_6r_real)VALUE_6R_SHAPE);
         if (attempt == 2) {
             pairs += ik_6r_shared(h, root, pair + pairs, &unreal);
         }
         for (j = 0; (j < pairs) && (*count < IK_6R_MAX); ++j) {
-            ik_real t[6][2];
-            ik_real cs[6][2];
+            ik_6r_real t[6][2];
+            ik_6r_real cs[6][2];
             int place;
             int near;
             int joint;
@@ -1348,15 +1348,15 @@ LOCAL int ik_6r_rows(const ik_real pose[12], const signed char pass[6], ik_real 
 #endif
             joint = pass[0];
             for (i = 0; i < 6; ++i) {
-                ik_real *const to = cs[joint];
+                ik_6r_real *const to = cs[joint];
                 joint += pass[1];
                 joint += (joint < 0) ? 6 : (joint > 5) ? -6 : 0;
                 to[0] = (ik_6r_odd[0] * t[i][0]) - (ik_6r_odd[3] * t[i][1]);
-                to[1] = ((ik_6r_odd[0] * t[i][1]) + (ik_6r_odd[3] * t[i][0])) * (ik_real)pass[1];
+                to[1] = ((ik_6r_odd[0] * t[i][1]) + (ik_6r_odd[3] * t[i][0])) * (ik_6r_real)pass[1];
             }
             ik_6r_unit(6, cs);
 #if DH_SLIDES
-            cs[DH_SLIDE][0] = t[2 + pass[4]][0] * (ik_real)pass[1];
+            cs[DH_SLIDE][0] = t[2 + pass[4]][0] * (ik_6r_real)pass[1];
             cs[DH_SLIDE][1] = 0.0;
 #endif
             near = ik_6r_polish(pose, (pass[5] != 0) || (attempt == 2), left, firm, cs, rows[*count]);
@@ -1373,55 +1373,55 @@ LOCAL int ik_6r_rows(const ik_real pose[12], const signed char pass[6], ik_real 
 
 /* Defines a zone (an arc to be magnified) around n unresolved roots of the zone `outer`. Returns 1, or 0 if it would not be much
  * narrower than `outer`. */
-LOCAL int ik_6r_zone(const ik_real outer[3], ik_real root[24][3], int n, ik_real zone[3])
+LOCAL int ik_6r_zone(const ik_6r_real outer[3], ik_6r_real root[24][3], int n, ik_6r_real zone[3])
 {
     int i;
     (void)ik_6r_magnify(outer, root[n / 2], zone);
     zone[2] = 0.0;
     for (i = 0; i < n; ++i) { /* both ends of the interval in which each root lies, widened by 0.02 rad */
-        ik_real turn = root[i][2] + (ik_real)VALUE_6R_WIDER;
+        ik_6r_real turn = root[i][2] + (ik_6r_real)VALUE_6R_WIDER;
         int k;
         for (k = 0; k < 2; ++k) {
-            const ik_real end[2] = {root[i][0] - (turn * root[i][1]), root[i][1] + (turn * root[i][0])};
-            ik_real cs[2];
-            ik_real reach;
+            const ik_6r_real end[2] = {root[i][0] - (turn * root[i][1]), root[i][1] + (turn * root[i][0])};
+            ik_6r_real cs[2];
+            ik_6r_real reach;
             (void)ik_6r_magnify(outer, end, cs);
             reach = fabs(ik_6r_tangent(zone, cs));
             zone[2] = (reach > zone[2]) ? reach : zone[2];
             turn = -turn;
         }
     }
-    return (int)(zone[2] < ((ik_real)VALUE_6R_NARROWER * outer[2]));
+    return (int)(zone[2] < ((ik_6r_real)VALUE_6R_NARROWER * outer[2]));
 }
 
 /* Counts the roots of a polynomial (see ik_6r_scan) in a circle of the complex plane around the point z = exp(i y) of the unit circle,
  * by the integral of its logarithmic derivative. The radius is doubled until the polynomial exceeds its noise on all of the circle.
  * Returns -1 if it does not. Of the roots inside, middle is the mean: it is accurate even where noise scatters a multiple root. */
-LOCAL int ik_6r_wind(ik_real p[2][9], ik_real noise, const ik_real at[2], ik_real *radius, ik_real middle[2])
+LOCAL int ik_6r_wind(ik_6r_real p[2][9], ik_6r_real noise, const ik_6r_real at[2], ik_6r_real *radius, ik_6r_real middle[2])
 {
-    for (; *radius < (ik_real)VALUE_6R_WIDEST; *radius *= 2.0) {
-        ik_real c = 1.0;
-        ik_real s = 0.0;
-        ik_real turns[2] = {0.0, 0.0};
-        ik_real first[2] = {0.0, 0.0};
+    for (; *radius < (ik_6r_real)VALUE_6R_WIDEST; *radius *= 2.0) {
+        ik_6r_real c = 1.0;
+        ik_6r_real s = 0.0;
+        ik_6r_real turns[2] = {0.0, 0.0};
+        ik_6r_real first[2] = {0.0, 0.0};
         int clear = 1;
         int count;
         int i;
         int k;
         for (i = 0; (i < 48) && (clear != 0); ++i) {
-            const ik_real dx = *radius * c;
-            const ik_real dy = *radius * s;
-            const ik_real x = at[0] + dx;
-            const ik_real y = at[1] + dy;
-            const ik_real next = c;
-            ik_real re = p[0][8];
-            ik_real im = -p[1][8];
-            ik_real dr = 0.0;
-            ik_real di = 0.0;
-            ik_real size = (x * x) + (y * y);
-            ik_real u;
-            ik_real v;
-            ik_real least = 2.0 * (ik_real)VALUE_6R_CLEAR * noise;
+            const ik_6r_real dx = *radius * c;
+            const ik_6r_real dy = *radius * s;
+            const ik_6r_real x = at[0] + dx;
+            const ik_6r_real y = at[1] + dy;
+            const ik_6r_real next = c;
+            ik_6r_real re = p[0][8];
+            ik_6r_real im = -p[1][8];
+            ik_6r_real dr = 0.0;
+            ik_6r_real di = 0.0;
+            ik_6r_real size = (x * x) + (y * y);
+            ik_6r_real u;
+            ik_6r_real v;
+            ik_6r_real least = 2.0 * (ik_6r_real)VALUE_6R_CLEAR * noise;
             for (k = 7; k >= -8; --k) { /* f = 2 z^8 p and its derivative by Horner's rule */
                 u = (dr * x) - (di * y) + re;
                 di = (dr * y) + (di * x) + im;
@@ -1432,7 +1432,7 @@ LOCAL int ik_6r_wind(ik_real p[2][9], ik_real noise, const ik_real at[2], ik_rea
             }
             size *= size;
             size *= size;
-            const ik_real larger = (size > 1.0) ? size : 1.0;
+            const ik_6r_real larger = (size > 1.0) ? size : 1.0;
             least *= larger * larger;
             size = (re * re) + (im * im);
             clear = (int)(size > (least * least));
@@ -1449,9 +1449,9 @@ LOCAL int ik_6r_wind(ik_real p[2][9], ik_real noise, const ik_real at[2], ik_rea
             s = (0.9914448613738104 * s) + (0.13052619222005157 * next);
         }
         count = (int)(turns[0] + 0.5);
-        if ((clear != 0) && ((fabs(turns[0] - (ik_real)count) + fabs(turns[1])) < (ik_real)VALUE_6R_WHOLE)) {
-            const ik_real share = 1.0 / (ik_real)((count > 0) ? count : 1);
-            ik_real scale;
+        if ((clear != 0) && ((fabs(turns[0] - (ik_6r_real)count) + fabs(turns[1])) < (ik_6r_real)VALUE_6R_WHOLE)) {
+            const ik_6r_real share = 1.0 / (ik_6r_real)((count > 0) ? count : 1);
+            ik_6r_real scale;
             middle[0] = at[0] + (first[0] * share);
             middle[1] = at[1] + (first[1] * share);
             scale = 1.0 / sqrt((middle[0] * middle[0]) + (middle[1] * middle[1]));
@@ -1466,15 +1466,15 @@ LOCAL int ik_6r_wind(ik_real p[2][9], ik_real noise, const ik_real at[2], ik_rea
 /* One elimination: adds its solutions. Returns how many solutions there are by its roots, a double one counting twice; -1 if that is
  * not known. The count is exact for simple roots. Unresolved ones are counted together by the winding number of the polynomial around
  * them, from which the complex solutions that share them are subtracted. */
-LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_real noise,
-    ik_real rows[IK_6R_MAX + 1][6][2], int *count, int *plain, ik_real *firm)
+LOCAL int ik_6r_eliminate(const ik_6r_real pose[12], const signed char pass[6], ik_6r_real noise,
+    ik_6r_real rows[IK_6R_MAX + 1][6][2], int *count, int *plain, ik_6r_real *firm)
 {
-    ik_real e[6][12];
-    ik_real h[3][6][10];
-    ik_real zone[IK_6R_ZONES][3];
-    ik_real seen[12];
-    ik_real simple[24][2];
-    ik_real circle[24][3];
+    ik_6r_real e[6][12];
+    ik_6r_real h[3][6][10];
+    ik_6r_real zone[IK_6R_ZONES][3];
+    ik_6r_real seen[12];
+    ik_6r_real simple[24][2];
+    ik_6r_real circle[24][3];
     int zones = 1;
     int singles = 0;
     int circles = 0;
@@ -1492,9 +1492,9 @@ LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_
     ik_6r_loop(seen, pass[0], pass[1], e);
     ik_6r_pencil(e, pass, h);
     for (at = 0; at < zones; ++at) {
-        ik_real root[25][3];
-        ik_real p[2][9];
-        ik_real level;
+        ik_6r_real root[25][3];
+        ik_6r_real p[2][9];
+        ik_6r_real level;
         int order[25];
         int begin = -1;
         int empty = 1;
@@ -1505,14 +1505,14 @@ LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_
         *plain = ((at == 0) && (roots > 0) && (k == roots) && (pass[5] == 0)) ? -1 : *plain; /* zero all round: a continuum */
         for (k = 0; k < roots; ++k) { /* clusters of unresolved roots become zones, magnified and solved again */
             int joined = 0;
-            const ik_real blur = root[k][2];
-            const ik_real reaches = root[k][0] + (fabs(root[k][1]) * blur) + (0.5 * blur * blur);
-            if ((order[k] == 1) || ((at > 0) && (reaches < IK_6R_EDGE)) || (zone[at][2] < (ik_real)VALUE_6R_NARROWEST) || (zones == IK_6R_ZONES)) {
+            const ik_6r_real blur = root[k][2];
+            const ik_6r_real reaches = root[k][0] + (fabs(root[k][1]) * blur) + (0.5 * blur * blur);
+            if ((order[k] == 1) || ((at > 0) && (reaches < IK_6R_EDGE)) || (zone[at][2] < (ik_6r_real)VALUE_6R_NARROWEST) || (zones == IK_6R_ZONES)) {
                 continue; /* simple; beyond the edge of this zone; or as narrow as can be */
             }
             begin = (begin < 0) ? k : begin;
             if (((k + 1) < roots) && (order[k + 1] == 2)) {
-                const ik_real reach = root[k][2] + root[k + 1][2] + (ik_real)VALUE_6R_JOINED;
+                const ik_6r_real reach = root[k][2] + root[k + 1][2] + (ik_6r_real)VALUE_6R_JOINED;
                 joined = (int)((1.0 - (root[k][0] * root[k + 1][0]) - (root[k][1] * root[k + 1][1])) < (0.5 * reach * reach));
             }
             if (joined == 0) {
@@ -1530,10 +1530,10 @@ LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_
             int m;
             int inside;
             int here = (int)(middle ? ((at > 0) && (empty != 0)) : ((at == 0) || (root[k][0] > IK_6R_EDGE)));
-            ik_real cs[2];
+            ik_6r_real cs[2];
             (void)ik_6r_magnify(zone[at], root[k], cs);
             for (m = 1; m < zones; ++m) { /* a root inside a narrower zone is left to that zone, which resolves it better */
-                here &= (int)(!(((zone[m][2] < zone[at][2]) || ((m > at) && (zone[m][2] <= zone[at][2]))) && (fabs(ik_6r_tangent(zone[m], cs)) <= ((ik_real)VALUE_6R_INSIDE * zone[m][2]))));
+                here &= (int)(!(((zone[m][2] < zone[at][2]) || ((m > at) && (zone[m][2] <= zone[at][2]))) && (fabs(ik_6r_tangent(zone[m], cs)) <= ((ik_6r_real)VALUE_6R_INSIDE * zone[m][2]))));
             }
             if (here == 0) {
                 continue;
@@ -1550,17 +1550,17 @@ LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_
             *plain = -(int)(*plain < 0);
             inside = 0;
             for (m = 0; m < circles; ++m) { /* counted with an earlier one? */
-                const ik_real x = root[k][0] - circle[m][0];
-                const ik_real y = root[k][1] - circle[m][1];
-                const ik_real r = circle[m][2] - root[k][2];
+                const ik_6r_real x = root[k][0] - circle[m][0];
+                const ik_6r_real y = root[k][1] - circle[m][1];
+                const ik_6r_real r = circle[m][2] - root[k][2];
                 inside |= (int)((of[m] == at) && (r > 0.0) && (((x * x) + (y * y)) < (r * r)));
             }
             (void)ik_6r_rows(pose, pass, e, h, cs, 2, &left, firm, &taken, rows, count);
             if ((inside == 0) && (!middle || (*count > before))) {
-                ik_real mean[2];
-                ik_real *const radius = circle[circles % 24] + 2;
+                ik_6r_real mean[2];
+                ik_6r_real *const radius = circle[circles % 24] + 2;
                 int turns;
-                *radius = ((1.5 * root[k][2]) > (ik_real)VALUE_6R_CIRCLE) ? (1.5 * root[k][2]) : (ik_real)VALUE_6R_CIRCLE;
+                *radius = ((1.5 * root[k][2]) > (ik_6r_real)VALUE_6R_CIRCLE) ? (1.5 * root[k][2]) : (ik_6r_real)VALUE_6R_CIRCLE;
                 turns = (circles < 24) ? ik_6r_wind(p, level, root[k], radius, mean) : -1;
                 if (turns > 0) {
                     circle[circles][0] = root[k][0];
@@ -1578,10 +1578,10 @@ LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_
         int inside = 0;
         int m;
         for (m = 0; m < circles; ++m) {
-            const ik_real t = ik_6r_tangent(zone[of[m]], simple[k]) / zone[of[m]][2];
-            const ik_real w = 1.0 / (1.0 + (t * t));
-            const ik_real x = ((1.0 - (t * t)) * w) - circle[m][0];
-            const ik_real y = (2.0 * t * w) - circle[m][1];
+            const ik_6r_real t = ik_6r_tangent(zone[of[m]], simple[k]) / zone[of[m]][2];
+            const ik_6r_real w = 1.0 / (1.0 + (t * t));
+            const ik_6r_real x = ((1.0 - (t * t)) * w) - circle[m][0];
+            const ik_6r_real y = (2.0 * t * w) - circle[m][1];
             inside |= (int)(((x * x) + (y * y)) < (circle[m][2] * circle[m][2]));
         }
         total += (int)((inside == 0));
@@ -1591,13 +1591,13 @@ LOCAL int ik_6r_eliminate(const ik_real pose[12], const signed char pass[6], ik_
 
 /* Lower bound of the smallest singular value of the Jacobian at a solution (lengths scaled), at least a third of it: the inverse of the
  * norm of its inverse. joint: the one that moves most in the direction in which the tip moves least. */
-LOCAL ik_real ik_6r_gain(const ik_real pose[12], ik_real cs[6][2], int *joint)
+LOCAL ik_6r_real ik_6r_gain(const ik_6r_real pose[12], ik_6r_real cs[6][2], int *joint)
 {
-    ik_real r[6];
-    ik_real jac[6][6];
-    ik_real a[6][12];
-    ik_real norm = 0.0;
-    ik_real most = 0.0;
+    ik_6r_real r[6];
+    ik_6r_real jac[6][6];
+    ik_6r_real a[6][12];
+    ik_6r_real norm = 0.0;
+    ik_6r_real most = 0.0;
     int i;
     int j;
     int k;
@@ -1605,17 +1605,17 @@ LOCAL ik_real ik_6r_gain(const ik_real pose[12], ik_real cs[6][2], int *joint)
     for (i = 0; i < 6; ++i) {
         for (j = 0; j < 6; ++j) {
             a[i][j] = jac[i][j];
-            a[i][6 + j] = (ik_real)(i == j);
+            a[i][6 + j] = (ik_6r_real)(i == j);
         }
     }
     for (k = 0; k < 6; ++k) {
         int pivot = k;
-        ik_real scale;
+        ik_6r_real scale;
         for (i = k + 1; i < 6; ++i) {
             pivot = (fabs(a[i][k]) > fabs(a[pivot][k])) ? i : pivot;
         }
         for (j = 0; j < 12; ++j) {
-            const ik_real x = a[pivot][j];
+            const ik_6r_real x = a[pivot][j];
             a[pivot][j] = a[k][j];
             a[k][j] = x;
         }
@@ -1625,14 +1625,14 @@ LOCAL ik_real ik_6r_gain(const ik_real pose[12], ik_real cs[6][2], int *joint)
             a[k][j] /= scale;
         }
         for (i = 0; i < 6; ++i) {
-            const ik_real factor = a[i][k];
+            const ik_6r_real factor = a[i][k];
             for (j = 0; (j < 12) && (i != k); ++j) {
                 a[i][j] -= factor * a[k][j];
             }
         }
     }
     for (j = 0; j < 6; ++j) {
-        ik_real moved = 0.0;
+        ik_6r_real moved = 0.0;
         for (i = 0; i < 6; ++i) {
             moved += a[i][6 + j] * a[i][6 + j];
         }
@@ -1645,12 +1645,12 @@ LOCAL ik_real ik_6r_gain(const ik_real pose[12], ik_real cs[6][2], int *joint)
 
 /* Moves one joint of a solution by `by` (rad or scaled length) and the others after it, such that the pose is met to within twice the
  * rounding error. Returns the error of an entry of the pose that remains. */
-LOCAL ik_real ik_6r_follow(const ik_real pose[12], int joint, ik_real by, ik_real cs[6][2])
+LOCAL ik_6r_real ik_6r_follow(const ik_6r_real pose[12], int joint, ik_6r_real by, ik_6r_real cs[6][2])
 {
-    ik_real step[6] = {0};
-    ik_real r[6];
-    ik_real jac[6][6];
-    ik_real error = 10.0;
+    ik_6r_real step[6] = {0};
+    ik_6r_real r[6];
+    ik_6r_real jac[6][6];
+    ik_6r_real error = 10.0;
     int it;
     int i;
 #if DH_SLIDES
@@ -1659,17 +1659,17 @@ LOCAL ik_real ik_6r_follow(const ik_real pose[12], int joint, ik_real by, ik_rea
     } else
 #endif
     {
-        const ik_real x = cs[joint][0];
-        const ik_real y = cs[joint][1];
-        const ik_real c = cos(by);
-        const ik_real s = sin(by);
+        const ik_6r_real x = cs[joint][0];
+        const ik_6r_real y = cs[joint][1];
+        const ik_6r_real c = cos(by);
+        const ik_6r_real s = sin(by);
         cs[joint][0] = (x * c) - (y * s);
         cs[joint][1] = (y * c) + (x * s);
     }
     for (it = 0; it <= IK_6R_STEPS; ++it) {
         ik_6r_move(cs, step);
         error = ik_6r_residual(pose, cs, r, jac);
-        if (error < (ik_real)VALUE_6R_FOLLOWED) {
+        if (error < (ik_6r_real)VALUE_6R_FOLLOWED) {
             break;
         }
         for (i = 0; i < 6; ++i) {
@@ -1683,37 +1683,37 @@ LOCAL ik_real ik_6r_follow(const ik_real pose[12], int joint, ik_real by, ik_rea
 /* Whether a singular solution is one of a continuum, in which a joint can turn freely: 1 if it is, -1 if it is nearly one, so that the
  * pose hardly tells where on it the solutions lie, else 0. Of a continuum it becomes the one with that joint at its reference (of all six
  * joints: rad or scaled length), if a path of solutions leads there. */
-LOCAL int ik_6r_free(const ik_real pose[12], int joint, const REAL ref[6], ik_real cs[6][2])
+LOCAL int ik_6r_free(const ik_6r_real pose[12], int joint, const REAL ref[6], ik_6r_real cs[6][2])
 {
-    ik_real x[6][2];
-    ik_real by = 0.01;
-    ik_real least = 1.0;
+    ik_6r_real x[6][2];
+    ik_6r_real by = 0.01;
+    ik_6r_real least = 1.0;
     int side;
     int i;
     for (side = 0; side < 2; ++side) {
-        ik_real error;
+        ik_6r_real error;
         for (i = 0; i < 12; ++i) {
             x[i / 2][i % 2] = cs[i / 2][i % 2];
         }
         error = ik_6r_follow(pose, joint, by, x);
-        if (error < (ik_real)VALUE_6R_FOLLOWED) {
+        if (error < (ik_6r_real)VALUE_6R_FOLLOWED) {
             break;
         }
         least = (error < least) ? error : least;
         by = -by;
     }
     if (side == 2) {
-        return -(int)(least < (ik_real)VALUE_6R_NEARLY);
+        return -(int)(least < (ik_6r_real)VALUE_6R_NEARLY);
     }
     for (i = 0; i < 12; ++i) {
         x[i / 2][i % 2] = cs[i / 2][i % 2];
     }
 #if DH_SLIDES
-    by = (joint == DH_SLIDE) ? ((ik_real)ref[joint] - cs[joint][0]) : (ik_real)ik_wrap(ref[joint] - ik_atan2((REAL)cs[joint][1], (REAL)cs[joint][0]));
+    by = (joint == DH_SLIDE) ? ((ik_6r_real)ref[joint] - cs[joint][0]) : (ik_6r_real)ik_wrap(ref[joint] - ik_atan2((REAL)cs[joint][1], (REAL)cs[joint][0]));
 #else
-    by = (ik_real)ik_wrap(ref[joint] - ik_atan2((REAL)cs[joint][1], (REAL)cs[joint][0]));
+    by = (ik_6r_real)ik_wrap(ref[joint] - ik_atan2((REAL)cs[joint][1], (REAL)cs[joint][0]));
 #endif
-    for (side = 0; (side < VALUE_PATH_STEPS) && (ik_6r_follow(pose, joint, by / (ik_real)VALUE_PATH_STEPS, x) < (ik_real)VALUE_6R_FOLLOWED); ++side) {
+    for (side = 0; (side < VALUE_PATH_STEPS) && (ik_6r_follow(pose, joint, by / (ik_6r_real)VALUE_PATH_STEPS, x) < (ik_6r_real)VALUE_6R_FOLLOWED); ++side) {
     }
     for (i = 0; (i < 12) && (side == VALUE_PATH_STEPS); ++i) {
         cs[i / 2][i % 2] = x[i / 2][i % 2];
@@ -1723,15 +1723,15 @@ LOCAL int ik_6r_free(const ik_real pose[12], int joint, const REAL ref[6], ik_re
 
 /* Number of solutions, a double one counting twice: a solution at which the Jacobian is singular, unless its other half is listed as
  * well. */
-LOCAL int ik_6r_weigh(const ik_real gain[IK_6R_MAX], ik_real rows[IK_6R_MAX + 1][6][2], int count)
+LOCAL int ik_6r_weigh(const ik_6r_real gain[IK_6R_MAX], ik_6r_real rows[IK_6R_MAX + 1][6][2], int count)
 {
     int i;
     int k;
     int total = count;
     for (i = 0; i < count; ++i) {
-        int alone = (int)(gain[i] < (ik_real)VALUE_6R_DOUBLE);
+        int alone = (int)(gain[i] < (ik_6r_real)VALUE_6R_DOUBLE);
         for (k = 0; k < count; ++k) {
-            alone &= (int)((k == i) || !(gain[k] < (ik_real)VALUE_6R_DOUBLE) || (ik_6r_apart(rows[i], rows[k]) > (ik_real)VALUE_6R_TWINS));
+            alone &= (int)((k == i) || !(gain[k] < (ik_6r_real)VALUE_6R_DOUBLE) || (ik_6r_apart(rows[i], rows[k]) > (ik_6r_real)VALUE_6R_TWINS));
         }
         total += alone;
     }
@@ -1740,12 +1740,12 @@ LOCAL int ik_6r_weigh(const ik_real gain[IK_6R_MAX], ik_real rows[IK_6R_MAX + 1]
 
 #if !DH_SLIDES
 /* Whether a target is farther away than the arm can reach, so that it has no solution. */
-LOCAL int ik_6r_beyond(const ik_real pose[12])
+LOCAL int ik_6r_beyond(const ik_6r_real pose[12])
 {
-    ik_real distance = 0.0; /* squared */
+    ik_6r_real distance = 0.0; /* squared */
     int i;
     for (i = 0; i < 3; ++i) {
-        const ik_real along = pose[9 + i] + (ik_6r_span[1] * pose[(3 * i) + 2]) - ((i == 2) ? ik_6r_span[0] : 0.0);
+        const ik_6r_real along = pose[9 + i] + (ik_6r_span[1] * pose[(3 * i) + 2]) - ((i == 2) ? ik_6r_span[0] : 0.0);
         distance += along * along;
     }
     return (int)(distance > (ik_6r_span[2] * ik_6r_span[2]));
@@ -1754,9 +1754,9 @@ LOCAL int ik_6r_beyond(const ik_real pose[12])
 #endif
 #if NARROW
 /* Makes the rotation of a pose, which is known in single precision, more orthonormal: R (3 - R'R) / 2, which squares the error. */
-LOCAL void ik_6r_straighten(ik_real pose[12])
+LOCAL void ik_6r_straighten(ik_6r_real pose[12])
 {
-    ik_real gram[3][3];
+    ik_6r_real gram[3][3];
     int i;
     int j;
     int k;
@@ -1769,7 +1769,7 @@ LOCAL void ik_6r_straighten(ik_real pose[12])
         }
     }
     for (i = 0; i < 9; i += 3) {
-        const ik_real row[3] = {pose[i], pose[i + 1], pose[i + 2]};
+        const ik_6r_real row[3] = {pose[i], pose[i + 1], pose[i + 2]};
         for (j = 0; j < 3; ++j) {
             pose[i + j] = (row[0] * gram[0][j]) + (row[1] * gram[1][j]) + (row[2] * gram[2][j]);
         }
@@ -1783,9 +1783,9 @@ LOCAL void ik_6r_straighten(ik_real pose[12])
  * that an elimination at the target counts, and no solution is nearly one of a continuum. */
 LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], unsigned flags[IK_6R_MAX], int *certain)
 {
-    ik_real pose[12];
-    ik_real rows[IK_6R_MAX + 1][6][2];
-    ik_real gain[IK_6R_MAX];
+    ik_6r_real pose[12];
+    ik_6r_real rows[IK_6R_MAX + 1][6][2];
+    ik_6r_real gain[IK_6R_MAX];
     int i;
     int j;
     int count = 0;
@@ -1793,17 +1793,17 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     int here = -1;
     int plain = 1;
     int joint = 0;
-    ik_real firm = 1.0;
+    ik_6r_real firm = 1.0;
 #if NARROW
-    ik_real r[6];
-    ik_real jac[6][6];
+    ik_6r_real r[6];
+    ik_6r_real jac[6][6];
     int exact;
 #endif
     for (i = 0; i < 9; ++i) {
-        pose[i] = (ik_real)t[i + (i / 3)];
+        pose[i] = (ik_6r_real)t[i + (i / 3)];
     }
     for (i = 0; i < 3; ++i) {
-        pose[9 + i] = (ik_real)t[(4 * i) + 3] * PER_LENGTH;
+        pose[9 + i] = (ik_6r_real)t[(4 * i) + 3] * PER_LENGTH;
     }
 #if NARROW
     ik_6r_straighten(pose);
@@ -1826,7 +1826,7 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
 #if NARROW
             exact = 0;
             for (i = 0; i < count; ++i) {
-                exact += (int)(ik_6r_residual(pose, rows[i], r, jac) < (ik_real)VALUE_6R_EXACT);
+                exact += (int)(ik_6r_residual(pose, rows[i], r, jac) < (ik_6r_real)VALUE_6R_EXACT);
             }
             *certain |= (int)(exact == here);
 #endif
@@ -1834,7 +1834,7 @@ LOCAL int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[IK_6R_MAX][6], 
     }
     for (i = 0; i < count; ++i) {
         flags[i] = 0u; /* the Jacobian decides whether solutions meet, see ik_aspect */
-        if ((firm < (ik_real)VALUE_6R_FIRM) && (ik_6r_gain(pose, rows[i], &joint) < (ik_real)VALUE_6R_DOUBLE)) {
+        if ((firm < (ik_6r_real)VALUE_6R_FIRM) && (ik_6r_gain(pose, rows[i], &joint) < (ik_6r_real)VALUE_6R_DOUBLE)) {
             const int loose = ik_6r_free(pose, joint, ref, rows[i]);
             flags[i] = (loose > 0) ? (unsigned)IK_FREE : 0u;
             *certain = (loose < 0) ? 0 : *certain;

@@ -25,7 +25,7 @@
  *   INCOMPLETE           solutions may be missing: only a simpler arm close to this one could be solved
  *   GENERAL              the general six-joint solver is used: where it cannot prove that it has found all solutions, they may be
  *                        missing
- *   NARROW               the real type is float; the general six-joint solver computes in double, its type ik_real
+ *   NARROW               the real type is float; the general six-joint solver computes in double, its type ik_6r_real
  *   NOMINAL_FIRST        the candidates of an arm nearby are refined first, and the general equations are for cases of doubt
  *   COUPLED              the joints are those of a mechanism, which its chain from base to tip follows: functions chain_...
  *   CHAIN_SLIDES, MIXED  that chain has a prismatic joint; the chain or the mechanism has one
@@ -158,9 +158,9 @@ void ik_step(REAL J[ERRORS][JOINTS], const REAL e[ERRORS], REAL damping, REAL d[
 REAL ik_refine(const REAL *T, REAL *q, int steps, REAL damping HELD_PARAMETER);
 /* trig_roots.c, general6r.c, aspect.c */
 #if GENERAL
-void ik_trig8_value(const ik_real a[9], const ik_real b[9], ik_real u, ik_real out[2]);
-int ik_trig_roots_8(ik_real a[9], ik_real b[9], ik_real noise, ik_real root[24][3], int mult[24]);
-ik_real ik_6r_lu(ik_real a[6][10], int n);
+void ik_trig8_value(const ik_6r_real a[9], const ik_6r_real b[9], ik_6r_real u, ik_6r_real out[2]);
+int ik_trig_roots_8(ik_6r_real a[9], ik_6r_real b[9], ik_6r_real noise, ik_6r_real root[24][3], int mult[24]);
+ik_6r_real ik_6r_lu(ik_6r_real a[6][10], int n);
 #endif
 int ik_solve6r(const REAL t[16], const REAL ref[6], REAL q[16][6], unsigned flags[16], int *certain);
 unsigned ik_aspect(const REAL *T, const REAL *q, unsigned *flags);

@@ -8,10 +8,10 @@
 #define IK_TRIG8_SPLITS 384
 #define IK_TRIG8_ROWS 24
 #define IK_TRIG8_ARC 0.41421356237309503 /* tan(pi/8) */
-#define IK_TRIG8_EPS (ik_real)VALUE_6R_EPS
+#define IK_TRIG8_EPS (ik_6r_real)VALUE_6R_EPS
 
 /* Bernstein coefficients on an arc of cos(k x)(1 + u^2)^8 (symmetric) and sin(k x)(1 + u^2)^8 (antisymmetric). */
-static const ik_real ik_trig8_even[9][9] = {
+static const ik_6r_real ik_trig8_even[9][9] = {
     {3.549396079493484, 2.509802036926789, 1.8930112423965249, 1.5058812221560733, 1.2559401512053867, 1.094016272506549, 0.9928380641939816, 0.937226774628605, 0.9194783627840929},
     {2.509802036926789, 1.996535294715085, 1.6313713240024128, 1.375390980803725, 1.19698250991893, 1.0750574663850456, 0.996022836332834, 0.9515732321509193, 0.937226774628605},
     {0.0, 0.6274505092316972, 0.887349019873371, 0.9859936573640956, 1.014113165569567, 1.0135738995281263, 1.0043620774390902, 0.996022836332834, 0.9928380641939816},
@@ -22,7 +22,7 @@ static const ik_real ik_trig8_even[9][9] = {
     {2.509802036926789, 0.22183725496834275, -1.8823515276950915, -2.883884314588456, -2.509802036926789, -1.1091862748417138, 0.6274505092316972, 1.996535294715085, 2.509802036926789},
     {3.549396079493484, 2.509802036926789, 0.0, -2.509802036926789, -3.549396079493484, -2.509802036926789, 0.0, 2.509802036926789, 3.549396079493484}
 };
-static const ik_real ik_trig8_odd[8][9] = {
+static const ik_6r_real ik_trig8_odd[8][9] = {
     {-2.509802036926789, -1.5528607847783993, -1.0039208147707155, -0.6655117649050283, -0.4440418988408934, -0.290094871881679, -0.1755106319529223, -0.08283992598118534, 0.0},
     {-3.549396079493484, -2.509802036926789, -1.774698039746742, -1.2549010184633944, -0.8775979317428945, -0.5929752065266589, -0.3669954987288468, -0.1755106319529223, 0.0},
     {-2.509802036926789, -2.4402098046517704, -2.0915016974389906, -1.6796249304745952, -1.282481260627425, -0.9206652376524994, -0.5929752065266589, -0.290094871881679, 0.0},
@@ -34,19 +34,19 @@ static const ik_real ik_trig8_odd[8][9] = {
 };
 
 /* Values of p and dp/dx at u = tan(x/2), where x counts from the centre of the arc, by Horner's rule in z = exp(i x). */
-LOCAL void ik_trig8_value(const ik_real a[9], const ik_real b[9], ik_real u, ik_real out[2])
+LOCAL void ik_trig8_value(const ik_6r_real a[9], const ik_6r_real b[9], ik_6r_real u, ik_6r_real out[2])
 {
-    const ik_real w = 1.0 / (1.0 + (u * u));
-    const ik_real c = (1.0 - (u * u)) * w;
-    const ik_real s = 2.0 * u * w;
-    ik_real hr = a[8];
-    ik_real hi = -b[8];
-    ik_real dr = 0.0;
-    ik_real di = 0.0;
+    const ik_6r_real w = 1.0 / (1.0 + (u * u));
+    const ik_6r_real c = (1.0 - (u * u)) * w;
+    const ik_6r_real s = 2.0 * u * w;
+    ik_6r_real hr = a[8];
+    ik_6r_real hi = -b[8];
+    ik_6r_real dr = 0.0;
+    ik_6r_real di = 0.0;
     int k;
     for (k = 7; k >= 0; --k) {
-        const ik_real er = (dr * c) - (di * s) + hr;
-        const ik_real gr = (hr * c) - (hi * s) + a[k];
+        const ik_6r_real er = (dr * c) - (di * s) + hr;
+        const ik_6r_real gr = (hr * c) - (hi * s) + a[k];
         di = (dr * s) + (di * c) + hi;
         hi = (hr * s) + (hi * c) - b[k];
         dr = er;
@@ -57,12 +57,12 @@ LOCAL void ik_trig8_value(const ik_real a[9], const ik_real b[9], ik_real u, ik_
 }
 
 /* The root of p between u0 and u1 near u, where p changes its sign: Newton steps kept inside the bracket. */
-LOCAL ik_real ik_trig8_refine(const ik_real a[9], const ik_real b[9], ik_real u0, ik_real u1, ik_real u, int rising)
+LOCAL ik_6r_real ik_trig8_refine(const ik_6r_real a[9], const ik_6r_real b[9], ik_6r_real u0, ik_6r_real u1, ik_6r_real u, int rising)
 {
     int it;
     for (it = 0; it < 50; ++it) {
-        ik_real v[2];
-        ik_real step;
+        ik_6r_real v[2];
+        ik_6r_real step;
         if (!((u > u0) && (u < u1))) {
             u = 0.5 * (u0 + u1);
         }
@@ -80,7 +80,7 @@ LOCAL ik_real ik_trig8_refine(const ik_real a[9], const ik_real b[9], ik_real u0
             step = u1 - u0;
             u = 0.5 * (u0 + u1);
         }
-        if (fabs(step) < (ik_real)VALUE_6R_TRIG_DONE) { /* the error is now of the order of step^2 */
+        if (fabs(step) < (ik_6r_real)VALUE_6R_TRIG_DONE) { /* the error is now of the order of step^2 */
             break;
         }
     }
@@ -91,12 +91,12 @@ LOCAL ik_real ik_trig8_refine(const ik_real a[9], const ik_real b[9], ik_real u0
  * which the root could not be resolved. mult: 1 for a simple root; 2 for a double root or for several roots between which p
  * does not exceed the noise, reported once. The coefficients a and b are changed during the computation and have their old values
  * at its end; b[0] is not used. Returns the number of entries written, at most 24. */
-LOCAL int ik_trig_roots_8(ik_real a[9], ik_real b[9], ik_real noise, ik_real root[IK_TRIG8_ROWS][3], int mult[IK_TRIG8_ROWS])
+LOCAL int ik_trig_roots_8(ik_6r_real a[9], ik_6r_real b[9], ik_6r_real noise, ik_6r_real root[IK_TRIG8_ROWS][3], int mult[IK_TRIG8_ROWS])
 {
-    ik_real stack[IK_TRIG8_DEPTH + 2][17];
-    ik_real from[IK_TRIG8_DEPTH + 2];
-    ik_real width[IK_TRIG8_DEPTH + 2];
-    ik_real first = 0.0;
+    ik_6r_real stack[IK_TRIG8_DEPTH + 2][17];
+    ik_6r_real from[IK_TRIG8_DEPTH + 2];
+    ik_6r_real width[IK_TRIG8_DEPTH + 2];
+    ik_6r_real first = 0.0;
     int arc;
     int count = 0;
     int splits = 0;
@@ -105,12 +105,12 @@ LOCAL int ik_trig_roots_8(ik_real a[9], ik_real b[9], ik_real noise, ik_real roo
     int j;
     stack[0][16] = 0.0;
     for (arc = 0; arc < 4; ++arc) {
-        ik_real *const whole = stack[0];
-        const ik_real last = whole[16];
+        ik_6r_real *const whole = stack[0];
+        const ik_6r_real last = whole[16];
         int top = 1;
         for (j = 0; j <= 8; ++j) {
-            ik_real even = a[0] * ik_trig8_even[0][j];
-            ik_real odd = 0.0;
+            ik_6r_real even = a[0] * ik_trig8_even[0][j];
+            ik_6r_real odd = 0.0;
             for (k = 1; k <= 8; ++k) {
                 even += a[k] * ik_trig8_even[k][j];
                 odd += b[k] * ik_trig8_odd[k - 1][j];
@@ -125,23 +125,23 @@ LOCAL int ik_trig_roots_8(ik_real a[9], ik_real b[9], ik_real noise, ik_real roo
         from[0] = -IK_TRIG8_ARC;
         width[0] = 2.0 * IK_TRIG8_ARC;
         for (left = 1 + (2 * (IK_TRIG8_SPLITS - splits)); (top > 0) && (left > 0); --left) { /* an interval leaves the stack, or is split */
-            ik_real *const c = stack[top - 1];
-            const ik_real u0 = from[top - 1];
-            const ik_real du = width[top - 1];
-            ik_real u = u0 + (0.5 * du);
-            ik_real blur = 0.5 * du;
-            ik_real cross = 0.0;
-            ik_real at = 0.5;
+            ik_6r_real *const c = stack[top - 1];
+            const ik_6r_real u0 = from[top - 1];
+            const ik_6r_real du = width[top - 1];
+            ik_6r_real u = u0 + (0.5 * du);
+            ik_6r_real blur = 0.5 * du;
+            ik_6r_real cross = 0.0;
+            ik_6r_real at = 0.5;
             int changes = 0;
             int doubtful = (int)(fabs(c[0]) <= noise);
             int rising = 1;
             int falling = 1;
             int order = 2;
             for (j = 1; j <= 16; ++j) {
-                const ik_real rise = c[j] - c[j - 1];
+                const ik_6r_real rise = c[j] - c[j - 1];
                 if ((c[j] < 0.0) != (c[j - 1] < 0.0)) {
                     ++changes;
-                    cross += (ik_real)j - (c[j] / rise);
+                    cross += (ik_6r_real)j - (c[j] / rise);
                 }
                 doubtful += (int)(fabs(c[j]) <= noise);
                 rising &= (int)(rise >= 0.0);
@@ -155,7 +155,7 @@ LOCAL int ik_trig_roots_8(ik_real a[9], ik_real b[9], ik_real noise, ik_real roo
                 if (changes == 1) {
                     u = ik_trig8_refine(a, b, u0, u0 + du, u0 + (0.0625 * du * cross), c[0] < 0.0);
                     order = 1 + (int)(doubtful > 2);
-                    blur = (doubtful > 2) ? (0.03125 * (ik_real)doubtful * du) : 0.0;
+                    blur = (doubtful > 2) ? (0.03125 * (ik_6r_real)doubtful * du) : 0.0;
                 } else if (doubtful > 1) { /* flat where it touches zero, at an end of the interval */
                     u = ((c[0] < 0.0) == (rising != 0)) ? du : 0.0;
                     u += u0;
@@ -163,7 +163,7 @@ LOCAL int ik_trig_roots_8(ik_real a[9], ik_real b[9], ik_real noise, ik_real roo
                 } else {
                     continue;
                 }
-            } else if ((doubtful <= 16) && (du > (IK_TRIG8_ARC * (ik_real)VALUE_6R_TRIG_NARROWEST)) && (splits < IK_TRIG8_SPLITS) && (top < IK_TRIG8_DEPTH)) {
+            } else if ((doubtful <= 16) && (du > (IK_TRIG8_ARC * (ik_6r_real)VALUE_6R_TRIG_NARROWEST)) && (splits < IK_TRIG8_SPLITS) && (top < IK_TRIG8_DEPTH)) {
                 ++splits; /* de Casteljau: the right part stays in place, the left part goes on top of it */
                 if ((changes == 2) && (cross > 4.0) && (cross < 28.0)) {
                     at = 0.03125 * cross; /* between two roots, where the polygon crosses zero twice */
@@ -184,14 +184,14 @@ LOCAL int ik_trig_roots_8(ik_real a[9], ik_real b[9], ik_real noise, ik_real roo
             } else { /* one root of uncertain place in a narrow interval */
             }
             if (count < IK_TRIG8_ROWS) {
-                const ik_real w = 1.0 / (1.0 + (u * u));
-                ik_real *const x = root[count];
+                const ik_6r_real w = 1.0 / (1.0 + (u * u));
+                ik_6r_real *const x = root[count];
                 int known = 0;
                 x[0] = (1.0 - (u * u)) * w;
                 x[1] = 2.0 * u * w;
                 x[2] = 2.0 * blur * w;
                 for (j = arc; j > 0; --j) {
-                    const ik_real v = x[0];
+                    const ik_6r_real v = x[0];
                     x[0] = -x[1];
                     x[1] = v;
                 }
@@ -204,7 +204,7 @@ LOCAL int ik_trig_roots_8(ik_real a[9], ik_real b[9], ik_real noise, ik_real roo
         }
         for (k = 1; k <= 8; ++k) { /* turn the next arc's centre to zero */
             for (j = k & 3; j > 0; --j) {
-                const ik_real v = a[k];
+                const ik_6r_real v = a[k];
                 a[k] = b[k];
                 b[k] = -v;
             }

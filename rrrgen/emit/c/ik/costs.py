@@ -67,10 +67,8 @@ def stack_bounds(source: str, name: str, real: str, solutions: Mapping[str, tupl
 def _sizes(name: str, real: str, solutions: Mapping[str, tuple[int, int]]) -> dict[str, int]:
     """The size in bytes of each C type of which local arrays and structures consist."""
     size = 8 if real == "double" else 4
-    sizes = {f"{name}_real": size, "int": 4, "unsigned": 4}
-    sizes |= {
-        f"{name}_{part}_real": 8 for part in ("ik", "ik_chain")
-    }  # of the elimination, double in float packages too
+    sizes = {f"{name}_ik_real": size, "int": 4, "unsigned": 4}
+    sizes |= {f"{name}_{part}_6r_real": 8 for part in ("ik", "ik_chain")}  # double in float packages too
     for key, (joints, rows) in solutions.items():
         total = 8 + size + rows * (joints * size + 4 + 4 + size)  # see the structure in the header
         sizes[f"{name}_{key}_solutions"] = -(-total // size) * size

@@ -22,7 +22,16 @@ from rrrgen.emit.c.ik.costs import (
     sum_of,
 )
 from rrrgen.emit.c.ik.header_comments import branch_text, explanation, opening
-from rrrgen.emit.c.ik.kernels import KernelDialect, KernelSettings, kernel, reopening, settings, specialize, target_size
+from rrrgen.emit.c.ik.kernels import (
+    KernelDialect,
+    KernelSettings,
+    SolverDialect,
+    kernel,
+    reopening,
+    settings,
+    specialize,
+    target_size,
+)
 from rrrgen.emit.c.ik.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
 from rrrgen.emit.c.ik.passes import PASSES, LoopPass
 from rrrgen.emit.c.ik.statements import CBody
@@ -134,7 +143,7 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Seque
     """
     if not plan.solvable:
         raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {plan.reason}")
-    dialect = Dialect(spec.name, real)
+    dialect = SolverDialect(spec.name, real)
     bodies = [_body(plan, part, dialect, passes) for part in parts_of(plan)]
     counts = [ELIMINATION if body is None else body.operations for body in bodies]  # those of a companion too
     if plan.coupling is not None:

@@ -39,6 +39,18 @@ class KernelSettings:
     prefixes: Mapping[str, str]
 
 
+class SolverDialect(Dialect):
+    """The dialect of ``<name>_ik.h`` and ``.c``, which have a real type of their own.
+
+    Header and source can so be used without the model, and no header repeats the typedef of another.
+    """
+
+    @property
+    def real_type(self) -> str:
+        """Name of the typedef of the floating-point type, ``<name>_ik_real``."""
+        return f"{self.prefix}_ik_real"
+
+
 class KernelDialect(Dialect):
     """The dialect of kernel files, with placeholder names such as REAL and SQRT that :func:`specialize` replaces."""
 
