@@ -17,6 +17,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rrrgen.base.errors import InternalError
+
 if TYPE_CHECKING:
     from rrrgen.base.files import Contents
 
@@ -120,6 +122,10 @@ _ONE_CONFIGURATION = (
 ``restrict`` and a call of ``ceil``; cppcheck would check the whole file once more for each."""
 
 
+_NOT_CHECKED = r"(?m)^.*\|(syntaxError|internalError|internalAstError|unknownMacro|cppcheckError)$"
+"""What cppcheck reports where it leaves a file out."""
+
+
 class RuleFinding(NamedTuple):
     """A finding of the checker: file, line, and the number of the rule, such as "10.3"."""
 
@@ -216,18 +222,32 @@ def findings(directory: Path, sources: Iterable[str], jobs: int = 1) -> list[Rul
         ]
         done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
         texts |= {header.name: header.read_text(encoding="utf-8") for header in directory.glob("*.h")}
+    fault = re.search(_NOT_CHECKED, done.stderr)
+    if done.returncode or fault:
+        raise InternalError(f"cppcheck cannot read emitted code: {fault[0] if fault else done.stderr[-500:]}")
     rows = re.findall(r"^(.*)\|(\d+)\|misra-c2012-(\d+\.\d+)$", done.stderr, re.MULTILINE)
     found = sorted({RuleFinding(file, int(line), rule) for file, line, rule in rows if file in texts})
-    return [each for each in found if not _is_about_no_tag(each, texts[each.file])]
+    lines = {each: texts[each.file].splitlines()[each.line - 1] for each in found}
+    internal = Counter(_identifier(line) for each, line in lines.items() if each.rule == "5.9")
+    return [each for each, line in lines.items() if not _is_mistaken(each, line, internal)]
 
 
-def _is_about_no_tag(finding: RuleFinding, text: str) -> bool:
-    """Whether a finding about a tag is in truth about an enumeration without one.
+def _is_mistaken(finding: RuleFinding, line: str, internal: Mapping[str, int]) -> bool:
+    """Whether a finding is about something that does not stand on its ``line``, which the checker cannot know.
 
-    The checker gives these numbered names, which are the same in every file, and takes them for tags.
+    It gives enumerations without a tag numbered names, the same in every file, and takes them for tags. And it counts
+    what stands in several pieces of one file as several identifiers with internal linkage; ``internal`` has the number
+    of places of each.
     """
-    line = text.splitlines()[finding.line - 1]
-    return finding.rule in ("2.4", "5.7") and re.match(r"(typedef )?(enum|struct) \{", line) is not None
+    if finding.rule in ("2.4", "5.7"):
+        return re.match(r"(typedef )?(enum|struct) \{", line) is not None
+    return finding.rule == "5.9" and internal[_identifier(line)] == 1
+
+
+def _identifier(line: str) -> str:
+    """The name that a line declares: what stands in front of its parameters, size or value."""
+    found = re.search(r"(\w+)\s*[(\[=;]", line)
+    return found[1] if found else line
 
 
 def coding_rules_entry(found: Iterable[RuleFinding], sources: Iterable[str]) -> dict[str, Any]:

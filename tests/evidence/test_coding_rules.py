@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from rrrgen.base.errors import InternalError
 from rrrgen.cli.main import cli
 from rrrgen.evidence import coding_rules
 from rrrgen.evidence.coding_rules import (
@@ -94,6 +95,13 @@ def test_a_broken_rule_is_found(tmp_path):
     (tmp_path / "broken.c").write_text(text, encoding="utf-8")
     rules = {each.rule for each in findings(tmp_path, ["broken.c"])}
     assert {"14.4", "10.4"} <= rules
+
+
+@pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
+def test_a_file_that_cppcheck_cannot_read_is_not_a_clean_one(tmp_path):
+    (tmp_path / "broken.c").write_text("int broken(int a)\n{\n    return (a;\n}\n", encoding="utf-8")
+    with pytest.raises(InternalError, match=r"broken.c\|3\|syntaxError"):
+        findings(tmp_path, ["broken.c"])
 
 
 HEAD = """#include "long.h"
