@@ -48,7 +48,7 @@ or with a divisor whose range contains zero; the reason is returned instead.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -134,6 +134,16 @@ def rounding_bounds(program: Program, box: Box, budget: float = _BUDGET) -> Roun
     parts = analysis.affordable_parts(budget)
     double, single = analysis.bounds(parts)
     return RoundingBounds(double, single, parts)
+
+
+def enclosures(program: Program, box: Box, budget: float = _BUDGET) -> list[list[tuple[float, float]]]:
+    """Lower and upper bounds of every output element of ``program`` for all inputs in ``box``, computed in float too.
+
+    ``budget`` limits the work as for :func:`rounding_bounds`. Raises NoBoundError where there is no bound.
+    """
+    analysis = _Analysis(program, box)
+    found = analysis.enclosures(analysis.affordable_parts(budget))
+    return [[found[index] for index in row] for row in program.results]
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -627,25 +637,42 @@ class _Analysis:
 
     def bounds(self, parts: int) -> tuple[tuple[tuple[float, ...], ...], tuple[tuple[float, ...], ...]]:
         """The bounds per output element in both precisions, with every angle split into ``parts``."""
-        boxes = self._boxes(parts)
-        count = max((len(low) for low, _ in boxes.values()), default=1)
-        longest = len(self.nodes) + max((len(nodes) for nodes, *_ in self.sweeps.values()), default=0)
-        step = max(1, int(_CHUNK / longest))
         totals = {index: np.zeros(len(PRECISIONS)) for index in self.sweeps}
-        for first in range(0, count, step):
-            part = {
-                index: (low, high) if len(low) == 1 else (low[first : first + step], high[first : first + step])
-                for index, (low, high) in boxes.items()
-            }
-            for index, bound in self._evaluate(part).items():
-                totals[index] = np.maximum(totals[index], bound)
+        for part in self._batches(parts):
+            ranges, errors = self._enclosed(part)
+            for index, sweep in self.sweeps.items():
+                totals[index] = np.maximum(totals[index], self._error_of(sweep, ranges, errors))
         results = [
             tuple(tuple(float(totals[index][k]) for index in row) for row in self.program.results)
             for k in range(len(PRECISIONS))
         ]
         return results[0], results[1]
 
-    def _evaluate(self, boxes: Mapping[int, Interval]) -> dict[int, Array]:
+    def enclosures(self, parts: int) -> dict[int, tuple[float, float]]:
+        """The bounds of the nodes that are outputs, local errors included, with every angle split into ``parts``."""
+        found: dict[int, tuple[float, float]] = {}
+        for part in self._batches(parts):
+            ranges, _ = self._enclosed(part)
+            for index in self.sweeps:
+                low, high = (f(x) for f, x in zip((np.min, np.max), ranges.ranges[index], strict=True))
+                before = found.get(index, (math.inf, -math.inf))
+                found[index] = min(before[0], float(low)), max(before[1], float(high))
+        return found
+
+    def _batches(self, parts: int) -> Iterator[dict[int, Interval]]:
+        """The boxes in batches that fit into memory."""
+        boxes = self._boxes(parts)
+        count = max((len(low) for low, _ in boxes.values()), default=1)
+        longest = len(self.nodes) + max((len(nodes) for nodes, *_ in self.sweeps.values()), default=0)
+        step = max(1, int(_CHUNK / longest))
+        for first in range(0, count, step):
+            yield {
+                index: (low, high) if len(low) == 1 else (low[first : first + step], high[first : first + step])
+                for index, (low, high) in boxes.items()
+            }
+
+    def _enclosed(self, boxes: Mapping[int, Interval]) -> tuple[_Ranges, list[tuple[Array | float, ...]]]:
+        """The enclosures of all nodes, and the bounds of their local errors in both precisions."""
         ranges = _Ranges()
         errors: list[tuple[Array | float, ...]] = []
         for index, node in enumerate(self.nodes):
@@ -662,7 +689,7 @@ class _Analysis:
             radius = self._local_errors(node, exact, ranges)
             errors.append(radius)
             ranges.append(node, _widened(exact, radius[-1]), radius[-1])
-        return {index: self._error_of(sweep, ranges, errors) for index, sweep in self.sweeps.items()}
+        return ranges, errors
 
     def _local_errors(self, node: Node, exact: Interval, ranges: _Ranges) -> tuple[Array | float, ...]:
         """Bounds of the local error of an operation, in the order of :data:`PRECISIONS`."""

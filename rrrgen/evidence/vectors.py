@@ -6,7 +6,7 @@ Everything is computed with 50 digits, and the states come from Python's own gen
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mpmath
@@ -16,7 +16,8 @@ from rrrgen.evidence.boxes import PortRange
 from rrrgen.evidence.sampling import ARITHMETIC
 from rrrgen.program import Op, Program
 
-_DIGITS = 50
+DIGITS = 50
+"""Digits of the arithmetic that counts as exact."""
 
 
 def test_vectors(
@@ -45,7 +46,13 @@ def test_vectors(
 
 def exact_outputs(program: Program, inputs: list[list[float]]) -> list[list[Any]]:
     """The outputs of ``program`` with 50 digits, one list of mpmath numbers per output port."""
-    with mpmath.workdps(_DIGITS):
+    values = exact_values(program, inputs)
+    return [[values[index] for index in row] for row in program.results]
+
+
+def exact_values(program: Program, inputs: Sequence[Sequence[Any]]) -> list[Any]:
+    """The values of all nodes of ``program`` with 50 digits, as mpmath numbers."""
+    with mpmath.workdps(DIGITS):
         values: list[Any] = []
         for node in program.nodes:
             op, x = node.op, [values[arg] for arg in node.args]
@@ -56,14 +63,13 @@ def exact_outputs(program: Program, inputs: list[list[float]]) -> list[list[Any]
                 values.append(mpmath.mpf(node.number.numerator) / mpmath.mpf(node.number.denominator))
             elif op in ARITHMETIC:
                 values.append(ARITHMETIC[op](*x))
-            elif op is Op.SIGN:
-                values.append(mpmath.sign(x[0]))
-            elif op is Op.SQRT:
-                values.append(mpmath.sqrt(x[0]))
-            elif op is Op.SIN:
-                values.append(mpmath.sin(x[0]))
-            elif op is Op.COS:
-                values.append(mpmath.cos(x[0]))
+            elif op in _FUNCTIONS:
+                values.append(_FUNCTIONS[op](*x))
+            elif op is Op.SELECT:
+                values.append(x[1] if x[0] > 0 else x[2])
             else:
                 raise ValueError(f"the operation {op.value} has no rounding analysis")
-        return [[values[index] for index in row] for row in program.results]
+        return values
+
+
+_FUNCTIONS = {Op.SIGN: mpmath.sign, Op.SQRT: mpmath.sqrt, Op.SIN: mpmath.sin, Op.COS: mpmath.cos}
