@@ -72,6 +72,11 @@ def box_of(program: Program, spec: RobotSpec, beta: Sequence[float] | None, rang
     return box
 
 
+def acceleration_range(spec: RobotSpec, ranges: Ranges) -> PortRange:
+    """The range of the joint accelerations, also of a function that returns them."""
+    return _symmetric(spec, ranges.acceleration, _acceleration)
+
+
 def _range(port: Port, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ranges) -> PortRange | None:
     role = port.role
     if role in (Role.POSITION, Role.DESIRED_POSITION):
@@ -79,7 +84,7 @@ def _range(port: Port, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ra
     if role in (Role.VELOCITY, Role.DESIRED_VELOCITY, Role.REFERENCE_VELOCITY):
         return _symmetric(spec, ranges.speed, _speed)
     if role in (Role.ACCELERATION, Role.DESIRED_ACCELERATION, Role.REFERENCE_ACCELERATION):
-        return _symmetric(spec, ranges.acceleration, _acceleration)
+        return acceleration_range(spec, ranges)
     if role is Role.TORQUE:
         limits = [joint.limits.torque for joint in spec.joints]
         if any(limit is None for limit in limits):

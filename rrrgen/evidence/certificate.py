@@ -8,8 +8,9 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.cache import digest
@@ -19,15 +20,19 @@ from rrrgen.base.templates import templates_digest
 from rrrgen.derive.functions.table import find
 from rrrgen.emit.c.language import ERROR_BOUND, RANGE, Trig
 from rrrgen.emit.c.stack import stack_bound
-from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
+from rrrgen.evidence.boxes import PortRange, Ranges, acceleration_range, box_of, nominal_beta
 from rrrgen.evidence.kernel_proof import scripts
-from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, rounding_bounds
-from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors
+from rrrgen.evidence.residual import residual_bounds, solved_with
+from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, Precision, rounding_bounds
+from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors, largest_residuals
 from rrrgen.evidence.vectors import test_vectors
-from rrrgen.program import count_operations
+from rrrgen.program import Role, count_operations
 from rrrgen.robot.identity import identify
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from rrrgen.base.parallel import Tell
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
@@ -42,6 +47,8 @@ PAGE = f"{FOLDER}/certificate.html"
 VECTORS = f"{FOLDER}/vectors.json"
 
 METHOD = "mean-value form over the roundings, outward rounding, angles split into equal parts"
+RESIDUAL = "residual M ddq - (tau - c - g), where the status is ok and ddq lies in the box, for any torques"
+RESIDUAL_METHOD = f"backward analysis of M = L D L'; its sums: {METHOD}"
 
 NOT_CLAIMED = (
     "a safety level, or the qualification of a tool",
@@ -74,10 +81,14 @@ def rounding_entries(
             tell(done, len(model.programs), f"rounding of {name}")
         if trig == "libm" and count_operations(program).sincos:
             found[name] = {"none": "sines and cosines of the C library, which states no error bound"}
+            continue
+        box = box_of(program, model.spec, nominal_beta(model), ranges)
+        others = solved_with(model.programs, name)
+        if others is None:
+            found[name] = rounding_entry(program, box, samples, seed)
         else:
-            found[name] = rounding_entry(
-                program, box_of(program, model.spec, nominal_beta(model), ranges), samples, seed
-            )
+            box["ddq"] = acceleration_range(model.spec, ranges)
+            found[name] = residual_entry(program, *others, box, samples, seed)
     return found
 
 
@@ -90,16 +101,55 @@ def rounding_entry(program: Program, box: Mapping[str, PortRange], samples: int,
         bounds = rounding_bounds(program, {name: each.bounds for name, each in box.items()})
     except NoBoundError as reason:
         return {"none": str(reason)}
+    values = {
+        precision: {port.name: list(row) for port, row in zip(program.outputs, rows, strict=True)}
+        for precision, rows in ((DOUBLE, bounds.double), (FLOAT, bounds.single))
+    }
     entry: dict[str, Any] = {"parts_per_angle": bounds.parts, "method": METHOD}
-    for precision, values in ((DOUBLE, bounds.double), (FLOAT, bounds.single)):
+    return entry | _stated(values, box, samples, seed, partial(largest_errors, program, box))
+
+
+def residual_entry(
+    program: Program, mass: Program, bias: Program, box: Mapping[str, PortRange], samples: int, seed: int
+) -> dict[str, Any]:
+    """The entry ``rounding`` of forward dynamics: bounds of its residual, or the reason why there is no bound.
+
+    ``mass`` and ``bias`` are the programs of M and h; the range "ddq" of the ``box`` limits the result.
+    """
+    box = {name: each for name, each in box.items() if name == "ddq" or not _is_torque(program, name)}
+    try:
+        bounds = residual_bounds(
+            program, mass, bias, {name: each.bounds for name, each in box.items()}, box["ddq"].upper
+        )
+    except NoBoundError as reason:
+        return {"none": str(reason)}
+    values = {DOUBLE: {"ddq": list(bounds.double)}, FLOAT: {"ddq": list(bounds.single)}}
+    entry: dict[str, Any] = {"quantity": RESIDUAL, "parts_per_angle": bounds.parts, "method": RESIDUAL_METHOD}
+    return entry | _stated(values, box, samples, seed, partial(largest_residuals, program, mass, bias, box))
+
+
+def _is_torque(program: Program, name: str) -> bool:
+    return any(port.name == name and port.role is Role.TORQUE for port in program.inputs)
+
+
+def _stated(
+    bounds: Mapping[Precision, Mapping[str, list[float]]],
+    box: Mapping[str, PortRange],
+    samples: int,
+    seed: int,
+    sampled: Callable[[Precision, int, int], NDArray[np.float64]],
+) -> dict[str, Any]:
+    """Bounds, box and the largest errors that are found, by the name of the precision."""
+    entry: dict[str, Any] = {}
+    for precision, rows in bounds.items():
+        flat = [value for row in rows.values() for value in row]
         stated: dict[str, Any] = {
             "box": {name: _range(each) for name, each in box.items()},
-            "bounds": {port.name: list(row) for port, row in zip(program.outputs, values, strict=True)},
-            "worst": max((value for row in values for value in row), default=0.0),
+            "bounds": dict(rows),
+            "worst": max(flat, default=0.0),
         }
         if samples and has_wide_format(precision):
-            errors = largest_errors(program, box, precision, samples, seed)
-            flat = [value for row in values for value in row]
+            errors = sampled(precision, samples, seed)
             worst = float(errors.max(initial=0.0))
             stated["sampled"] = {
                 "states": samples,
@@ -162,7 +212,7 @@ def certificate_files(
         proven = rounding[name]
         if "none" in proven:
             missing.append((f"rounding of {name}", proven["none"]))
-        else:
+        elif "quantity" not in proven:  # exact outputs with their bounds; a residual is no error of an output
             stated = proven[real]
             box = {port: PortRange(**each) for port, each in stated["box"].items()}
             vectors[name] = {

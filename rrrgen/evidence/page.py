@@ -26,7 +26,8 @@ def _blocks(content: Mapping[str, Any]) -> list[tuple[str, Any]]:
             "Bounds of the rounding error of every function: the largest difference between the emitted arithmetic and "
             "exact arithmetic at the same inputs, for all inputs in the box; sines, cosines and constants included. "
             "The table has the worst element of each function; certificate.json has one bound per element and the "
-            "box. The ratio sets the bound beside the largest error that was found by sampling and search.",
+            "box. For forward dynamics the residual M ddq - (tau - c - g) is bounded, where the status is ok and ddq "
+            "lies in the box. The ratio sets the bound beside the largest error that was found by sampling and search.",
         ),
         ("table", _rounding_rows(content)),
         ("text", _kernel_text(content)),
@@ -89,7 +90,7 @@ def _rounding_rows(content: Mapping[str, Any]) -> list[Row]:
         if "none" in rounding:
             rows.append((name, "none", "", "none", rounding["none"]))
             continue
-        cells = [name]
+        cells = [f"{name}, residual" if "quantity" in rounding else name]
         for precision in ("double", "float"):
             stated = rounding[precision]
             ratio = stated.get("sampled", {}).get("ratio")

@@ -20,11 +20,11 @@ reciprocal of the pivot d_k,
 
        sum over k of |L_ik| d_k |L_jk| <= G_i G_j .                                              (*)
 
-3. Entries. The same analysis with products in ``[-G_i G_j, G_i G_j]`` gives E_ij for all i >= j. Since S_ik differs from
-   ``L_ik d_k`` by two roundings, ``L D L' = M + F`` with ``|F_ij| <= E_ij + 3u G_i G_j`` by (*).
+3. Entries. The same analysis with products in ``[-G_i G_j, G_i G_j]`` gives E_ij for all i >= j. Since S_ik differs
+   from ``L_ik d_k`` by two roundings, ``L D L' = M + F`` with ``|F_ij| <= E_ij + 3u G_i G_j`` by (*).
 4. Solution. x_i has at most n + 1 roundings from y_i, of d_i x_i as a sum of ``y_i`` and ``d_i L_ki x_k``. With
-   ``c = (n + 1) u/(1 - (n + 1) u)`` and ``|y_i| <= (1 + 3c) sum of d_i |L_ki| |x_k|`` over k >= i, the error g_i of row i
-   of ``L' x = y/d`` has ``d_i |g_i| <= 3c sum of d_i |L_ki| |x_k|``, so ``|L D g|_i <= 3c G_i Z`` with
+   ``c = (n + 1) u/(1 - (n + 1) u)`` and ``|y_i| <= (1 + 3c) sum of d_i |L_ki| |x_k|`` over k >= i, the error g_i of row
+   i of ``L' x = y/d`` has ``d_i |g_i| <= 3c sum of d_i |L_ki| |x_k|``, so ``|L D g|_i <= 3c G_i Z`` with
    ``Z = sum of G_k A_k`` by (*).
 5. Right side. ``|L_ik y_k| <= (1 + 3c) G_i Z`` by (*), so that the torques are at most ``|h_i| + G_i Z`` but for
    roundings, and the rounding analysis of y_i gives the error B_i of ``L y = tau - h``.
@@ -36,9 +36,9 @@ Together ``M x - (tau - h) = L y - (tau - h) + L D g - F x``, hence
 A product that underflows adds the smallest normal number, times at most ``G_i G_k`` where it is multiplied by d_k.
 Contraction to fused operations leaves roundings out, which every step allows.
 
-That the emitted program is of this form is not assumed: its nodes are recognised by their values at random states in
-arithmetic with 50 digits, every sum is compared with its formula at random values of all operands, and a program that is
-written in another way has no bound. Finding a form by random values may err only with negligible probability.
+That the emitted program is of this form is not assumed: its nodes are recognised by their values at a random state in
+arithmetic with 50 digits, every sum is compared with its formula at random values of all operands, and a program that
+is written in another way has no bound. Another sum would agree at random numbers only with negligible probability.
 """
 
 from __future__ import annotations
@@ -82,10 +82,14 @@ class ResidualBounds:
     parts: int
 
 
-def solves(program: Program) -> bool:
-    """Whether ``program`` is forward dynamics, whose residual this module bounds."""
-    roles = [port.role for port in program.data_outputs]
-    return program.status is not None and roles == [Role.ACCELERATION] and program.takes(Role.TORQUE)
+def solved_with(programs: Mapping[str, Program], name: str) -> tuple[Program, Program] | None:
+    """The programs of M and h for the function ``name``, if that is forward dynamics; its residual is bounded here."""
+    suffix = "_nominal" if name.endswith("_nominal") else ""
+    if name.removesuffix(suffix) != "forward_dynamics":
+        return None
+    found = [programs.get(f"{each}{suffix}") for each in ("mass_matrix", "bias")]
+    mass, bias = found
+    return None if mass is None or bias is None else (mass, bias)
 
 
 def residual_bounds(program: Program, mass: Program, bias: Program, box: Box, reach: Sequence[float]) -> ResidualBounds:
@@ -163,8 +167,8 @@ class _Form:
     """Forward dynamics of n joints as sums whose products of computed quantities have inputs as operands.
 
     ``order`` are the joints in the order of elimination. Outputs of ``sums`` are the lower triangle of S, row by row,
-    and y; its inputs are those of forward dynamics and the port "operands", described by ``operands``. The outputs of
-    ``summands`` are the summands of the pivots and of y without products and torques, one output for each of these sums.
+    and y; its inputs are those of forward dynamics and the port "operands", described by ``operands``. Every output of
+    ``summands`` holds the summands of a pivot, or then of an element of y, without products and torques.
     """
 
     n: int
@@ -202,7 +206,7 @@ def _torque_port(program: Program) -> Port:
 
 
 def _read(program: Program, mass: Program, bias: Program, box: Box) -> _Form:
-    """The form of forward dynamics, with the base or the tip eliminated first. Raises NoBoundError if it has another."""
+    """The form of forward dynamics, with the base or the tip eliminated first. Raises NoBoundError if there is none."""
     state = _state(program, box)
     n = _torque_port(program).size
     reason = NoBoundError(_REARRANGED)
@@ -259,7 +263,7 @@ class _Reader:
             self.rhs = [tau[i] - h[bias.results[0][i]] for i in order]
         self.S, self.L, self.y, self.x = self._factors()
         self.roles: dict[int, _Operand] = {}
-        self.pivots = [self._reciprocal(k) for k in range(self.n)]
+        self.pivots = [self._pivot(k) for k in range(self.n)]
         self.entries: dict[tuple[int, int], int] = {}
         for k in range(self.n):
             for i in range(k + 1, self.n):
@@ -316,23 +320,30 @@ class _Reader:
         node = self.nodes[index]
         return node.args[2] if node.op is Op.SELECT else index
 
-    def _reciprocal(self, k: int) -> int:
-        """Take the reciprocal of pivot k; returns the node of the pivot. It is positive where the status is ok."""
-        for index in self._nodes_of(1 / self.S[k][k]):
+    def _pivot(self, k: int) -> int | None:
+        """Take the reciprocal of pivot k; returns the node of the pivot, which is positive where the status is ok.
+
+        None where it is a number, whose reciprocal is one too.
+        """
+        reciprocal = 1 / self.S[k][k]
+        for index in self._nodes_of(reciprocal):
             node = self.nodes[index]
             if node.op is Op.DIV and self.nodes[node.args[0]].op is Op.CONST and self.nodes[node.args[0]].number == 1:
                 choice = self.nodes[node.args[1]]
                 if choice.op is Op.SELECT and self._positive(k, *choice.args[:2]):
-                    self._take(index, "r", k, k, 1 / self.S[k][k])
+                    self._take(index, "r", k, k, reciprocal)
                     return choice.args[1]
+            if node.op is Op.CONST and node.number > 0 and not any(self.S[k][:k]):
+                self._take(index, "r", k, k, reciprocal)
+                return None
         raise NoBoundError(_REARRANGED)
 
     def _positive(self, k: int, margin: int, pivot: int) -> bool:
         """Whether ``margin > 0`` implies that pivot k is positive.
 
-        The margin is the pivot itself, or the pivot minus a positive number, or minus a positive multiple of the entry m
-        of M from which the pivot is what remains when products that are not negative are subtracted: rounded to nearest,
-        it is at most m, so that both are positive if the margin is.
+        The margin is the pivot itself, or the pivot minus a positive number, or minus a positive multiple of the entry
+        m of M from which the pivot is what remains when products that are not negative are subtracted: rounded to
+        nearest, it is at most m, so that both are positive if the margin is.
         """
         if margin == pivot:
             return True
@@ -392,12 +403,12 @@ class _Reader:
         raise NoBoundError(_REARRANGED)
 
     def _dependent(self) -> list[bool]:
-        """For every node, whether it depends on a quotient or on a multiplier."""
+        """For every node, whether it depends on the reciprocal of a pivot."""
         depends: list[bool] = []
-        for index, node in enumerate(self.nodes):
-            role = self.roles.get(index)
-            own = node.op is Op.DIV or (role is not None and role.kind == "L")
-            depends.append(own or any(depends[arg] for arg in node.args if node.op is not Op.INPUT))
+        for node in self.nodes:
+            kinds = [self.roles[arg].kind for arg in node.args if arg in self.roles]
+            own = node.op is Op.DIV or (node.op is Op.MUL and "r" in kinds)
+            depends.append(own or any(depends[arg] for arg in node.args))
         return depends
 
     # -- sums --------------------------------------------------------------------------------------------------
@@ -405,25 +416,22 @@ class _Reader:
     def form(self) -> _Form:
         """The form of the program. Raises NoBoundError if a sum is not the one of the factorization."""
         cut = _Cut(self)
-        triangle, right = [], []
+        triangle = []
         for i in range(self.n):
             for j in range(i + 1):
                 index = self.pivots[i] if i == j else self.entries.get((i, j))
                 triangle.append(cut.zero() if index is None else cut.copied(index, self._products("S", i, j)))
         right = [cut.copied(self.right[i], self._products("y", i, i)) for i in range(self.n)]
         solution = [cut.copied(self.solution[i], self._products("x", i, i)) for i in range(self.n)]
-        roots = [*self.pivots, *self.right]
-        leaves = [self._leaves(index) for index in roots]
-        own = [
-            [leaf for leaf in row if not self.depends[leaf] and not self._is_torque(leaf)] for row in leaves
-        ]
+        leaves = [[] if index is None else self._leaves(index) for index in (*self.pivots, *self.right)]
+        own = [[leaf for leaf in row if not self.depends[leaf] and not self._is_torque(leaf)] for row in leaves]
         form = _Form(
             self.n,
             self.order,
             cut.program([triangle, right]),
             tuple(cut.operands),
             _with_results(self.program, own),
-            max(len(row) for row in leaves),
+            max(map(len, leaves)),
         )
         self._compare(cut.program([triangle, right, solution]), cut.operands)
         return form
@@ -470,7 +478,7 @@ class _Reader:
 
             for i in range(self.n):
                 for j in range(i + 1):
-                    if self.S[i][j] != 0:
+                    if self.S[i][j] != 0 and (i != j or self.pivots[i] is not None):
                         products = [value("L", i, k) / value("r", k, k) * value("L", j, k) for k in range(j)]
                         self._agree(triangle[_place(i, j)], self.M[i][j], products)
                 self._agree(right[i], self.rhs[i], [value("L", i, k) * value("y", k, k) for k in range(i)])
@@ -520,9 +528,7 @@ class _Cut:
         for index in reachable(self.reader.nodes, [root]):
             if index not in self._copies:
                 node = self.reader.nodes[index]
-                self._copies[index] = self._added(
-                    node._replace(args=tuple(self._copies[arg] for arg in node.args))
-                )
+                self._copies[index] = self._added(node._replace(args=tuple(self._copies[arg] for arg in node.args)))
         return self._copies[root]
 
     def _operand(self, index: int) -> int:

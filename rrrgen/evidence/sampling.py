@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rrrgen.emit.c.language import COSINE, HALF_PI, ROUNDING, SINE
 from rrrgen.evidence.boxes import PortRange
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, Precision
-from rrrgen.program import Op, Program
+from rrrgen.program import Op, Program, Role
 
 Array = NDArray[Any]
 
@@ -64,14 +64,34 @@ def largest_errors(
     format rounds too, so that the figures are good to three digits. ``compiled`` evaluates the program in the emitted
     precision, such as compiled code; by default it is evaluated here.
     """
+    return _searched(
+        lambda states: errors_at(program, states, precision, compiled), program, box, precision, samples, seed, climbs
+    )
+
+
+Measure = Callable[[Sequence[Array]], NDArray[np.float64]]
+"""The errors (outputs, states) of all output elements at values (states, size) of every input port."""
+
+
+def _searched(
+    measure: Measure,
+    program: Program,
+    box: Mapping[str, PortRange],
+    precision: Precision,
+    samples: int,
+    seed: int,
+    climbs: int,
+) -> NDArray[np.float64]:
+    """The largest errors that random states and a search uphill find, one for every row of what ``measure`` returns."""
     rng = np.random.default_rng(seed)
     narrow = np.float64 if precision is DOUBLE else np.float32
     most = max(_NEIGHBOURS, int(_TOGETHER / len(program.nodes)))  # states evaluated together
-    best = np.zeros(sum(len(row) for row in program.results))
-    champions = [np.zeros((len(best), port.size), dtype=narrow) for port in program.inputs]
+    size = sum(map(len, program.results))
+    best = np.zeros(size)
+    champions = [np.zeros((size, port.size), dtype=narrow) for port in program.inputs]
     for first in range(0, samples, most):
         states = _states(program, box, min(most, samples - first), rng, narrow)
-        errors = errors_at(program, states, precision, compiled)
+        errors = measure(states)
         place, worst = errors.argmax(axis=1), errors.max(axis=1)
         grown = (worst > best) | (first == 0)
         for champion, state in zip(champions, states, strict=True):
@@ -88,13 +108,62 @@ def largest_errors(
         count = len(moved[0]) if moved else 1
         for first in range(0, count, most):
             states = [state[first : first + most] for state in moved]
-            errors = errors_at(program, states, precision, compiled)
+            errors = measure(states)
             place, worst = errors.argmax(axis=1), errors.max(axis=1)
             grown = worst > best
             for champion, state in zip(champions, states, strict=True):
                 champion[grown] = state[place[grown]]
             best = np.maximum(best, worst)
     return np.asarray(best, dtype=np.float64)
+
+
+def largest_residuals(
+    program: Program,
+    mass: Program,
+    bias: Program,
+    box: Mapping[str, PortRange],
+    precision: Precision,
+    samples: int,
+    seed: int,
+    climbs: int = 20,
+    compiled: Evaluator | None = None,
+) -> NDArray[np.float64]:
+    """The largest residuals ``|M ddq - (tau - h)|`` found of the forward dynamics ``program``, one for every joint.
+
+    ``mass`` and ``bias`` are the programs of M and h. The range "ddq" of the ``box`` is that of the accelerations from
+    which the torques of a state follow. States where the status is not ok, or where the accelerations that are found
+    leave their range, do not count. The rest is as for :func:`largest_errors`.
+    """
+    narrow = np.float64 if precision is DOUBLE else np.float32
+    wide = np.longdouble if precision is DOUBLE else np.float64
+    ports = [port.role for port in program.inputs]
+    place, reach = ports.index(Role.TORQUE), np.array(box["ddq"].upper)
+    ranges = {p.name: box["ddq"] if p.role is Role.TORQUE else box[p.name] for p in program.inputs}
+
+    def of(other: Program, states: Sequence[Array]) -> Array:
+        """The first output (size, states) of another program at the same states, in the wider format."""
+        given = [states[[port.name for port in program.inputs].index(port.name)] for port in other.inputs]
+        values = _evaluated(other, given, precision, wide)
+        return np.stack([np.broadcast_to(values[index], len(states[0])) for index in other.results[0]])
+
+    def measure(states: Sequence[Array]) -> NDArray[np.float64]:
+        n, count = len(reach), len(states[0])
+        M, h = of(mass, states).reshape(n, n, count), of(bias, states)
+        wanted = states[place].astype(wide).T
+        tau = ((M * wanted).sum(axis=1) + h).astype(narrow)
+        given = [tau.T if k == place else state for k, state in enumerate(states)]
+        if compiled is None:
+            values = _evaluated(program, given, precision, None)
+            outputs = [np.stack([np.broadcast_to(values[e], count) for e in row], axis=1) for row in program.results]
+        else:
+            outputs = [np.asarray(output) for output in compiled(given)]
+        solution = outputs[0].reshape(count, n).astype(wide).T
+        residual = np.abs((M * solution).sum(axis=1) + h - tau.astype(wide))
+        counts = (np.abs(solution) <= reach[:, None]).all(axis=0) & (np.asarray(outputs[1]).reshape(count) == 0)
+        of_status = np.zeros((1, count))
+        return np.vstack([np.where(counts, residual, 0.0).astype(np.float64), of_status])
+
+    return _searched(measure, program, ranges, precision, samples, seed, climbs)[: len(reach)]
 
 
 def _climbed(program: Program, errors: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -141,7 +210,7 @@ def _states(
     states = []
     for port, (lower, upper) in zip(program.inputs, _edges(program, box), strict=True):
         share = rng.uniform(0.0, 1.0, (samples, port.size))
-        if port.role.is_rate:
+        if port.role.is_rate or port.role is Role.TORQUE:
             share[::2] = np.round(share[::2])
         rounded = (lower + share * (upper - lower)).astype(narrow)
         states.append(np.clip(rounded, lower.astype(narrow), upper.astype(narrow)))
@@ -168,6 +237,8 @@ def _evaluated(program: Program, states: Sequence[Array], precision: Precision, 
             values.append(np.sign(x[0]))
         elif op is Op.SQRT:
             values.append(np.sqrt(x[0]))
+        elif op is Op.SELECT:
+            values.append(np.where(x[0] > 0, x[1], x[2]))
         elif op is Op.SIN or op is Op.COS:
             if wide is not None:
                 values.append(np.sin(x[0]) if op is Op.SIN else np.cos(x[0]))

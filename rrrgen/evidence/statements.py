@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.emit.interface import RoundingStatement
-from rrrgen.evidence.boxes import Ranges, box_of, nominal_beta
+from rrrgen.evidence.boxes import Ranges, acceleration_range, box_of, nominal_beta
+from rrrgen.evidence.residual import residual_bounds, solved_with
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, rounding_bounds
-from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors
+from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors, largest_residuals
+from rrrgen.program import Role
 from rrrgen.verify.report import Row
 
 if TYPE_CHECKING:
@@ -36,6 +38,16 @@ def statement(program: Program, entry: Mapping[str, Any], real: Real) -> Roundin
     if "none" in entry:
         return RoundingStatement(f"Rounding errors: no bound; {entry['none']}.", {"none": entry["none"]})
     stated = entry[real]
+    if "quantity" in entry:
+        unit = next(port.unit for port in program.inputs if port.role is Role.TORQUE)
+        (bounds,) = stated["bounds"].values()
+        sentence = (
+            f"Residual |M ddq - (tau - c - g)| at most {rounded_up(max(bounds))} {unit}, with exact M, c and g; proven "
+            "where the status is ok, for any torques, and q, dq and ddq in the box that manifest.json states."
+        )
+        return RoundingStatement(
+            sentence, {"quantity": entry["quantity"], "box": stated["box"], "bounds": stated["bounds"]}
+        )
     worst = {port.name: max(stated["bounds"][port.name], default=0.0) for port in program.outputs}
     errors = ", ".join(f"{name} {rounded_up(bound)}" for name, bound in worst.items())
     sentence = f"Rounding errors at most: {errors}; proven for inputs in the box that manifest.json states."
@@ -71,18 +83,29 @@ def rounding_rows(
         if tell is not None:
             tell(done, len(programs), f"rounding of {name}")
         box = box_of(program, model.spec, nominal_beta(model.derived), ranges)
+        compiled = partial(_called, part.engine, program) if part.engine.name == "c" else None
+        others = solved_with(part.derived.programs, name)
+        reference = "proven rounding bound" if others is None else "proven bound of the residual"
         try:
-            proven = rounding_bounds(program, {port: each.bounds for port, each in box.items()})
+            if others is None:
+                proven = rounding_bounds(program, {port: each.bounds for port, each in box.items()})
+                rows_of = proven.double if real == "double" else proven.single
+                bounds = np.array([bound for row in rows_of for bound in row])
+                found = largest_errors(program, box, precision, samples, seed, compiled=compiled)
+            else:
+                box["ddq"] = acceleration_range(model.spec, ranges)
+                residual = residual_bounds(
+                    program, *others, {port: each.bounds for port, each in box.items()}, box["ddq"].upper
+                )
+                bounds = np.array(residual.double if real == "double" else residual.single)
+                found = largest_residuals(program, *others, box, precision, samples, seed, compiled=compiled)
         except NoBoundError as reason:
             skipped.append((f"rounding of {name}", str(reason)))
             continue
-        compiled = partial(_called, part.engine, program) if part.engine.name == "c" else None
-        found = largest_errors(program, box, precision, samples, seed, compiled=compiled)
-        bounds = np.array([bound for row in (proven.double if real == "double" else proven.single) for bound in row])
         shares = np.divide(found, bounds, out=np.where(found > 0.0, np.inf, 0.0), where=bounds > 0.0)
         note = f"error {found.max(initial=0.0):.2g}, bound {rounded_up(float(bounds.max(initial=0.0)))}"
         share = float(shares.max(initial=0.0))
-        rows.append(Row(name, "proven rounding bound", "box of limits", samples, share, RESOLUTION, note))
+        rows.append(Row(name, reference, "box of limits", samples, share, RESOLUTION, note))
     return rows, skipped
 
 

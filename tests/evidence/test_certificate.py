@@ -26,6 +26,8 @@ def test_every_emitted_function_has_a_row(certified):
             continue
         for precision in ("double", "float"):
             for port in manifest["functions"][name]["outputs"]:
+                if "quantity" in rounding and port["name"] == "status":
+                    continue  # the residual is that of the solution
                 size = 1
                 for extent in port["shape"]:
                     size *= extent
