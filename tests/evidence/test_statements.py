@@ -19,7 +19,7 @@ from rrrgen.evidence.boxes import Ranges
 from rrrgen.evidence.statements import rounded_up, rounding_rows
 from rrrgen.runtime import load
 
-RESIDUAL = re.compile(r"Residual \|M ddq - \(tau - c - g\)\| at most (\S+) N m, with exact M, c and g; proven where the st")
+RESIDUAL = re.compile(r"Residual \|M ddq - \(tau - c - g\)\| at most (\S+) N m, with exact M, c and g; proven")
 SENTENCE = re.compile(r"Rounding errors at most: ([^;]*); proven for inputs in the box that manifest.json states")
 
 
