@@ -46,6 +46,14 @@ def test_the_manifest_describes_the_inverse_kinematics(files):
     assert all(f"Stack: at most {size} bytes." in files["planar_ik.h"] for size in entry["stack"].values())
 
 
+def test_every_source_states_the_model_that_it_is_of(files):
+    model = identify(spec()).model_hash[:16]
+    sources = {name for name in files if name.endswith(".c") and "selftest" not in name}
+    assert {"planar.c", "planar_ik.c"} <= sources
+    for name in sources:
+        assert re.findall(r"from model (\w{16})", files[name]) == [model], name
+
+
 def test_the_manifest_keeps_its_shape():
     text = emit(planar_model(links=False, drives=False))["manifest.json"]
     port = {"type": "object", "required": ["name", "shape", "unit", "frame"]}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -43,6 +42,7 @@ from rrrgen.ik.recording.newton_step import newton_program
 from rrrgen.ik.result_layout import labels, may_lack, most_rows, opens, parts_of, reasons_of, status_texts
 from rrrgen.ik.tolerances import nominal_margins, runtime
 from rrrgen.program import count_operations
+from rrrgen.robot.identity import identify
 
 if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
@@ -149,7 +149,7 @@ def emit(spec: RobotSpec, plan: SolverPlan, real: Real = "double", passes: Seque
     if plan.coupling is not None:
         counts.append(coupling_operations(plan.coupling, plan.max_solutions, plan.chain.types))
     operations = sum_of(counts)
-    source, rows = _source(plan, bodies, dialect)
+    source, rows = _source(plan, bodies, dialect, identify(spec).model_hash)
     chain = replace(plan, coupling=None)
     stack = stack_bounds(source, spec.name, real, {"ik": (plan.n, rows), "ik_chain": (chain.n, most_rows(chain))})
     header = render("c/ik/header.h.j2", **_header_values(spec, plan, dialect, operations), stack=stack)
@@ -185,7 +185,7 @@ CANDIDATES = (
 """The C functions that list candidate solutions, with their comments: of the plan itself, and of its companion."""
 
 
-def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> tuple[str, int]:
+def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect, model_hash: str) -> tuple[str, int]:
     """The text of ``<name>_ik.c``, and the largest number of solutions that one call can return.
 
     ``bodies`` are the C bodies that list candidates (:func:`_body`), for the plan and its companion.
@@ -214,7 +214,7 @@ def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect) -> t
     text = render(
         "c/ik/source.c.j2",
         stem=f"{dialect.prefix}_ik",
-        hash=hashlib.sha256(repr(plan.chain).encode()).hexdigest(),
+        model_hash=model_hash,
         version=VERSION,
         parts=[part.strip("\n") for part in parts if part.strip()],
     )
