@@ -28,7 +28,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -206,7 +206,16 @@ def stages(path: str) -> list[list[str]]:
         count = {file: len(re.findall(rf"\b{word}", (ROOT / file).read_text(encoding="utf-8"))) for file in tests}
         own = f"test_{Path(path).stem.replace('.', '_')}"  # test_controller_h of controller.h.j2
         near = sorted((file for file in tests if count[file]), key=lambda file: (file.stem != own, -count[file]))
+        for module in _that_render(word):
+            near += [file for group in _nearest(module, tests, ()) for file in group if file not in near]
         return [code, *([*pytest, str(file)] for file in near)]
+    named, near = _nearest(path, tests, folders)
+    room = [file for file in tests if str(file.parent.relative_to("tests")) in folders and file not in [*named, *near]]
+    return [*([*pytest, str(file)] for file in named), code, *([*pytest, str(file)] for file in [*near, *room])]
+
+
+def _nearest(path: str, tests: Sequence[Path], folders: Sequence[str]) -> tuple[list[Path], list[Path]]:
+    """The tests that are named after the module ``path``, those in ``folders`` first, and those that import it."""
     module = path.removesuffix(".py").replace("/", ".")
     package, _, name = module.rpartition(".")
     imports = re.compile(
@@ -216,8 +225,14 @@ def stages(path: str) -> list[list[str]]:
     named.sort(key=lambda file: str(file.parent.relative_to("tests")) not in folders)
     near = [file for file in tests if imports.search((ROOT / file).read_text(encoding="utf-8")) and file not in named]
     near.sort(key=lambda file: (ROOT / file).stat().st_size)
-    room = [file for file in tests if str(file.parent.relative_to("tests")) in folders and file not in [*named, *near]]
-    return [*([*pytest, str(file)] for file in named), code, *([*pytest, str(file)] for file in [*near, *room])]
+    return named, near
+
+
+def _that_render(word: str) -> list[str]:
+    """The modules that print the template ``word``."""
+    named = re.compile(rf"[\"/]{re.escape(word)}[\".]")
+    modules = sorted((ROOT / "rrrgen").rglob("*.py"))
+    return [file.relative_to(ROOT).as_posix() for file in modules if named.search(file.read_text(encoding="utf-8"))]
 
 
 def verdict(mutant: Mutant, copy: Path, seconds: float) -> tuple[str, str]:

@@ -89,6 +89,31 @@ def test_clang_tidy_finds_nothing(everything):
     assert "warning:" not in said, said
 
 
+def analysed(folder, sources):
+    """What gcc's analyser says about the paths through the ``sources``."""
+    command = ["gcc", "-std=c99", "-O1", "-fanalyzer", "-Wall", "-Wextra", "-c", "-o", "/dev/null"]
+    return "".join(
+        subprocess.run([*command, name], cwd=folder, capture_output=True, text=True, check=False).stderr
+        for name in sources
+    )
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+@pytest.mark.parametrize("ending", [*STRAIGHT_LINE, *FROM_TEMPLATES, "_timing.c", "_trajectory.c"])
+@pytest.mark.sweep(but=["_controller.c", "_differential_ik.c", "_timing.c", "_friction.c"])  # 4 s for the solver alone
+def test_the_analyser_of_gcc_finds_nothing(everything, ending):
+    sources = sorted(path.name for path in everything.glob(f"*{ending}"))
+    assert sources
+    assert analysed(everything, sources) == ""
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
+def test_the_analyser_of_gcc_finds_a_null_pointer(tmp_path):
+    text = "int broken(int a);\nint broken(int a)\n{\n    int *p = 0;\n    return a ? *p : 0;\n}\n"
+    (tmp_path / "broken.c").write_text(text, encoding="utf-8")
+    assert "-Wanalyzer-null-dereference" in analysed(tmp_path, ["broken.c"])
+
+
 @pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
 def test_a_broken_rule_is_found(tmp_path):
     text = "int broken(int a, unsigned b)\n{\n    if (a) {\n        return a + b;\n    }\n    return 0;\n}\n"
