@@ -257,11 +257,11 @@ def certificate_files(
         "not_applicable": [{"what": what, "reason": reason} for what, reason in not_applicable],
         "not_claimed": list(NOT_CLAIMED),
     }
-    vector_text = _json({"schema": "rrrgen-vectors/1", "robot": spec.name, "real": real, "functions": vectors})
+    vector_text = json_text({"schema": "rrrgen-vectors/1", "robot": spec.name, "real": real, "functions": vectors})
     content["evidence"] = {VECTORS: checksum(vector_text)}
     content["digest"] = content_digest(content)
     return {
-        CERTIFICATE: _json(content),
+        CERTIFICATE: json_text(content),
         MARKDOWN: markdown(content),
         PAGE: html(content),
         VECTORS: vector_text,
@@ -284,7 +284,8 @@ def content_digest(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def _json(content: Mapping[str, Any]) -> str:
+def json_text(content: Mapping[str, Any]) -> str:
+    """The text of a file of the folder: numbers as short as they can be, lines end with a line feed."""
     return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 

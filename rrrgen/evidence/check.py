@@ -20,6 +20,7 @@ from rrrgen.evidence.certificate import (
     PAGE,
     SCHEMA,
     content_digest,
+    json_text,
     rounding_entries,
 )
 from rrrgen.evidence.page import html, markdown
@@ -76,6 +77,8 @@ def disagreements(directory: Path) -> list[str]:
         fault = _file_fault(directory, path, expected)
         if fault:
             found.append(fault)
+    if (directory / CERTIFICATE).read_bytes() != json_text(content).encode():
+        found.append(f"{CERTIFICATE}: is not as rrrgen writes it")
     for path, text in ((MARKDOWN, markdown(content)), (PAGE, html(content))):
         fault = _file_fault(directory, path, checksum(text))
         if fault:

@@ -40,6 +40,15 @@ def test_one_changed_byte_is_found_in_every_file(copy):
     assert run("--check", copy).return_value == 0
 
 
+def test_a_changed_space_of_the_certificate_is_found(copy):
+    """The digest is of what the file says; how it says it is compared too."""
+    place = copy / CERTIFICATE
+    place.write_text(place.read_text(encoding="utf-8").replace("\n ", "\n\t", 1), encoding="utf-8", newline="\n")
+    done = run("--check", copy)
+    assert done.return_value == 1
+    assert f"{CERTIFICATE}: is not as rrrgen writes it" in done.output
+
+
 def test_a_bound_changed_with_its_digest_contradicts_the_pages(copy):
     """Whoever computes the digest anew must also write both pages anew: forgery, which only a signature finds."""
     content = content_of(copy)
