@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.studies.fit_response import FitResponseOptions, fit_response
     from rrrgen.lab.studies.frequency_response import FrequencyResponseOptions, frequency_response
     from rrrgen.lab.studies.identify import IdentifyOptions, identify
+    from rrrgen.lab.studies.matrix_response import MatrixResponseOptions, matrix_response
     from rrrgen.lab.studies.preprocessing import MotionOptions
     from rrrgen.lab.studies.reconstruct import reconstruct
     from rrrgen.lab.studies.simulate import SimulateOptions, simulate
@@ -57,6 +58,7 @@ _STUDIES = {
     "fit_response": "FitResponseOptions",
     "frequency_response": "FrequencyResponseOptions",
     "identify": "IdentifyOptions",
+    "matrix_response": "MatrixResponseOptions",
     "reconstruct": "MotionOptions",
     "simulate": "SimulateOptions",
     "validate": "ValidateOptions",
@@ -97,6 +99,7 @@ __all__ = [
     "IdentifyOptions",
     "InputError",
     "InternalError",
+    "MatrixResponseOptions",
     "Model",
     "MotionOptions",
     "Path",
@@ -121,6 +124,7 @@ __all__ = [
     "identify",
     "load_spec",
     "loads_spec",
+    "matrix_response",
     "online_estimator",
     "reconstruct",
     "simulate",

@@ -41,6 +41,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "experiment case-study": ("rrrgen.cli.case_study:case_study", "Run the whole case study on the virtual RRR."),
     "response linearise": ("rrrgen.cli.linearise:linearise", "Turn recordings of torques into recordings for frf."),
     "response frf": ("rrrgen.cli.frf:frf", "Estimate a frequency response with its uncertainty."),
+    "response matrix": ("rrrgen.cli.matrix_response:matrix", "Estimate the frequency response of a whole arm."),
     "response model": ("rrrgen.cli.response_model:response_model", "Fit a linear model with its resonances."),
     "response vibration": ("rrrgen.cli.vibration:vibration", "Design input shapers and notch filters."),
     "export": ("rrrgen.cli.export:export", "Write files of a robot for other programs."),

@@ -77,6 +77,7 @@ USES = {
     "response linearise": (["pendulum", "--log", "log.csv", "--response", "motion.json", "-o", "x"], ("scipy",)),
     "calibrate": (["planar2r", "--poses", "motion.json", "--figure", "x", "-o", "x"], ("matplotlib",)),
     "response frf": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
+    "response matrix": (["pendulum", "--log", "log.csv", "--period", "1", "-o", "x"], ("scipy", "matplotlib")),
     "response model": (["response.yaml", "-o", "x"], ("scipy", "matplotlib")),
     "response vibration": (["--mode", "28:0.1", "--rate", "1000", "-o", "x"], ("scipy", "matplotlib")),
     "experiment case-study": (["-o", "x"], ("casadi", "scipy", "matplotlib", "cvxpy", "clarabel")),

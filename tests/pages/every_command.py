@@ -46,6 +46,7 @@ ELSEWHERE = {
     "examples/flexible_arm": "needs measured data, which examples/README.md says where to get",
     "rrrgen experiment case-study": "tests/lab/experiment/test_case_study.py",
     "--presliding": "tests/lab/friction/test_estimation.py, on recordings of a joint with bristles",
+    "rrrgen response matrix": "tests/lab/studies/test_matrix_response.py",
     "rrrgen experiment elastic-joints": "tests/lab/studies/test_estimate_elastic_joints.py",
     "rrrgen response linearise": "tests/lab/experiment/test_response_experiment.py",
     "pytest tests/": "is itself a test",

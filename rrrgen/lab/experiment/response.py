@@ -23,7 +23,8 @@ from rrrgen.lab.plant.elastic_modes import ElasticMode, elastic_modes
 from rrrgen.lab.plant.experiment import SimulatedRecording, VirtualRobot
 from rrrgen.lab.plant.loop_margin import LoopMargin, SampledArm
 from rrrgen.lab.plant.recording_files import LoopSignals
-from rrrgen.lab.response.response_model import ControllerTransferFunction, ResponseModel
+from rrrgen.lab.response.resonances import Resonating
+from rrrgen.lab.response.response_model import ControllerTransferFunction
 
 POSTURES = 8
 """Number of postures of a run in which the margin of its loop is computed: the other joints hardly move."""
@@ -192,7 +193,7 @@ def expected_modes(experiment: Experiment, model: Any, joint: str | None = None)
     return [elastic_modes(plant.body.mass(np.array(q)), i, plant.joints, plant.base, loops) for q in postures]
 
 
-def beside(models: Sequence[ResponseModel], computed: dict[str, list[ElasticMode]]) -> list[dict[str, Any]]:
+def beside(models: Sequence[Resonating], computed: dict[str, list[ElasticMode]]) -> list[dict[str, Any]]:
     """Pair each computed mode with a measured resonance, for each posture of ``computed`` (name -> modes).
 
     Modes are paired in order of decreasing peak, each with the nearest resonance within 20 % of its frequency that is

@@ -19,6 +19,7 @@ from rrrgen.lab.plant.plant import FlexibleBase, FlexibleJoints
 
 VISIBLE = 0.02  # least peak of a visible mode, relative to the response of a rigid robot
 MOST_DAMPING = 0.999
+SAME = 1e-9  # relative difference of the frequencies of one mode, computed for one joint and for another
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,21 @@ def elastic_modes(
         peak = float(abs(residue) / max(-s.real, 1e-9 * abs(s)) * abs(s) ** 2)
         if peak > VISIBLE and -s.real < MOST_DAMPING * abs(s):
             found.append(ElasticMode(float(abs(s) / (2.0 * np.pi)), float(-s.real / abs(s)), peak))
+    return sorted(found, key=lambda mode: mode.frequency)
+
+
+def modes_of_arm(mass: Array, joints: FlexibleJoints) -> list[ElasticMode]:
+    """The vibration modes of an arm with free drives that show at some joint, sorted by frequency.
+
+    ``mass`` is M(q) of the links (n, n), kg m^2. The peak of a mode is that at the joint where it is largest.
+    """
+    found: list[ElasticMode] = []
+    for mode in (mode for joint in range(len(mass)) for mode in elastic_modes(mass, joint, joints, None)):
+        same = [k for k, each in enumerate(found) if abs(each.frequency / mode.frequency - 1.0) < SAME]
+        if not same:
+            found.append(mode)
+        elif mode.peak > found[same[0]].peak:
+            found[same[0]] = mode
     return sorted(found, key=lambda mode: mode.frequency)
 
 

@@ -10,11 +10,13 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.lab.data.figure_style import new_figure, style_axes
 from rrrgen.lab.response.frequency_response import WIDEST_BAND, FrequencyResponse
-from rrrgen.lab.response.resonances import modes_over_postures
+from rrrgen.lab.response.resonances import Resonating, modes_over_postures
 from rrrgen.lab.response.response_model import Complex, ResponseModel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from rrrgen.lab.response.matrix_response import MatrixResponse
 
 
 CURVE = 2000  # points of a model's curve
@@ -27,7 +29,7 @@ def plot_models(measured: Sequence[FrequencyResponse], models: Sequence[Response
     return plot_responses(measured, [("model", frequency, each.response(frequency)) for each in models])
 
 
-def plot_resonances(models: Sequence[ResponseModel]) -> Figure:
+def plot_resonances(models: Sequence[Resonating]) -> Figure:
     """Plot frequencies and damping ratios of the modes over the postures, with bars of two standard deviations.
 
     Values that are uncertain have an open marker.
@@ -123,6 +125,30 @@ def plot_responses(found: Sequence[FrequencyResponse], models: Sequence[tuple[st
     for axis in (magnitude, phase, radius):
         axis.grid(True, which="minor", axis="x", linewidth=0.25, alpha=0.4)
     magnitude.legend(frameon=False, loc="lower left", fontsize=8)
+    return figure
+
+
+def plot_matrix(found: Sequence[MatrixResponse]) -> Figure:
+    """Plot the magnitudes of all elements of a response, with 95 % bands, a colour for each posture.
+
+    Dotted lines are the resonances. The row is the position, the column the torque.
+    """
+    n = len(found[0].joints)
+    figure, axes = new_figure(n, n, 2.0 * n + 0.8, max(4.0, 2.3 * n), sharex=True, sharey=True)
+    for (i, j), axis in zip(np.ndindex(n, n), axes, strict=True):
+        for number, each in enumerate(found):
+            gain, band = 20.0 * np.log10(np.abs(each.G[:, i, j])), each.band95[:, i, j]
+            ends = (gain + 20.0 * np.log10(np.maximum(1.0 - band, 1e-2)), gain + 20.0 * np.log10(1.0 + band))
+            axis.fill_between(each.frequency, *ends, color=f"C{number % 10}", alpha=0.22, linewidth=0)
+            label = each.name if len(found) > 1 else None
+            axis.plot(each.frequency, gain, color=f"C{number % 10}", linewidth=0.9, label=label)
+            for mode in each.resonances:
+                axis.axvline(mode.frequency, color=f"C{number % 10}", linewidth=0.6, linestyle=":")
+        axis.set_xscale("log")
+        joints = found[0].joints
+        style_axes(axis, f"torque of {joints[j]}, Hz" if i == n - 1 else "", f"{joints[i]} (dB)" if j == 0 else "")
+    if len(found) > 1:
+        axes[0].legend(frameon=False, fontsize=8)
     return figure
 
 

@@ -4,6 +4,7 @@ The model is
 ``P(z) = z^-d [ (e_0 + e_1 z^-1)/(1 - z^-1)^p + sum_i (c_i0 + c_i1 z^-1)/(1 - 2 r_i cos(w_i) z^-1 + r_i^2 z^-2) ]`` with
 the pole pairs of modes of frequency f and damping zeta, p = 2 for a joint that moves freely and 0 for one that is held.
 The numerators follow from the modes by linear least squares, so that the search is over frequencies and dampings only.
+Several responses of one arm, the elements of a matrix, have numerators of their own and the modes in common.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.lab.estimate.linear import solve
 from rrrgen.lab.response.frequency_response import FrequencyResponse
 from rrrgen.lab.response.local_polynomial import unknown_variances
-from rrrgen.lab.response.response_model import HIGHEST_DAMPING, Complex, ResponseModel, resonance
+from rrrgen.lab.response.response_model import HIGHEST_DAMPING, Complex, Resonance, ResponseModel, resonance
 
 MOST_MODES = 6
 RANK = 1e-13  # singular values of the scaled columns below this share of the largest are zero
@@ -27,6 +28,7 @@ NEEDED = 10.0  # a part is needed if it lowers the cost by this multiple of the 
 SCAN = 80  # number of frequencies at which a further mode is tried
 FIRST_DAMPING = (0.005, 0.03, 0.15)  # damping ratios at which a further mode is tried
 LEAST_LINES = 12
+FAR_BELOW = 0.25  # times the lowest resonance: lines below do not count in the modes that several responses share
 GROWING_STEPS, LAST_STEPS = 10, 60
 MOST_OF_A_LINE = 9.0  # bound on a line's share of the cost, so that no single line decides on a mode
 LEAST_BAND = 1e-3  # least relative standard deviation of a line: error of the local polynomials where noise is small
@@ -34,7 +36,7 @@ LEAST_BAND = 1e-3  # least relative standard deviation of a line: error of the l
 
 @dataclass(frozen=True)
 class _Lines:
-    """The lines used for the fit: ``z`` = z^-1, response ``P``, ``weight`` 1/sigma, (L,) each; ``period`` (s)."""
+    """The lines used: ``z`` = z^-1 (L,), R responses ``P`` (R, L) with ``weight`` 1/sigma; ``period`` (s)."""
 
     z: Complex
     P: Complex
@@ -46,9 +48,9 @@ class _Lines:
 class _Candidate:
     """Candidate modal model during the search, with its fit to the measured response P.
 
-    ``modes`` (m, 2) holds [ln f, ln zeta] of each mode; the ``numerators`` follow by linear least squares. ``costs``
-    (L,) are the weighted squared errors ``|P - model|^2/sigma^2`` of the L spectral lines. ``delay`` is in samples,
-    ``integrators`` the number of poles at z = 1.
+    ``modes`` (2 m,) holds [ln f, ln zeta] of each mode; the ``numerators`` (R, k) follow by linear least squares.
+    ``costs`` (R L,) are the weighted squared errors ``|P - model|^2/sigma^2`` of the L spectral lines of R responses.
+    ``delay`` is in samples, ``integrators`` the number of poles at z = 1.
     """
 
     modes: Array
@@ -82,29 +84,61 @@ def fit_modes(response: FrequencyResponse) -> ResponseModel:
     P = raw.P[use]
     # neighbouring lines that share data count for as much as independent ones in their place would
     share = np.broadcast_to(response.independent, len(use))[use]
-    sigma = np.sqrt((raw.variance[use] + (LEAST_BAND * np.abs(P)) ** 2) / share)
-    z = np.exp(-2j * np.pi * response.frequency[use] * response.period)
-    lines = _Lines(z, P, 1.0 / sigma, response.period)
-    frequency = response.frequency[use]
+    lines = _lines(response.frequency[use], P[None], raw.variance[use][None] / share, share, response.period)
+    chosen, table = _chosen(lines, response.frequency[use], share)
+    return _model(response, lines, chosen, table)
+
+
+def common_modes(
+    frequency: Array, P: Complex, variance: Array, period: float
+) -> tuple[tuple[Resonance, ...], tuple[dict[str, Any], ...]]:
+    """The modes that R responses ``P`` (R, L) at ``frequency`` (L,) in Hz share, and the table of what was compared.
+
+    ``variance`` (R, L) is that of the complex P, infinite for an element that is not to be used, ``period`` the
+    sampling period (s). Raises :class:`DerivationError` where there are too few lines.
+    """
+    if len(frequency) < LEAST_LINES:
+        raise DerivationError(f"{len(frequency)} lines can be used: {LEAST_LINES} are the least")
+    lines = _lines(frequency, P, variance, 1.0, period)
+    chosen, table = _chosen(lines, frequency, 1.0)
+    found = _resonances(lines, chosen, frequency)
+    # gravity and viscous friction bend the response at low frequencies, where the model has a double integrator
+    above = frequency > FAR_BELOW * found[0].frequency if found else np.zeros(len(frequency), bool)
+    if np.count_nonzero(above) < LEAST_LINES or above.all():
+        return found, table
+    lines = _lines(frequency[above], P[:, above], variance[:, above], 1.0, period)
+    modes = np.log([[each.frequency, each.damping] for each in found]).ravel()
+    refined = _refine(lines, _solve(lines, modes, chosen.delay, chosen.integrators), LAST_STEPS)
+    return _resonances(lines, refined, frequency), table
+
+
+def _lines(frequency: Array, P: Complex, variance: Array, share: Array | float, period: float) -> _Lines:
+    """Lines weighted by their ``variance`` (R, L), that of independent ones; ``share`` of the lines are."""
+    sigma = np.sqrt(variance + (LEAST_BAND * np.abs(P)) ** 2 / share)
+    return _Lines(np.exp(-2j * np.pi * frequency * period), P, 1.0 / sigma, period)
+
+
+def _chosen(lines: _Lines, frequency: Array, share: Array | float) -> tuple[_Candidate, tuple[dict[str, Any], ...]]:
+    """The candidate of least description length, refined, and the table of all of them."""
     found = [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 2)]
     if not _integrates(lines, min(found, key=lambda each: each.cost)):
         found += [candidate for delay in DELAYS for candidate in _growing(lines, frequency, delay, 0)]
     scale = min(found, key=lambda each: each.cost).scale
-    sizes = [len(each.modes) + len(each.numerators) for each in found]
-    lengths = [each.capped(scale) + 0.5 * m * np.log(2.0 * len(P)) for each, m in zip(found, sizes, strict=True)]
+    sizes = [len(each.modes) + each.numerators.size for each in found]
+    values = 2.0 * lines.P.size
+    lengths = [each.capped(scale) + 0.5 * m * np.log(values) for each, m in zip(found, sizes, strict=True)]
     table = tuple(
         {
             "integrators": each.integrators,
             "delay": each.delay,
             "modes": len(each.modes) // 2,
-            "misfit": float(np.mean(each.costs / share)),
+            "misfit": float(np.mean(each.costs.reshape(lines.P.shape) / share)),
             "description_length": float(length),
         }
         for each, length in zip(found, lengths, strict=True)
     )
     best = found[int(np.argmin(lengths))]
-    chosen = best if not len(best.modes) else _refine(lines, best, LAST_STEPS)
-    return _model(response, lines, chosen, table)
+    return (best if not len(best.modes) else _refine(lines, best, LAST_STEPS)), table
 
 
 def _integrates(lines: _Lines, best: _Candidate) -> bool:
@@ -113,14 +147,14 @@ def _integrates(lines: _Lines, best: _Candidate) -> bool:
     If it does, no model of a joint that is held is tried.
     """
     held = _solve(lines, best.modes, best.delay, 0)
-    return bool(held.capped(best.scale) > best.capped(best.scale) + NEEDED * np.log(2.0 * len(lines.P)))
+    return bool(held.capped(best.scale) > best.capped(best.scale) + NEEDED * np.log(2.0 * lines.P.size))
 
 
 def _growing(lines: _Lines, frequency: Array, delay: int, integrators: int) -> list[_Candidate]:
     """Candidates with 0, 1, .. modes; each adds the mode that lowers the cost most, and refines all modes."""
     found = [_solve(lines, np.empty(0), delay, integrators)]
     grid = np.geomspace(frequency[0] * 1.05, frequency[-1] * 0.98, SCAN)
-    penalty = 2.0 * np.log(2.0 * len(lines.P))
+    penalty = (1.0 + len(lines.P)) * np.log(2.0 * lines.P.size)
     while len(found) <= MOST_MODES:
         last = found[-1]
         mode = _best_further_mode(lines, last, grid)
@@ -138,16 +172,20 @@ def _best_further_mode(lines: _Lines, last: _Candidate, grid: Array) -> tuple[fl
     Both columns of each mode are made orthogonal to the columns of ``last``; a 2x2 system gives the reduction of cost.
     """
     trials = np.array([(f, damping) for f in grid for damping in FIRST_DAMPING])
-    H = _stacked(_basis(lines, last.modes, last.delay, last.integrators) * lines.weight[:, None])
-    Q = np.linalg.qr(H / np.linalg.norm(H, axis=0))[0] if H.shape[1] else np.zeros((len(H), 0))
-    target = _stacked((lines.P * lines.weight)[:, None])[:, 0]
-    rest = target - Q @ (Q.T @ target)
-    X = _stacked(_basis(lines, np.log(trials).ravel(), last.delay, 0) * lines.weight[:, None])
-    X = X / np.linalg.norm(X, axis=0)
-    X = (X - Q @ (Q.T @ X)).reshape(len(X), len(trials), 2)
-    right = np.einsum("ltc,l->tc", X, rest)
-    normal = np.einsum("lta,ltb->tab", X, X) + 1e-9 * np.eye(2)
-    explained = np.einsum("tc,tc->t", right, np.linalg.solve(normal, right[:, :, None])[:, :, 0])
+    present = _basis(lines, last.modes, last.delay, last.integrators)
+    further = _basis(lines, np.log(trials).ravel(), last.delay, 0)
+    explained = np.zeros(len(trials))
+    for P, weight in zip(lines.P, lines.weight, strict=True):
+        H = _stacked(present * weight[:, None])
+        Q = np.linalg.qr(H / np.linalg.norm(H, axis=0))[0] if H.shape[1] else np.zeros((len(H), 0))
+        target = _stacked((P * weight)[:, None])[:, 0]
+        rest = target - Q @ (Q.T @ target)
+        X = _stacked(further * weight[:, None])
+        X = X / np.linalg.norm(X, axis=0)
+        X = (X - Q @ (Q.T @ X)).reshape(len(X), len(trials), 2)
+        right = np.einsum("ltc,l->tc", X, rest)
+        normal = np.einsum("lta,ltb->tab", X, X) + 1e-9 * np.eye(2)
+        explained += np.einsum("tc,tc->t", right, np.linalg.solve(normal, right[:, :, None])[:, :, 0])
     f, damping = trials[int(np.argmax(explained))]
     return float(f), float(damping)
 
@@ -182,12 +220,16 @@ def _pole_pairs(modes: Array, period: float) -> list[tuple[float, float]]:
 
 def _solve(lines: _Lines, modes: Array, delay: int, integrators: int) -> _Candidate:
     """Fit the numerators of given modes by weighted linear least squares."""
-    real = _stacked(_basis(lines, modes, delay, integrators) * lines.weight[:, None])
-    right = _stacked((lines.P * lines.weight)[:, None])[:, 0]
-    if real.shape[1] == 0:
-        return _Candidate(modes, np.empty(0), _costs(right), delay, integrators)
-    fit = solve(real, right, RANK)
-    return _Candidate(modes, fit.x, _costs(fit.residual(right)), delay, integrators)
+    basis = _basis(lines, modes, delay, integrators)
+    numerators, costs = np.empty((len(lines.P), basis.shape[1])), np.empty(lines.P.shape)
+    for k, (P, weight) in enumerate(zip(lines.P, lines.weight, strict=True)):
+        right = _stacked((P * weight)[:, None])[:, 0]
+        if not basis.shape[1]:
+            costs[k] = _costs(right)
+            continue
+        fit = solve(_stacked(basis * weight[:, None]), right, RANK)
+        numerators[k], costs[k] = fit.x, _costs(fit.residual(right))
+    return _Candidate(modes, numerators, costs.ravel(), delay, integrators)
 
 
 def _costs(rest: Array) -> Array:
@@ -197,36 +239,48 @@ def _costs(rest: Array) -> Array:
 
 def _residual(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:
     found = _solve(lines, modes, delay, integrators)
-    return _stacked((lines.P - _basis(lines, modes, delay, integrators) @ found.numerators) * lines.weight)
+    left = (lines.P - found.numerators @ _basis(lines, modes, delay, integrators).T) * lines.weight
+    return np.concatenate([_stacked(each) for each in left])
 
 
 def _slopes(lines: _Lines, modes: Array, delay: int, integrators: int) -> Array:
-    """Derivatives (2 L, 2m) of the residual by ln f and ln zeta of every mode, when the numerators are refitted.
+    """Derivatives (2 L R, 2m) of the residual by ln f and ln zeta of every mode, when the numerators are refitted.
 
     Refitting removes from each column what the numerators can represent. Of this derivative of variable projection,
     only Kaufman's part is computed, with which the gradient of the squared residual is exact.
     """
     found = _solve(lines, modes, delay, integrators)
     basis = _basis(lines, modes, delay, integrators)
-    real = _stacked(basis * lines.weight[:, None])
-    Q = np.linalg.qr(real / np.linalg.norm(real, axis=0))[0]
-    z, first = lines.z, 2 * bool(integrators)
-    columns = []
-    for i, (log_f, log_damping) in enumerate(modes.reshape(-1, 2)):
+    bends = _bends(lines, modes)
+    first, found_by_response = 2 * bool(integrators), []
+    for weight, numerators in zip(lines.weight, found.numerators, strict=True):
+        real = _stacked(basis * weight[:, None])
+        Q = np.linalg.qr(real / np.linalg.norm(real, axis=0))[0]
+        columns = []
+        for i, changes in enumerate(bends):
+            pair = basis[:, first + 2 * i : first + 2 * i + 2]
+            own = pair @ numerators[first + 2 * i : first + 2 * i + 2]
+            turned = pair[:, 1] / lines.z**delay  # z^-1/(1 - a1 z^-1 - a2 z^-2)
+            columns += [own * turned * (a1 + a2 * lines.z) for a1, a2 in changes]
+        J = -_stacked(np.asarray(np.stack(columns, axis=1) * weight[:, None], complex))
+        found_by_response.append(J - Q @ (Q.T @ J))
+    return np.concatenate(found_by_response)
+
+
+def _bends(lines: _Lines, modes: Array) -> list[list[tuple[float, float]]]:
+    """Derivatives of the coefficients (a1, a2) of every mode's denominator by its ln f and by its ln zeta."""
+    found = []
+    for log_f, log_damping in modes.reshape(-1, 2):
         omega, damping = 2.0 * np.pi * np.exp(log_f) * lines.period, float(np.exp(log_damping))
         root = np.sqrt(1.0 - damping**2)
         radius, angle = np.exp(-damping * omega), omega * root
-        pair = basis[:, first + 2 * i : first + 2 * i + 2]
-        own = pair @ found.numerators[first + 2 * i : first + 2 * i + 2]
-        turned = pair[:, 1] / z**delay  # z^-1/(1 - a1 z^-1 - a2 z^-2)
+        change = -damping * omega * radius
+        own = []
         for bend in (angle, -omega * damping**2 / root):  # of the angle; the radius changes alike with both
-            change = -damping * omega * radius
             a1 = 2.0 * (change * np.cos(angle) - radius * np.sin(angle) * bend)
-            a2 = -2.0 * radius * change
-            columns.append(own * turned * (a1 + a2 * z))
-    by_mode = np.asarray(np.stack(columns, axis=1) * lines.weight[:, None], complex)
-    J = -_stacked(by_mode)
-    return np.asarray(J - Q @ (Q.T @ J))
+            own.append((float(a1), float(-2.0 * radius * change)))
+        found.append(own)
+    return found
 
 
 def _refine(lines: _Lines, start: _Candidate, steps: int) -> _Candidate:
@@ -255,31 +309,26 @@ def _model(
     if best.integrators:
         factors.insert(0, np.array([1.0, -2.0, 1.0]))
     denominator, numerator = np.ones(1), np.zeros(1)
-    for factor, pair in zip(factors, best.numerators.reshape(-1, 2), strict=True):
+    pairs = best.numerators[0].reshape(-1, 2)
+    for factor, pair in zip(factors, pairs, strict=True):
         left, right = np.convolve(numerator, factor), np.convolve(pair, denominator)
         size = max(len(left), len(right))
         numerator = np.pad(left, (0, size - len(left))) + np.pad(right, (0, size - len(right)))
         denominator = np.convolve(denominator, factor)
-    spread = _deviations(lines, best)
     use = response.trusted
     used = response.frequency[use]
-    resonances = []
-    for (log_f, log_damping), (std_f, std_damping) in zip(best.modes.reshape(-1, 2), spread, strict=True):
-        f, damping = float(np.exp(log_f)), float(np.exp(log_damping))
-        if damping < HIGHEST_DAMPING and used[0] <= f <= used[-1]:  # a pole outside the band is no measured resonance
-            resonances.append(resonance(f, damping, float(std_f), float(std_damping)))
     model = ResponseModel(
         method="modes",
         a=-denominator[1:],
         b=np.trim_zeros(numerator, "b"),
         delay=best.delay,
         period=response.period,
-        resonances=tuple(sorted(resonances, key=lambda each: each.frequency)),
+        resonances=_resonances(lines, best, used),
         table=table,
         name=response.name,
-        fractions=tuple(zip(best.numerators.reshape(-1, 2), factors, strict=True)),
+        fractions=tuple(zip(pairs, factors, strict=True)),
     )
-    relative = np.abs(model.response(used) / lines.P - 1.0)
+    relative = np.abs(model.response(used) / lines.P[0] - 1.0)
     model.fit.update(
         {
             "value": 100.0 * (1.0 - float(np.sqrt(np.mean(relative**2)))),
@@ -292,6 +341,18 @@ def _model(
         }
     )
     return model
+
+
+def _resonances(lines: _Lines, best: _Candidate, used: Array) -> tuple[Resonance, ...]:
+    """The modes within the ``used`` frequencies (L,) with their deviations, sorted by frequency."""
+    found = []
+    for (log_f, log_damping), (std_f, std_damping) in zip(
+        best.modes.reshape(-1, 2), _deviations(lines, best), strict=True
+    ):
+        f, damping = float(np.exp(log_f)), float(np.exp(log_damping))
+        if damping < HIGHEST_DAMPING and used[0] <= f <= used[-1]:  # a pole outside the band is no measured resonance
+            found.append(resonance(f, damping, float(std_f), float(std_damping)))
+    return tuple(sorted(found, key=lambda each: each.frequency))
 
 
 def _deviations(lines: _Lines, best: _Candidate) -> Array:
@@ -309,6 +370,6 @@ def _deviations(lines: _Lines, best: _Candidate) -> Array:
         ends = [_residual(lines, best.modes + sign * step, best.delay, best.integrators) for sign in (1.0, -1.0)]
         columns.append((ends[0] - ends[1]) / 2e-5)
     J = np.stack(columns, axis=1)
-    dof = max(2 * len(lines.P) - len(best.modes) - len(best.numerators), 1)
+    dof = max(2 * lines.P.size - len(best.modes) - best.numerators.size, 1)
     variance = max(0.5, best.cost / dof)
     return np.sqrt(unknown_variances(J, variance)).reshape(-1, 2)

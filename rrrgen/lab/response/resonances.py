@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from rrrgen.lab.estimate.linear import project, scaled, solve
 from rrrgen.lab.estimate.search import search
 from rrrgen.lab.estimate.tsqr import triangular
 from rrrgen.lab.response.local_polynomial import unknown_variances
-from rrrgen.lab.response.response_model import CERTAIN, HIGHEST_DAMPING, Resonance, ResponseModel, resonance
+from rrrgen.lab.response.response_model import CERTAIN, HIGHEST_DAMPING, Resonance, resonance
 
 # ------------------------------------------------------------------------------------------------------------------
 # Resonances over several postures: matching of the modes of different postures, ranges of their frequencies.
@@ -28,6 +28,18 @@ from rrrgen.lab.response.response_model import CERTAIN, HIGHEST_DAMPING, Resonan
 
 FARTHEST = 0.4  # largest logarithm of the ratio of two frequencies that may belong to the same mode
 DAMPING_SHARE = 0.1  # weight of the logarithm of dampings beside that of frequencies
+
+
+class Resonating(Protocol):
+    """What has resonances in one posture: the ``name`` of the posture, and its ``resonances``."""
+
+    @property
+    def name(self) -> str:
+        """Name of the posture."""
+
+    @property
+    def resonances(self) -> tuple[Resonance, ...]:
+        """Resonances in it, sorted by frequency."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +68,7 @@ class ModeOverPostures:
 
 
 def modes_over_postures(
-    models: Sequence[ResponseModel], of: Literal["resonances", "antiresonances"] = "resonances"
+    models: Sequence[Resonating], of: Literal["resonances", "antiresonances"] = "resonances"
 ) -> list[ModeOverPostures]:
     """Match the modes of all postures, sorted by frequency; ``of`` selects poles (resonances) or zeros.
 

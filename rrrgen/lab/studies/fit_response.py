@@ -88,7 +88,7 @@ class FitResponseResult(StudyResult):
             (low, high), (least, most) = mode["frequency"], mode["damping"]
             where = f"over {len(mode['postures'])} postures"
             lines.append(f"{where}: {low:.4g} to {high:.4g} Hz, damping {least:.3g} to {most:.3g}")
-        return [*lines, *self._alias_lines(), *(_elastic_line(row) for row in self.elastic or ())]
+        return [*lines, *self._alias_lines(), *(elastic_line(row) for row in self.elastic or ())]
 
     def _alias_lines(self) -> list[str]:
         """Sentences on the frequencies above half the sampling rate that the resonances may stand for."""
@@ -140,7 +140,7 @@ class FitResponseResult(StudyResult):
             folder.figure(name, self.plot(name))
 
 
-def _elastic_line(row: dict[str, Any]) -> str:
+def elastic_line(row: dict[str, Any]) -> str:
     """A computed resonance and the measured one beside it as text."""
     computed, measured = row["computed"], row["measured"]
     beside = "no resonance measured"

@@ -12,7 +12,9 @@ def test_the_gradient_of_the_search_for_modes_is_exact():
     rng = np.random.default_rng(1)
     frequency = np.linspace(1.0, 200.0, 90)
     P = flexible_joint().response(frequency) * (1.0 + 0.01 * rng.standard_normal(90))
-    lines = _Lines(np.exp(-2j * np.pi * frequency * PERIOD), P, 1.0 / (0.01 * np.abs(P)), PERIOD)
+    both = np.stack([P, P * np.exp(0.3j)])  # two responses with one weight each
+    weight = 1.0 / (np.array([[0.01], [0.03]]) * np.abs(both))
+    lines = _Lines(np.exp(-2j * np.pi * frequency * PERIOD), both, weight, PERIOD)
     for modes, integrators in ((np.log([28.3, 0.021, 95.0, 0.03]), 2), (np.log([40.0, 0.6]), 0)):
 
         def cost(at, integrators=integrators):
