@@ -84,7 +84,7 @@ class SlidingModel:
 
     def evidence(self, count: int) -> Evidence:
         """What the last ``count`` columns explain."""
-        before, after = (self._held_out(columns) for columns in (self.columns[:, :-count], self.columns))
+        before, after = replace(self, columns=self.columns[:, :-count]).held_out(), self.held_out()
         decrease = before - after
         spread = float(np.std(decrease, ddof=1)) / np.sqrt(len(decrease))
         moved, covariance = self.x[-count:], self.covariance[-count:, -count:]
@@ -92,9 +92,9 @@ class SlidingModel:
         t = float(np.mean(decrease)) / spread if spread > 0.0 else 0.0
         return Evidence(gain, t, _probability(float(moved @ np.linalg.pinv(covariance) @ moved), count, len(decrease)))
 
-    def _held_out(self, A: Array) -> Array:
-        """Squared errors of every block, (B,), predicted by a fit of the columns ``A`` (N, c) to the other folds."""
-        y, block = self.torque, self.block
+    def held_out(self) -> Array:
+        """Squared errors of every block, (B,), predicted by a fit to the other folds."""
+        A, y, block = self.columns, self.torque, self.block
         errors = np.zeros(int(block[-1]) + 1)
         for fold in range(FOLDS):
             out = block % FOLDS == fold

@@ -80,6 +80,43 @@ def test_the_friction_that_drifts_is_that_of_the_middle_of_the_recording(seed):
     assert found.to_json()["drift"]["viscous"] == pytest.approx(-0.35 * truth.viscous, rel=0.1)
 
 
+def heated(fall, seed, over):
+    """A joint that moves fast in the first half, slowly in the second; friction falls with the time or the energy."""
+    random = np.random.default_rng([seed, 7])
+    t = np.arange(round(SECONDS / PERIOD)) * PERIOD
+    pace = 0.6 + 0.4 * np.tanh(0.5 * SECONDS - t)  # 1, then 0.2
+    phi = np.cumsum(pace) * PERIOD
+    q, dq, ddq = np.zeros((3, len(t)))
+    for f in (0.1, 0.3, 0.7, 1.1, 2.3):
+        w, phase, size = 2 * np.pi * f, random.uniform(0, 2 * np.pi), 0.7
+        q += size / w * np.sin(w * phi + phase)
+        dq += size * pace * np.cos(w * phi + phase)
+        ddq += size * (np.gradient(pace, PERIOD) * np.cos(w * phi + phase) - pace**2 * w * np.sin(w * phi + phase))
+    energy = np.cumsum(1.2 * np.abs(dq) + 0.8 * dq**2)
+    s = (t / SECONDS if over == "time" else energy / energy[-1]) - 0.5
+    tau = 0.3 * ddq + 2.0 * np.sin(q) + np.cos(q) + (1 - fall * s) * (0.8 * dq + 1.2 * np.sign(dq))
+    tau += 0.05 * random.normal(size=len(t))
+    held = np.round(q / 1e-5) * 1e-5
+    return JointData("q1", PERIOD, held, tau, np.ones(len(t), bool), ((0, len(t)),), 1e-5)
+
+
+@pytest.mark.parametrize("over", ["time", "energy"])
+@pytest.mark.parametrize(
+    "seed", [0, pytest.param(1, marks=pytest.mark.sweep), pytest.param(2, marks=pytest.mark.sweep)]
+)
+def test_time_and_dissipated_energy_are_told_apart_where_the_motion_slows_down(seed, over):
+    data = heated(0.35, seed, over)
+    drift = friction_drift(data, 2, 0.0)
+    assert drift.is_certain
+    assert drift.over == over
+    assert drift.viscous == pytest.approx(-0.35 * 0.8, abs=0.06)
+    assert drift.coulomb == pytest.approx(-0.35 * 1.2, abs=0.06)
+    assert ("with the energy that it has dissipated" in drift.sentence) == (over == "energy")
+    again = friction_drift(drift.removed(data), 2, 0.0)
+    assert abs(again.viscous) < 0.05
+    assert abs(again.coulomb) < 0.05
+
+
 def test_a_short_recording_is_not_judged():
     whole = recorded(0.35, 0)
     count = 10_000
