@@ -80,7 +80,8 @@ class Tuning:
     ``by_rule`` names the settings chosen by the rule (``decimate``, ``cutoff``, ``variances``); ``motion`` is the
     bandwidth B (Hz), None if it was not needed; ``period`` (s) is the sampling period, ``on`` (s) the duration of the
     data that the choice is based on. ``spectra`` (n,) are those of the speeds that the bandwidth was taken from, of the
-    recording with the fastest motion; None for a joint that does not move.
+    recording with the fastest motion; None for a joint that does not move. ``low_speed`` (n,) are the speeds below
+    which linear friction does not hold, also where the processing leaves no slow rows out for the sake of another law.
     """
 
     processing: Processing
@@ -89,6 +90,7 @@ class Tuning:
     motion: float | None = None
     on: float = 0.0
     spectra: tuple[SpeedSpectrum | None, ...] = field(default=(), repr=False, compare=False)
+    low_speed: tuple[float, ...] = ()
 
     @property
     def row_rate(self) -> float:

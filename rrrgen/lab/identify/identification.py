@@ -270,6 +270,11 @@ class Identification:
         return self.tuning.processing
 
     @property
+    def linear_processing(self) -> Processing:
+        """The same for a model with linear friction, which does not hold in slow motion."""
+        return replace(self.processing, low_speed=self.processing.low_speed or self.tuning.low_speed)
+
+    @property
     def transform(self) -> Callable[[JointFactors], JointFactors] | None:
         """Map of the triangular factors of the rows to those of the identifiable parameters."""
         return None if self.parametrisation is None else self.parametrisation.transform
@@ -424,7 +429,8 @@ def _with_friction(
     Nonlinear laws also describe slow motion, so the returned tuning then keeps samples at low speed.
     """
     terms = _linear_terms(model, options)
-    every = replace(tuning, processing=replace(tuning.processing, low_speed=()))
+    slow = tuning.processing.low_speed
+    every = replace(tuning, processing=replace(tuning.processing, low_speed=()), low_speed=slow)
     fit = fit_friction(
         model,
         recordings,

@@ -17,7 +17,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording
 from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, Sample, solve_normal_equations
-from rrrgen.lab.identify.nuisances import ALL, UNIT, NuisanceFit, Term
+from rrrgen.lab.identify.nuisances import ALL, LARGEST_STD, UNIT, NuisanceFit, Term
 
 POSSIBLE, NAMED = 0.05, 0.10
 """Share of the held-out squares that a repair must explain. Of 74 sound sets, none reached 0.046 with t above 2."""
@@ -185,6 +185,9 @@ class Comparison(NuisanceFit):
                 after = outcomes
                 accepted[-1] = (accepted[-1][0], self._rivals(*accepted[-1], after))
             best = self._best(outcomes, NAMED if accepted else POSSIBLE)
+            while best is not None and not self._determines(best):
+                outcomes = [other for other in outcomes if other is not best]
+                best = self._best(outcomes, NAMED if accepted else POSSIBLE)
             if best is None or len(accepted) == MOST:
                 break
             rivals = [
@@ -200,6 +203,17 @@ class Comparison(NuisanceFit):
             values = best.values
             left = [each for each in left if not set(each.terms) & set(best.hypothesis.terms)]
         return [Finding(best, best.gain >= NAMED and not rivals, tuple(rivals)) for best, rivals in accepted]
+
+    def _determines(self, outcome: Outcome) -> bool:
+        """Whether the torques tell the parameters of a hypothesis.
+
+        Torques of a joint whose gain falls to zero, and with it all that couples them to the others, are explained by
+        terms of their own, whatever the fault is.
+        """
+        if all(term.is_linear for term in outcome.hypothesis.terms):
+            return True
+        std = dict(zip(outcome.values, self.deviations(outcome.values)[0], strict=True))
+        return all(std[term] < LARGEST_STD.get(term.kind, math.inf) for term in outcome.hypothesis.terms)
 
     def _rivals(self, best: Outcome, rivals: list[Outcome], after: Sequence[Outcome]) -> list[Outcome]:
         """The ``rivals`` of an accepted hypothesis that explain little once it is repaired; others are faults too."""

@@ -57,12 +57,13 @@ def diagnose_recordings(spec: Any, recordings: Sequence[Recording]) -> tuple[Cau
 def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Identification) -> tuple[Cause, ...]:
     """Diagnose recordings by their torques: signs, exchanged columns, units, clock, missing terms, unexplained errors.
 
-    ``found`` is the identification of ``model`` from these recordings.
+    ``found`` is the identification of ``model`` from these recordings. Friction is linear here, whatever its law, and
+    slow motion is left out as for linear friction: what that does not describe there looks like other faults.
     """
     regressor = AllTerms(model, linear_stand_ins(found.columns))
     causes: list[Cause] = []
     for recording in recordings:
-        sample = sample_of(recording, found.processing)
+        sample = sample_of(recording, found.linear_processing)
         if sample is not None and found.nuisances is not None:  # of tilt and drift; the recordings are corrected
             corrections = found.nuisances.corrections
             sample = sample.without(corrections.columns.torque(sample, corrections.values))
