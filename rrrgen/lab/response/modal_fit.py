@@ -109,7 +109,22 @@ def common_modes(
     lines = _lines(frequency[above], P[:, above], variance[:, above], 1.0, period)
     modes = np.log([[each.frequency, each.damping] for each in found]).ravel()
     refined = _refine(lines, _solve(lines, modes, chosen.delay, chosen.integrators), LAST_STEPS)
-    return _resonances(lines, refined, frequency), table
+    return _resonances(lines, _needed(lines, refined), frequency), table
+
+
+def _needed(lines: _Lines, best: _Candidate) -> _Candidate:
+    """The candidate without the modes that only took up what a double integrator leaves at low frequencies."""
+    penalty = (1.0 + len(lines.P)) * np.log(2.0 * lines.P.size)
+    while len(best.modes):
+        pairs = best.modes.reshape(-1, 2)
+        fewer = [
+            _solve(lines, np.delete(pairs, k, axis=0).ravel(), best.delay, best.integrators) for k in range(len(pairs))
+        ]
+        least = min(fewer, key=lambda each: each.capped(best.scale))
+        if least.capped(best.scale) > best.capped(best.scale) + penalty:
+            break
+        best = _refine(lines, least, LAST_STEPS) if len(least.modes) else least
+    return best
 
 
 def _lines(frequency: Array, P: Complex, variance: Array, share: Array | float, period: float) -> _Lines:
