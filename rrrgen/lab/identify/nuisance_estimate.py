@@ -32,11 +32,14 @@ from rrrgen.lab.identify.diagnosis.report import wording
 from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, Sample, joined_samples, sample_of
 from rrrgen.lab.identify.factoring import FittedRows, factor_recordings
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.nuisances import ALL, LARGEST_STD, UNIT, Influence, NuisanceFit, SampledMotion, Term
+from rrrgen.lab.identify.nuisances import ALL, UNIT, Influence, NuisanceFit, SampledMotion, Term
 from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
 from rrrgen.lab.identify.regressor import FullRegressor, Parametrisation, standstill
 
 CHOICES = ("zeros", "gains", "delay", "delays", "tilt", "drift")
+LARGEST_STD = {"zero": math.radians(20.0), "gain": 0.3, "delay": 0.1, "tilt": math.radians(20.0)}
+"""Prior standard deviations (rad, factor, s); a parameter that the torques tell no better is left out if the others
+explain the torques as well without it."""
 LARGEST_SHIFT_STD = 0.1  # m, of the zero of a prismatic joint
 SIGNIFICANT = 2.0  # standard deviations from zero from which on there is something to write
 PASSES = 4  # steps over all rows, from the values of the sample

@@ -13,7 +13,6 @@ beside the regressor, which tell the rank and the covariance.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -35,8 +34,6 @@ Kind = Literal["zero", "gain", "delay", "tilt", "viscous drift", "Coulomb drift"
 ALL = -1  # place of a delay that all joints share
 UNIT: dict[Kind, float] = {"delay": 0.01}
 """A common size of a parameter, in SI, where that is not 1."""
-LARGEST_STD = {"zero": math.radians(20.0), "gain": 0.3, "delay": 0.1, "tilt": math.radians(20.0)}
-"""Standard deviations (rad, factor, s) above which the torques do not tell a parameter: its prior."""
 STEP = 1e-4  # rad (m) of the central differences
 LEAST = 1e-4  # effect of a nuisance parameter on the torques, relative, below which nothing can determine it
 LARGEST_STEP: dict[Kind, float] = {"zero": 1.0, "gain": 1.0, "delay": 0.1, "ratio": 1.0}

@@ -17,7 +17,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording
 from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, Sample, solve_normal_equations
-from rrrgen.lab.identify.nuisances import ALL, LARGEST_STD, UNIT, NuisanceFit, Term
+from rrrgen.lab.identify.nuisances import ALL, UNIT, NuisanceFit, Term
 
 POSSIBLE, NAMED = 0.05, 0.10
 """Share of the held-out squares that a repair must explain. Of 74 sound sets, none reached 0.046 with t above 2."""
@@ -35,6 +35,8 @@ BEST_OF_RATIOS = 3
 OTHER_SIDE = 3.0  # median ratio beyond which data are from the other side of the gears; sound recordings have 1 to 2.4
 EXPLAINED_BY_SIDES = 0.10  # largest relative torque error that may remain
 UNCERTAIN_RATIO = 0.3  # standard deviation of a logarithm
+UNDETERMINED = {"zero": 0.5 * math.pi, "gain": 1.0}
+"""Standard deviations (rad, of the logarithm) from which on a zero or a gain could be anything."""
 MOST = 4  # largest number of faults in one recording
 MISSING = {
     "friction": ("friction", {"fv": "viscous", "fc": "coulomb"}, "friction"),
@@ -213,7 +215,7 @@ class Comparison(NuisanceFit):
         if all(term.is_linear for term in outcome.hypothesis.terms):
             return True
         std = dict(zip(outcome.values, self.deviations(outcome.values)[0], strict=True))
-        return all(std[term] < LARGEST_STD.get(term.kind, math.inf) for term in outcome.hypothesis.terms)
+        return all(std[term] < UNDETERMINED.get(term.kind, math.inf) for term in outcome.hypothesis.terms)
 
     def _rivals(self, best: Outcome, rivals: list[Outcome], after: Sequence[Outcome]) -> list[Outcome]:
         """The ``rivals`` of an accepted hypothesis that explain little once it is repaired; others are faults too."""
