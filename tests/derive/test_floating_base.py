@@ -88,8 +88,8 @@ def draw(n: int, seed: int) -> FloatingState:
 @pytest.mark.parametrize(
     ("function", "most"),
     [
-        ("floating_inverse_dynamics", 1331),
-        ("floating_mass_matrix", 637),
+        ("floating_inverse_dynamics", 1325),
+        ("floating_mass_matrix", 630),
         ("floating_regressor", 1796),
         ("floating_inverse_dynamics_from_imu", 1291),
         ("floating_regressor_from_imu", 1758),

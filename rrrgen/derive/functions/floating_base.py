@@ -32,6 +32,7 @@ from rrrgen.derive.recursions.linear_algebra import (
     dot,
     factorize,
     flat,
+    is_number,
     rows,
     scale,
     status_at,
@@ -51,9 +52,19 @@ Y_BETA = "[wrench; tau] = Y beta"
 def in_base_axes(orientation: Sequence[Any], vector: Vector) -> Vector:
     """``R' vector``: a vector (3,) in world axes, expressed in those of the base.
 
-    ``orientation`` (4,) is the unit quaternion x, y, z, w of the base in the world.
+    ``orientation`` (4,) is the unit quaternion x, y, z, w of the base in the world. A vector along an axis of the
+    world, such as gravity, needs one row of the rotation matrix only.
     """
     *axis, w = orientation
+    along = [k for k in range(3) if not is_number(vector[k], 0)]
+    if len(along) == 1:
+        (k,) = along
+        i, j = (k + 1) % 3, (k + 2) % 3
+        twice, result = 2 * vector[k], [0, 0, 0]
+        result[k] = vector[k] - twice * (axis[i] * axis[i] + axis[j] * axis[j])
+        result[i] = twice * (axis[k] * axis[i] - w * axis[j])
+        result[j] = twice * (axis[k] * axis[j] + w * axis[i])
+        return result
     across = cross(axis, vector)
     return add(vector, cross([2 * x for x in axis], subtract(across, scale(w, vector))))
 

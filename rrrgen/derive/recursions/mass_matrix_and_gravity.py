@@ -16,6 +16,7 @@ from rrrgen.derive.recursions.linear_algebra import (
     Vector,
     add,
     cross,
+    is_number,
     rotate_z,
     rotate_z_back,
     times,
@@ -120,7 +121,7 @@ def floating_mass_matrix(chain: Chain, inertias: Sequence[PseudoInertia]) -> Mat
     """
     bodies = composites(chain, inertias)
     over_rows, wrenches = _unit_accelerations(chain, bodies)
-    J = bodies[0]
+    J = _whole_body(chain, inertias[0], bodies)
     hx = [[0, -J.hz, J.hy], [J.hz, 0, -J.hx], [-J.hy, J.hx, 0]]
     tensor = [
         [J.Jyy + J.Jzz, -J.Jxy, -J.Jxz],
@@ -134,6 +135,50 @@ def floating_mass_matrix(chain: Chain, inertias: Sequence[PseudoInertia]) -> Mat
     upper = [[*own, *beside] for own, beside in zip(body, across, strict=True)]
     lower = [[*(row[k] for row in across), *joints[k]] for k in range(len(joints))]
     return upper + lower
+
+
+def _whole_body(chain: Chain, own: PseudoInertia, bodies: Sequence[PseudoInertia]) -> PseudoInertia:
+    """The composite of the whole robot: the body ``own`` of the base, and ``bodies[k]`` of the joints k that it carries.
+
+    Moving a body to the base adds products ``p h`` of an offset and a first moment. Most of them stand in the columns
+    of M as well. Those that do not are summed over all joints before they are multiplied, as the legs of many robots
+    stand at offsets of equal magnitude.
+    """
+    J = own.matrix()
+    sums: dict[tuple[int, int, Any], Any] = {}
+    for k in chain.children[0]:
+        joint = chain.joints[k]
+        axis = next((i for i in range(3) if is_number(joint.R[i][2], 1, -1)), None)
+        if joint.parallel or not joint.revolute or axis is None:
+            J = _added(J, _moved_to_base(chain, k, bodies[k]).matrix())
+            continue
+        turned = bodies[k].moved(Placement(joint.R, [0, 0, 0]))
+        T, h, p = turned.matrix(), [turned.hx, turned.hy, turned.hz], joint.p
+        for r, c in ((r, c) for r in range(3) for c in range(r, 3)):
+            twice = 2 if r == c else 1
+            for a, b in dict.fromkeys(((r, c), (c, r))):
+                if b != axis and a in (axis, b):  # the moment p x F of the force F = axis x h has this product
+                    for _ in range(twice):
+                        T[r][c] = T[r][c] + p[a] * h[b]
+                else:
+                    size = twice * abs(p[a])
+                    sums[r, c, size] = sums.get((r, c, size), 0) + (h[b] if p[a] > 0 else -h[b])
+            T[r][c] = T[r][c] + turned.m * (p[r] * p[c])
+        J = _added(J, T)
+    for (r, c, size), total in sums.items():
+        J[r][c] = J[r][c] + size * total
+    return PseudoInertia.of_matrix([[J[min(r, c)][max(r, c)] for c in range(4)] for r in range(4)])
+
+
+def _added(one: Matrix, other: Matrix) -> Matrix:
+    return [add(row, beside) for row, beside in zip(one, other, strict=True)]
+
+
+def _moved_to_base(chain: Chain, k: int, body: PseudoInertia) -> PseudoInertia:
+    """The composite ``body`` of joint k, which stands on the base, moved to the frame of the base."""
+    if chain.joints[k].parallel:
+        return body.moved(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k)))
+    return _at_joint_before(chain.joints[k], body)
 
 
 def gravity(chain: Chain, inertias: Sequence[PseudoInertia]) -> list[Any]:
