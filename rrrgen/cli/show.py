@@ -23,8 +23,10 @@ from rrrgen.cli.arguments import (
 from rrrgen.cli.html import html_option, read_motions, write_html
 from rrrgen.cli.terminal import progress_bar, say, terminal_width, with_headings
 from rrrgen.derive.parameters.listing import ParameterListing, listing
+from rrrgen.derive.recursions.loop_positions import LoopPositions
 from rrrgen.emit.html.robot_facts import data, in_words, measured, not_stated, tables
 from rrrgen.program import count_operations, evaluate_floats
+from rrrgen.robot.model import build_model
 from rrrgen.robot.model.drives import coupling_equations, motor_facts
 from rrrgen.robot.model.mechanism import mechanism_data, mechanism_equations
 
@@ -57,7 +59,8 @@ def as_text(model: DerivedModel, width: int | None = None) -> str:
     lines += ["", "Pose of the tip at q = 0, in the base frame; lengths in m"]
     pose = zero_pose(model)
     lines += [f"  {'  '.join(f'{value:10.6f}' for value in row)}" for row in pose]
-    lines += [] if pose else ["  none: a closed loop cannot be assembled there"]
+    missing = "outside the limits" if model.spec.newton else "a closed loop cannot be assembled there"
+    lines += [] if pose else [f"  none: {missing}"]
     parameters = listing(model)
     lines += ["", f"{model.b} base parameters, tau = Y(q, dq, ddq) beta"]
     lines += textwrap.wrap(parameters.statement, width or 118, initial_indent="  ", subsequent_indent="  ")
@@ -129,13 +132,19 @@ def _described_inverse_kinematics(found: InverseForm | str | None) -> dict[str, 
 def zero_pose(model: DerivedModel) -> list[list[float]]:
     """The pose (4, 4) of the tip at q = 0 in the base frame, with round-off below 1e-15 set to 0.
 
-    Empty if a closed loop cannot be assembled there.
+    Empty if a closed loop cannot be assembled there, or, solved by Newton's method, starts elsewhere.
     """
-    if model.spec.loops:
-        *_, (status,) = evaluate_floats(model.programs["closed_loops"], [0.0] * model.spec.n)
+    at: tuple[list[float], ...] = ([0.0] * model.spec.n,)
+    if model.spec.newton:
+        loops = LoopPositions(build_model(model.spec))
+        if any(loops.drives):  # followed from the start within the limits, outside of which zero is
+            return []
+        at = (*at, loops.start)
+    elif model.spec.loops:
+        *_, (status,) = evaluate_floats(model.programs["closed_loops"], *at)
         if status:
             return []
-    (T,) = evaluate_floats(model.programs["forward_kinematics"], [0.0] * model.spec.n)
+    (T,) = evaluate_floats(model.programs["forward_kinematics"], *at)
     return [[0.0 if abs(x) < 1e-15 else x for x in T[4 * i : 4 * i + 4]] for i in range(4)]
 
 

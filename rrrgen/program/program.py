@@ -40,6 +40,7 @@ class Role(Enum):
     ORIENTATION = "orientation"  # of a floating base, a quaternion x, y, z, w
     TWIST = "twist"  # of a floating base, linear part first, in base axes
     TWIST_RATE = "twist rate"  # the time derivative of its components
+    LOOPS = "passive positions"  # of loops that Newton's method solves, known before the call
     PAYLOAD = "payload"  # its mass, centre of mass, inertia, or the pose of its frame
     WRENCH = "wrench"  # on a floating base, force first, about its origin, in base axes
     OTHER = "other"

@@ -48,6 +48,9 @@ def identify(spec: RobotSpec) -> Identity:
         del robot["mechanism"]
     elif not spec.loops:
         del robot["mechanism"]["loops"]
+    elif not spec.newton:
+        for loop in robot["mechanism"]["loops"]:
+            del loop["start"]
     for joint in robot["joints"]:
         for key in ("stiffness", "damping"):
             if joint["drive"] is not None and joint["drive"][key] is None:

@@ -276,13 +276,16 @@ class LoopSpec:
 
     ``passive`` are the two rows without drive whose displacements the pin determines, in the order of the table.
     ``pins`` are two links, each by its row (-1: the base), and the place of the pin in the axes of its link frame (3,),
-    m. ``assembly`` is +1 or -1: which of the two ways to assemble the loop.
+    m. ``assembly`` is +1 or -1: which of the two ways to assemble the loop. With a ``start`` the loop is solved by
+    Newton's method instead of in closed form: the displacements of both passive rows, rad or m, near which it is
+    assembled where the drives stand at the positions next to zero within their limits; ``assembly`` then is 0.
     """
 
     name: str
     passive: tuple[int, int]
     pins: tuple[tuple[int, tuple[sp.Expr, sp.Expr, sp.Expr]], tuple[int, tuple[sp.Expr, sp.Expr, sp.Expr]]]
     assembly: int
+    start: tuple[sp.Expr, sp.Expr] | None = None
 
 
 @dataclass(frozen=True)
@@ -480,6 +483,11 @@ class RobotSpec:
     def loops(self) -> tuple[LoopSpec, ...]:
         """The closed loops of the mechanism."""
         return () if self.mechanism is None else self.mechanism.loops
+
+    @property
+    def newton(self) -> bool:
+        """Whether the closed loops are solved by Newton's method, all together."""
+        return any(loop.start is not None for loop in self.loops)
 
     @property
     def tip_row(self) -> int:

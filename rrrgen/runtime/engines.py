@@ -31,9 +31,17 @@ class Engine(Protocol):
     ``name`` is "c" or "numpy", ``dtype`` the type of all numbers; up to ``threads`` threads share one batch of states.
     """
 
-    name: ClassVar[EngineName]
-    dtype: np.dtype[Any]
     threads: int
+
+    @property
+    def name(self) -> EngineName:
+        """The kind of engine."""
+        ...
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type of all numbers."""
+        ...
 
     def call(self, name: str, values: Sequence[Any]) -> Sequence[Array]:
         """Check ``values`` (one per input port) and evaluate the program ``name``.

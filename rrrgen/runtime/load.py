@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,6 +48,10 @@ def load_model(
     if backend == "numpy" and real != "double":
         raise ValueError("the NumPy backend computes in double only")
     engine: Engine = NumpyEngine(derived.programs) if backend == "numpy" else _compiled(derived, identity, real)
+    if derived.spec.newton:
+        from rrrgen.runtime.loop_positions import FollowedLoops, LoopEngine
+
+        engine = LoopEngine(engine, derived.programs, cache(partial(FollowedLoops, derived.spec)))
     return Model(derived, engine, closed_form, compiled)
 
 

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from rrrgen.ik.results import IKBatch, IKResult
     from rrrgen.robot.model.mechanism import TipArm
     from rrrgen.runtime.controller import Controller
+    from rrrgen.runtime.loop_positions import LoopEngine
 
 
 class Model(
@@ -125,6 +126,66 @@ class Model(
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.threads = state["threads"]
+
+    # -- loops that Newton's method solves -------------------------------------------------------------------------
+
+    def at_loops(self, loop_q: ArrayLike) -> Model:
+        """The same model with the passive joints at ``loop_q``, for a robot whose loops Newton's method solves.
+
+        ``loop_q, _ = m.solve_loops(q, q_last, loop_q); tau = m.at_loops(loop_q).inverse_dynamics(q, dq, ddq)``. Without
+        it, functions follow the passive joints from the start of the robot file along a straight line in q, which takes
+        far longer.
+
+        Args:
+            loop_q: positions of the passive joints at the q of the calls, (p,) or (..., p), rad or m, in the order of
+                :attr:`loop_joint_names`.
+
+        Returns:
+            The model, which shares all code with this one.
+
+        Raises:
+            ValueError: no loop of the robot file has ``solve: newton``.
+        """
+        return self._at_loops(self._loop_engine("at_loops").at(np.asarray(loop_q)))
+
+    def loop_positions(self, q: ArrayLike) -> Array:
+        """The positions of the passive joints at ``q``, of a robot whose loops Newton's method solves.
+
+        They are followed from the start of the robot file along a straight line in q, and are those of the same way to
+        assemble the loops unless it passes a dead point. Where the loops cannot be assembled the result is finite, and
+        ``closed_loops`` reports it.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+
+        Returns:
+            Positions (..., p), rad or m, in the order of :attr:`loop_joint_names`.
+
+        Raises:
+            ValueError: no loop of the robot file has ``solve: newton``.
+        """
+        return self._loop_engine("loop_positions").followed().at(q)
+
+    @property
+    def loop_joint_names(self) -> tuple[str, ...]:
+        """The names of the passive joints of closed loops, in the order of the loops."""
+        passive = () if self.spec.mechanism is None else self.spec.mechanism.passive
+        return tuple(self.spec.rows[row].name for row in passive)
+
+    def _loop_engine(self, function: str) -> LoopEngine:
+        from rrrgen.runtime.loop_positions import LoopEngine
+
+        if not isinstance(self.engine, LoopEngine):
+            raise ValueError(f"{function}: no loop of the robot file has solve: newton")
+        return self.engine
+
+    def _at_loops(self, engine: LoopEngine) -> Model:
+        """The same model with ``engine``, whose passive joints further compiled functions take too."""
+
+        def compiled(*args: Any, **options: Any) -> Model:
+            return self._compiler()(*args, **options).at_loops(engine.loop_q)
+
+        return Model(self.derived, engine, self._closed_form, compiled)
 
     # -- inverse kinematics --------------------------------------------------------------------------------------
 
@@ -362,6 +423,8 @@ class Model(
         model = self._with(name)
         chosen, parameters = model._chosen(name, beta, Ia)
         known = {"gravity": self.nominal_gravity, **{key: np.asarray(value) for key, value in parameters.items()}}
+        if self.spec.newton:
+            known["loop_q"] = self._loop_engine("bind").followed().start
         return BoundFunction(model.derived.programs[chosen], model.engine, known)
 
     def controller(

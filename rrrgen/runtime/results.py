@@ -43,6 +43,16 @@ class ClosedLoops(NamedTuple):
     sine: NDArray[Any]
 
 
+class LoopPositions(NamedTuple):
+    """Positions ``loop_q`` (..., p) of the passive joints of closed loops, rad or m, and the largest ``gap`` (...), m.
+
+    The gap is that of a pin, along an axis of the plane of its loop.
+    """
+
+    loop_q: NDArray[Any]
+    gap: NDArray[Any]
+
+
 class FloatingForces(NamedTuple):
     """Force (N) and moment (N m) on a floating base, ``wrench`` (..., 6), and joint torques ``tau`` (..., n)."""
 

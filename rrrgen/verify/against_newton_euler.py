@@ -82,6 +82,10 @@ def _check_floating_tip(model: Model, ne: NewtonEuler, tip: str, s: States, chec
     check(f"{prefix}floating_jacobian_dot_dq", found, acceleration, scale=scale)
 
 
+TICK = 1e-3
+"""Period, s, after which loops are solved anew."""
+
+
 def check_loops(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances, rows: Collector) -> None:
     """Compare the passive joints of closed loops and their rates with a numerical solution of the loops."""
     if ne.loops is None:
@@ -94,6 +98,10 @@ def check_loops(model: Model, ne: NewtonEuler, s: States, tolerances: Tolerances
     check("closed_loops: passive", lambda: model.closed_loops(s.q).passive, turned)
     check("closed_loops: W", lambda: model.closed_loops(s.q).W, rates)
     check("closed_loops: sine", lambda: model.closed_loops(s.q).sine, ne.loops.sines(x))
+    if ne.chain.loops[0].start:
+        q_last = s.q - TICK * s.dq
+        last = ne.loops.solve(q_last)[0][:, n:]
+        check("solve_loops", lambda: model.solve_loops(s.q, q_last, last).loop_q, y)
 
 
 def _at(model: Model, name: str, q: Array) -> Array:

@@ -151,3 +151,69 @@ tip: leaf
     + links(8)
 )
 """A slider-crank on a column, and a cylinder between its crank and its slider; a stage and a leaf follow both."""
+
+_NEWTON = "    solve: newton\n    start: {{{0}: {1}, {2}: {3}}}\n"
+
+SIX_BAR = (
+    _HEAD.format(name="six_bar", convention="modified")
+    + """\
+gravity: [0, -9.81, 0]
+joints:
+  - {name: crank, type: revolute, alpha: 0, a: 0, d: 0}
+  - {name: coupler, type: revolute, alpha: 0, a: 0.2, d: 0}
+  - {name: rocker, type: revolute, alpha: 0, a: 0.5, d: 0, parent: base}
+  - {name: link, type: revolute, alpha: 0, a: 0.35, d: 0, parent: coupler}
+  - {name: leaf, type: revolute, alpha: 0, a: 0.7, d: 0, parent: base}
+loops:
+  first:
+    passive: [coupler, rocker]
+    pins: {coupler: [0.6, 0, 0], rocker: [0.4, 0, 0]}
+    assembly: +1
+  second:
+    passive: [link, leaf]
+    pins: {link: [0.5, 0, 0], leaf: [0.45, 0, 0]}
+    assembly: +1
+tip: link
+tool: {translation: [0.3, 0.2, 0]}
+"""
+    + links(5)
+)
+"""A four-bar, and a second loop from its coupler to the base: two dyads, one after the other."""
+
+SIX_BAR_BY_NEWTON = SIX_BAR.replace("    assembly: +1\n", _NEWTON.format("coupler", 40, "rocker", 60), 1).replace(
+    "    assembly: +1\n", _NEWTON.format("link", -15, "leaf", 55)
+)
+"""The same mechanism, assembled as there, solved by Newton's method."""
+
+COUPLED = (EXAMPLES / "linkages" / "six_bar.yaml").read_text(encoding="utf-8")
+"""A six-bar whose drive is its last link: no order of dyads solves it."""
+
+TOGGLE = (
+    _HEAD.format(name="toggle", convention="modified").replace("length: m", "length: mm")
+    + """\
+gravity: [1, -2, -9.81]
+joints:
+  - {name: yaw, type: revolute, alpha: 0, a: 0, d: 200}
+  - {name: crank, type: revolute, alpha: 90, a: 50, d: 20, limits: {lower: 20, upper: 100}, drive: {inertia: 0.1}}
+  - {name: coupler, type: revolute, alpha: 0, a: 200, d: 0, sign: -1}
+  - {name: rocker, type: revolute, alpha: 90, a: 550, d: 0, theta: 20, parent: yaw}
+  - {name: link, type: revolute, alpha: 0, a: 350, d: 10, parent: coupler}
+  - {name: ram, type: prismatic, alpha: 0, a: 900, theta: 0, parent: yaw}
+  - {name: leaf, type: revolute, alpha: 40, a: 100, d: 0, parent: link, follows: {link: 1/2, crank: -1}}
+loops:
+  first:
+    passive: [coupler, rocker]
+    pins: {coupler: [600, 0, 0], rocker: [400, 0, 0]}
+    solve: newton
+    start: {coupler: -20, rocker: 80}
+  second:
+    passive: [link, ram]
+    pins: {link: [500, 0, 0], ram: [0, 0, 0]}
+    solve: newton
+    start: {link: -30, ram: 400}
+tip: leaf
+tool: {translation: [30, 20, 0]}
+"""
+    + links(7).replace("[0.", "[")
+)
+"""A toggle press on a column, in mm: a four-bar, and a ram that its coupler moves; a leaf follows the link by half."""

@@ -36,7 +36,7 @@ shutil.copytree(ROOT / "examples/trees", "examples/trees")
     "linkages": """
 import shutil
 from pages.test_pages import ROOT
-for name in ("palletiser", "excavator", "press"):
+for name in ("palletiser", "excavator", "press", "linkages"):
     shutil.copytree(ROOT / "examples" / name, f"examples/{name}")
 """,
     "second-derivatives": "",
@@ -70,6 +70,7 @@ assert np.abs(ca.Function("H", [x, weights], [H])(at, w).full() - expected).max(
 assert tau.shape == (4,) and abs(m.forward_kinematics([0.2, 0.3, 0.8, 0.1])[2, 2] + 1) < 1e-12
 x, y = 2.6 * np.cos(q[1]) - 0.55 * np.sin(q[1]) - 0.5, 2.6 * np.sin(q[1]) + 0.55 * np.cos(q[1]) + 0.45
 assert abs(length[0] - np.hypot(x, y)) < 1e-12 and 1e5 < force[0] < 2e5
+assert gap < 1e-14 and torque.shape == (1,)
 assert abs(passive[1, 0] - 0.28 * np.sin(np.arccos(0.05 / 0.28))) < 1e-12 and abs(W[1, 0] + 0.06) < 1e-12
 """,
     "trees": """

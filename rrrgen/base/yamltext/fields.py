@@ -23,6 +23,7 @@ Kind = Literal[
     "transforms",
     "pair",
     "points",
+    "displacements",
     "value",
     "vector",
     "matrix",

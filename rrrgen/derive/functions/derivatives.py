@@ -141,11 +141,32 @@ def differentiated(r: Recording, inverse_dynamics: Program) -> Program:
 
     Cheaper than the recursion if that program is short.
     """
-    derivatives = jacobian(inverse_dynamics, "tau", ("q", "dq", "ddq"))
     outputs = _derivative_ports(r)
+    if inverse_dynamics.takes(Role.LOOPS):
+        return _through_newton(r, jacobian(inverse_dynamics, "tau", ("q", "loop_q", "dq", "ddq")), outputs)
+    derivatives = jacobian(inverse_dynamics, "tau", ("q", "dq", "ddq"))
     return derivatives.described(
         name="inverse_dynamics_derivatives", outputs=outputs, summary=SUMMARY, formula=FORMULA, notes=()
     )
+
+
+def _through_newton(r: Recording, derivatives: Program, outputs: Sequence[Port]) -> Program:
+    """Add the motion ``loop_q' = W q'`` of the passive joints to derivatives by q that hold them."""
+    loops = r.chain_in_gravity("dq", "ddq").loops
+    assert loops is not None
+    r.joints("dq"), r.joints("ddq")
+    if derivatives.takes(Role.BASE_PARAMETERS):
+        r.beta()
+    tau, by_q, by_loops, by_dq, by_ddq = replay(derivatives, r.builder, r.inputs_of(derivatives))
+    columns = list(zip(*loops.W, strict=True))
+    passive = len(loops.W)
+    dtau_dq = [
+        by_q[i * r.n + j] + dot(by_loops[i * passive : (i + 1) * passive], columns[j])
+        for i in range(r.n)
+        for j in range(r.n)
+    ]
+    results = list(zip(outputs, (tau, dtau_dq, by_dq, by_ddq), strict=True))
+    return r.builder.program("inverse_dynamics_derivatives", results, SUMMARY, FORMULA)
 
 
 def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:

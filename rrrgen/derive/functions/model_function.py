@@ -29,6 +29,7 @@ class Needs(Enum):
     TIP_POSITION = "joints that move the position of the tip"
     TIP_POSE = "joints that move the position of the tip, and joints that turn it"
     LOOPS = "closed loops"
+    NEWTON = "closed loops that Newton's method solves"
     SHARED_JOINTS = "a named tip that shares joints with others"
 
 

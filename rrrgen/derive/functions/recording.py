@@ -154,6 +154,8 @@ class Recording:
         An input has the value that ``known`` holds for its role, otherwise that of the input with this role declared
         here.
         """
+        if program.takes(Role.LOOPS):
+            self.loop_positions()
         values = {**self._declared, **(known or {})}
         return [values[port.role] for port in program.inputs]
 
@@ -166,9 +168,17 @@ class Recording:
         """The input ``name`` of a floating base, one of :data:`BASE_ROLES`; declared when first asked for."""
         return self._declared.get(BASE_ROLES[name]) or self._input(self.port(name))
 
+    def positions(self) -> list[Value]:
+        """The input q (n,) and, behind it, that of the passive joints of loops that Newton's method solves."""
+        return [*self.joints("q"), *(self.loop_positions() if self.model.spec.newton else ())]
+
+    def loop_positions(self) -> list[Value]:
+        """The input loop_q (p,), positions of passive joints that close the loops; declared when first asked for."""
+        return self._declared.get(Role.LOOPS) or self._input(loop_port(self, "loop_q", LOOP_Q, Role.LOOPS))
+
     def chain(self) -> Chain:
         """Declare q as an input and return the chain at q, in the gravity of the robot file."""
-        return program_chain(self.model, self.builder, self.constant, self.joints("q"))
+        return program_chain(self.model, self.builder, self.constant, self.positions())
 
     def chain_in_gravity(self, *rates: str) -> Chain:
         """The chain at the input q, for a function that depends on gravity; ``rates`` are its further joint vectors.
@@ -177,8 +187,9 @@ class Recording:
         """
         if not self.model.spec.gravity_input:
             return self.chain()
-        q, *_ = [self.joints(name) for name in ("q", *rates)]
-        return program_chain(self.model, self.builder, self.constant, q, self.gravity())
+        for name in ("q", *rates):
+            self.joints(name)
+        return program_chain(self.model, self.builder, self.constant, self.positions(), self.gravity())
 
     def chain_at(self, q: Sequence[Value], *rates: str) -> Chain:
         """The chain at positions ``q`` (n,) other than the input q, for a function that depends on gravity.
@@ -253,6 +264,18 @@ class Recording:
         """The drive inertias Ia, the last elements of beta, and their directions; declares beta if there are any."""
         values = self.beta()[-self.drives :] if self.drives else ()
         return DriveInertia(values, directions(self.model.spec))
+
+
+LOOP_Q = "positions of the passive joints, which close the loops at q"
+
+
+def loop_port(r: Recording, name: str, meaning: str, role: Role = Role.OTHER) -> Port:
+    """A port of positions (p,) of the passive joints, in the order of the loops."""
+    assert r.model.spec.mechanism is not None
+    rows = [r.model.spec.rows[row] for row in r.model.spec.mechanism.passive]
+    kinds = [row.is_revolute for row in rows]
+    unit = "rad" if all(kinds) else "m" if not any(kinds) else "rad | m"
+    return Port(name, (len(rows),), unit, "", f"{meaning}: {', '.join(row.name for row in rows)}", role)
 
 
 def drive_inertia_meaning(spec: RobotSpec) -> str:

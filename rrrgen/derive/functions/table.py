@@ -17,6 +17,7 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.derive.functions.model_function import ModelFunction, Needs, about_tip
 from rrrgen.derive.functions.quantities import ArgumentKind, like
 from rrrgen.program import Op, Program
+from rrrgen.robot.model.mechanism import refuse_newton
 
 if TYPE_CHECKING:
     from rrrgen.derive.functions.recording import Recorder, Recording
@@ -1036,6 +1037,30 @@ TABLE = (
         absent="the robot file states no loops",
     ),
     ModelFunction(
+        "solve_loops",
+        "loops",
+        "Positions of the passive joints at ``q`` by two steps of Newton's method, from those at ``q_last``.",
+        takes="q q_last loop_q_last",
+        where=(
+            ArgumentKind("q_last", "n", "rad | m", "joint positions of the last call"),
+            ArgumentKind("loop_q_last", "p", "rad | m", "positions of the passive joints there", note=", its result"),
+        ),
+        returns="The named tuple (loop_q, gap): positions of the passive joints, (..., p), in the order of the loops, "
+        "and the largest gap of a pin that is left, (...), m. The status, (...), is 0; 1 where the loops are near a "
+        "dead point or have passed one, 2 where the gap exceeds 1e-6 of their lengths.",
+        record=f"{LOOPS}:solve_loops",
+        details="The loops are assembled as at ``q_last``. With status 2 they cannot be assembled at ``q``, or "
+        "``q_last`` is too far away.",
+        raises=(
+            ("numpy.linalg.LinAlgError", "the loops are near a dead point, and ``with_status`` is False."),
+            ("ValueError", "the loops are not solved at some state, and ``with_status`` is False."),
+        ),
+        result="LoopPositions",
+        status=True,
+        needs=Needs.NEWTON,
+        absent="no loop of the robot file has solve: newton",
+    ),
+    ModelFunction(
         "floating_inverse_dynamics",
         "floating",
         "Wrench on the floating base and joint torques, without friction.",
@@ -1330,6 +1355,10 @@ GROUPS = {
 }
 """The groups of functions, and what they are for."""
 
+WITH_NEWTON = ("model", "loops", "floating", "friction", "points", "trajectory")
+"""The groups that robots have whose closed loops are solved by Newton's method: their functions are about one position
+at most. Second derivatives would need those of the positions of the passive joints."""
+
 ARGUMENT_ORDER = 2
 """Version of the order of arguments in emitted code. It is raised with every change of an order, since C accepts many
 old calls: pointers look alike. In version 1 parameters of the robot file stood before gains, width and period."""
@@ -1371,6 +1400,8 @@ def exists(function: ModelFunction, spec: RobotSpec) -> bool:
         return False
     if function.needs is Needs.LOOPS and not spec.loops:
         return False
+    if function.needs is Needs.NEWTON and not spec.newton:
+        return False
     if not function.suits(spec.n):
         return False
     if function.needs is Needs.SHARED_JOINTS:
@@ -1397,6 +1428,10 @@ def functions_for(spec: RobotSpec, groups: Sequence[str], part: Part = "all") ->
 
     Raises DerivationError if a group has functions for robots with fewer joints alone.
     """
+    if spec.newton:
+        for group in groups:
+            if group not in WITH_NEWTON:
+                refuse_newton(spec, f"the group {group}")
     for function in TABLE:
         if function.group in groups and 0 < function.most_joints < spec.n:
             raise DerivationError(f"{function.group} of {spec.name}, {spec.n} joints: {function.absent}")

@@ -30,7 +30,7 @@ import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
 from rrrgen.base.errors import InternalError
-from rrrgen.derive.parameters.loop_dependencies import Dependency, loop_dependencies
+from rrrgen.derive.parameters.loop_dependencies import Dependency, loop_dependencies, numerical_dependencies
 from rrrgen.derive.recursions.following_joints import Turning, UnitAngles
 from rrrgen.derive.recursions.link_frames import (
     Chain,
@@ -98,6 +98,8 @@ def find_dependencies(
     """
     if not candidates:
         return []
+    if model.spec.newton:
+        return numerical_dependencies(model, candidates, seed)
     if model.closures:
         return loop_dependencies(model, candidates, partial(sampled_rows, model), seed)
     dependencies = _from_the_left(model, ring, candidates, seed)

@@ -44,6 +44,12 @@ class PrintedParameter:
     nominal: float | None
 
 
+_NUMERICAL = (
+    "Which parameters are identifiable, and the factors, are numerical results: rank and solutions of the regressor in "
+    "numbers of 60 digits, at states of loops that Newton's method solves."
+)
+
+
 @dataclass(frozen=True)
 class ParameterListing:
     """The base parameters of one robot (``rows``), and its ``drives``, the drive inertias.
@@ -76,6 +82,7 @@ def listing(model: ParametrizedRobot) -> ParameterListing:
     sentences = [LINK_PARAMETERS]
     sentences += [_CONVERTED] if positive else []
     sentences += [_REGROUPED] if spec.basis is None else []
+    sentences += [_NUMERICAL] if spec.newton else []
     nominal = model.beta_nominal
     values = [None] * model.b if nominal is None else [float(value) for value in nominal]
     rows = zip(model.base_parameters, values, strict=True)

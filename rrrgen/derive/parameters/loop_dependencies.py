@@ -9,6 +9,10 @@ relation is confirmed at independent states in the field or, for decimals, in nu
 
 Both signs of a root belong to one irreducible equation, so the relations hold for both ways to assemble a loop. A
 parallelogram, whose equation is reducible, is refused where the robot file is read.
+
+Loops that Newton's method solves have no positions in the field. Their relations are numerical: rank and factors are
+those of the regressor in numbers of 60 digits, at states along a random walk from the start of the robot file. Factors
+that are fractions of few digits there are written as such, others with 40 digits.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import combinations
 from random import Random
 from typing import Any
@@ -25,6 +30,8 @@ import sympy as sp
 
 from rrrgen.base.errors import DerivationError, InternalError
 from rrrgen.derive.recursions.link_frames import PRECISE, Chain, ResidueConstants, exact_constants, precise_chain
+from rrrgen.derive.recursions.loop_positions import LoopPositions, parts_of
+from rrrgen.derive.recursions.loops import NewtonLoops
 from rrrgen.derive.recursions.regressor import Parameter, regressor
 from rrrgen.program.finite_field import PRIME, Residue, row_echelon
 from rrrgen.robot.model import RobotModel
@@ -49,6 +56,18 @@ SAME = mpmath.mpf(10) ** -35
 
 DIGITS = 40
 """Digits of factors that are no fractions."""
+
+
+DEPENDENT = mpmath.mpf(10) ** -30
+"""Part of a column, relative to its length, that is no combination of others if it is larger: in numbers of 60 digits
+dependent columns leave 1e-45 and less."""
+
+SMALL_DENOMINATOR = 10**12
+"""Largest denominator of a factor in numbers of 60 digits that counts as a fraction: one random number in 10^20 is
+that near to one."""
+
+STROLL = 0.4
+"""Longest step, rad or m, of the random walk over the states of loops that Newton's method solves."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +107,97 @@ def loop_dependencies(model: RobotModel, candidates: list[Parameter], rows: Rows
             found.append(Dependency(candidates[column], {k: factor for k, (factor, _) in factors.items()}))
             if not all(exact for _, exact in factors.values()):
                 decimal.append(found[-1])
-        _confirm_decimals(model, candidates, decimal, random)
+        _confirm_decimals(candidates, decimal, partial(_regressor, model, random))
     exact = [each for each in found if each not in decimal]
     _confirm_exactly(candidates, exact, rows(candidates, seed + 1, FURTHER_STATES))
     return found
+
+
+def numerical_dependencies(model: RobotModel, candidates: list[Parameter], seed: int) -> list[Dependency]:
+    """The ``candidates`` whose column depends on those before it, for loops that Newton's method solves.
+
+    Raises DerivationError where the loops cannot be assembled at their start.
+    """
+    with mpmath.workdps(PRECISE):
+        walk = _Walk(model, Random(seed))
+        rows: list[list[Any]] = []
+        for _ in range(len(candidates) + FURTHER_STATES):
+            rows += walk.rows(candidates)
+        basis: list[tuple[int, list[Any]]] = []  # the independent columns, orthogonal to those before them
+        dependent = []
+        for column in range(len(candidates)):
+            whole = [row[column] for row in rows]
+            rest, size = whole, mpmath.sqrt(mpmath.fdot(whole, whole))
+            for _ in range(2):  # the second time against the round-off of the first
+                for _, unit in basis:
+                    along = mpmath.fdot(unit, rest)
+                    rest = [x - along * y for x, y in zip(rest, unit, strict=True)]
+            length = mpmath.sqrt(mpmath.fdot(rest, rest))
+            if length > DEPENDENT * size:
+                basis.append((column, [x / length for x in rest]))
+            else:
+                dependent.append(column)
+        places = [column for column, _ in basis]
+        kept = [candidates[column] for column in places]
+        A = mpmath.matrix([[row[column] for column in places] for row in rows])
+        inverse = mpmath.inverse(A.T * A) if kept else None
+        found = []
+        for column in dependent:
+            factors: dict[Parameter, sp.Expr] = {}
+            if inverse is not None:
+                solution = inverse * (A.T * mpmath.matrix([row[column] for row in rows]))
+                factors = {k: _rounded(v) for k, v in zip(kept, solution, strict=True) if abs(v) > DEPENDENT}
+            found.append(Dependency(candidates[column], factors))
+        _confirm_decimals(candidates, found, walk.rows)
+    return found
+
+
+def _rounded(value: Any) -> sp.Expr:
+    """The fraction of few digits that ``value`` is, or its first 40 digits."""
+    fraction = _exact(value).limit_denominator(SMALL_DENOMINATOR)
+    if abs(value - mpmath.mpf(fraction.numerator) / fraction.denominator) < SAME * (1 + abs(value)):
+        return sp.Rational(fraction.numerator, fraction.denominator)
+    return sp.Rational(mpmath.nstr(value, DIGITS))
+
+
+class _Walk:
+    """A random walk of the drives within their limits, at which the loops are assembled and away from dead points."""
+
+    def __init__(self, model: RobotModel, random: Random) -> None:
+        self._model, self._random, self._loops = model, random, LoopPositions(model)
+        self._at, self._passive = list(self._loops.drives), self._loops.start
+        limits = [joint.limits for joint in model.spec.joints]
+        self._ends = [
+            (-REACH if each.lower is None else each.lower, REACH if each.upper is None else each.upper)
+            for each in limits
+        ]
+
+    def rows(self, columns: list[Parameter]) -> list[list[Any]]:
+        """Rows of the regressor, in numbers of 60 digits, at the next state."""
+        self._step()
+        positions = [mpmath.mpf(v) for v in (*self._at, *self._passive)]
+        for _ in range(PRECISE // 8):  # digits double with every step
+            chain = precise_chain(self._model, positions)
+            assert isinstance(chain.loops, NewtonLoops)
+            if max(map(abs, chain.loops.gaps)) < mpmath.mpf(10) ** (4 - PRECISE) * mpmath.sqrt(chain.loops.scale):
+                break
+            positions = [*positions[: self._model.n], *chain.loops.step()]
+        dq, ddq = ([mpmath.mpf(self._random.uniform(-1, 1)) for _ in range(self._model.n)] for _ in range(2))
+        return regressor(chain, dq, ddq, columns)
+
+    def _step(self) -> None:
+        for _ in range(DRAWS):
+            moved = [x + self._random.uniform(-STROLL, STROLL) for x in self._at]
+            target = [min(max(x, low), high) for x, (low, high) in zip(moved, self._ends, strict=True)]
+            parts = parts_of(max(abs(x - y) for x, y in zip(target, self._at, strict=True)))
+            passive = self._loops.moved(target, self._passive, self._at, parts)
+            loops = self._loops.loops([*target, *passive])
+            same_side = loops.sine * self._loops.loops([*self._at, *self._passive]).sine > 0
+            if same_side and loops.sine**2 > CLEAR and self._loops.gap(target, passive) < 1e-9:
+                self._at, self._passive = target, passive
+                return
+        names = ", ".join(loop.name for loop in self._model.spec.loops)
+        raise DerivationError(f"{self._model.spec.name}: {names} cannot leave their start without passing a dead point")
 
 
 def _solved(model: RobotModel, kept: list[Parameter], dependent: list[Parameter], random: Random) -> list[list[Any]]:
@@ -101,13 +207,13 @@ def _solved(model: RobotModel, kept: list[Parameter], dependent: list[Parameter]
         return [[] for _ in dependent]
     rows: list[list[Any]] = []
     for _ in range(count + FURTHER_STATES):
-        rows += _regressor(model, [*kept, *dependent], random)
+        rows += _regressor(model, random, [*kept, *dependent])
     A = mpmath.matrix([row[:count] for row in rows])
     inverse = mpmath.inverse(A.T * A)
     return [list(inverse * (A.T * mpmath.matrix([row[count + k] for row in rows]))) for k in range(len(dependent))]
 
 
-def _regressor(model: RobotModel, columns: list[Parameter], random: Random) -> list[list[Any]]:
+def _regressor(model: RobotModel, random: Random, columns: list[Parameter]) -> list[list[Any]]:
     """Rows of the regressor at a random state at which all loops are assembled, away from their dead points."""
     chain = _assembled(model, random)
     dq, ddq = ([mpmath.mpf(random.uniform(-1, 1)) for _ in range(model.n)] for _ in range(2))
@@ -152,11 +258,16 @@ def _confirm_exactly(candidates: list[Parameter], found: list[Dependency], rows:
                 raise InternalError(f"a relation found for {dependency.parameter} does not hold in general")
 
 
-def _confirm_decimals(model: RobotModel, candidates: list[Parameter], found: list[Dependency], random: Random) -> None:
-    """Raise InternalError unless every relation holds at states that were not used to find it, in 60 digits."""
+def _confirm_decimals(
+    candidates: list[Parameter], found: list[Dependency], rows: Callable[[list[Parameter]], list[list[Any]]]
+) -> None:
+    """Raise InternalError unless every relation holds at states that were not used to find it, in 60 digits.
+
+    ``rows`` gives those of some columns of the regressor at a further state.
+    """
     place = {parameter: k for k, parameter in enumerate(candidates)}
     for _ in range(FURTHER_STATES if found else 0):
-        for row in _regressor(model, candidates, random):
+        for row in rows(candidates):
             for dependency in found:
                 factors = {place[k]: mpmath.mpf(v.evalf(PRECISE)) for k, v in dependency.combination.items()}
                 rest = row[place[dependency.parameter]] - sum(row[k] * v for k, v in factors.items())

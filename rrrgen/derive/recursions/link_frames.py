@@ -30,7 +30,7 @@ from rrrgen.derive.recursions.following_joints import (
     over_joints,
 )
 from rrrgen.derive.recursions.linear_algebra import Matrix, Vector
-from rrrgen.derive.recursions.loops import Arithmetic, SolvedLoops
+from rrrgen.derive.recursions.loops import Arithmetic, NewtonLoops, SolvedLoops
 from rrrgen.program import Builder, Port, Role, Value
 from rrrgen.program.builder import Number, plain
 from rrrgen.program.finite_field import PRIME, Residue, square_root
@@ -162,7 +162,8 @@ def build_chain(
 
     ``constant`` converts exact constants, ``trig`` gives the cosine and sine of block angles, ``q`` (n,) the
     displacements of prismatic joints (m), ``gravity`` (3,) the acceleration of gravity (m/s^2) in the base frame, by
-    default the constant of the robot file. ``arithmetic`` solves closed loops, if there are any.
+    default the constant of the robot file. ``arithmetic`` solves closed loops, if there are any. Where Newton's method
+    solves them, the positions of the passive joints stand behind those in ``q``, also for ``trig``.
     """
 
     def placement(R: sp.MatrixBase, p: sp.MatrixBase) -> Placement:
@@ -172,17 +173,20 @@ def build_chain(
     coupling = None
     if model.coupling is not None:
         coupling = [[constant(factor) for factor in row] for row in model.coupling[: len(model.joints)]]
-    loops = None
+    loops: SolvedLoops | None = None
     if model.closures:
         if arithmetic is None:
             raise InternalError("closed loops are solved in numbers that have square roots")
-        loops = SolvedLoops(model.closures, q, partial(_through_loops, trig), arithmetic)
+        if model.spec.newton:
+            loops = newton_loops(model, trig, q, arithmetic)
+        else:
+            loops = SolvedLoops(model.closures, q, partial(_through_loops, trig), arithmetic)
     slides = over_joints(coupling, loops.positions if loops else q)
     joints = []
     for i, (joint, turning, angle) in enumerate(
         zip(model.joints, block_turnings(model), block_angles(model), strict=True)
     ):
-        if loops is not None:
+        if loops is not None and not model.spec.newton:
             c, s = _through_loops(
                 trig, loops, tuple(dict(turning).get(k, sp.S.Zero) for k in range(model.coordinates)), angle
             )
@@ -200,6 +204,19 @@ def build_chain(
         coupling=coupling,
         loops=loops,
     )
+
+
+def newton_loops(model: RobotModel, trig: Trig, positions: Sequence[Any], arithmetic: Arithmetic) -> NewtonLoops:
+    """The loops of ``model`` at the ``positions`` (n + p,) of its drives and passive joints, which need not close them.
+
+    ``trig`` and ``arithmetic`` are those of :func:`build_chain`.
+    """
+
+    def of_form(form: Form, angle: sp.Expr) -> tuple[Any, Any]:
+        turning = tuple((k, factor) for k, factor in enumerate(form) if factor != 0)
+        return trig(turning, angle) if turning or angle != 0 else (1, 0)
+
+    return NewtonLoops(model.closures, positions, model.n, of_form, arithmetic)
 
 
 def _through_loops(trig: Trig, loops: SolvedLoops, form: Form, angle: sp.Expr) -> tuple[Any, Any]:
@@ -307,6 +324,21 @@ def program_chain(
     ``constant`` converts exact constants; ``gravity`` (3,), m/s^2, replaces that of the robot file.
     """
 
+    trig, arithmetic = _recorded(builder, constant, q)
+    return build_chain(model, constant, trig, q, gravity, arithmetic)
+
+
+def program_loops(
+    model: RobotModel, builder: Builder, constant: Callable[[sp.Expr], Value], positions: Sequence[Any]
+) -> NewtonLoops:
+    """The loops that Newton's method solves, recorded into ``builder`` at ``positions`` (n + p,)."""
+    trig, arithmetic = _recorded(builder, constant, positions)
+    return newton_loops(model, trig, positions, arithmetic)
+
+
+def _recorded(builder: Builder, constant: Callable[[sp.Expr], Value], q: Sequence[Any]) -> tuple[Trig, Arithmetic]:
+    """Sines of sums of the positions ``q``, and what loops need, recorded into ``builder``."""
+
     def trig(turning: Turning, angle: sp.Expr) -> tuple[Any, Any]:
         total: Any = 0
         for k, factor in turning:
@@ -323,7 +355,7 @@ def program_chain(
     def at_least(x: Any, y: Any) -> Any:
         return builder.neg(builder.min(builder.neg(x), builder.neg(y)))
 
-    return build_chain(model, constant, trig, q, gravity, Arithmetic(constant, builder.sqrt, at_least))
+    return trig, Arithmetic(constant, builder.sqrt, at_least)
 
 
 # -- finite field ----------------------------------------------------------------------------------------------------

@@ -20,6 +20,8 @@ If e turns with the bar, as in a cylinder between two pins, the bar is ``u + l e
     x = u.e + l = assembly sqrt(d.d - (e x u)^2),   sine |x|/|d|.
 
 In both, assembly +1 is the larger one of the two displacements, and the determinant of the rates is x up to its sign.
+
+Loops that are no dyads are solved by Newton's method, all together (:class:`NewtonLoops`).
 """
 
 from __future__ import annotations
@@ -185,30 +187,14 @@ class Dyad:
 
     def by(self, k: int) -> Plane:
         """The velocity of the pin for a unit rate of coordinate ``k``, turned back by a quarter turn."""
-        total: Plane = (0, 0)
-        for one in self._vectors:
-            total = _plus(total, _scaled(self._use.constant(one.segment.turning[k]), one.vector))
-            x, y = _scaled(self._use.constant(one.segment.slide[k]), one.along)
-            total = _plus(total, (y, _minus(x)))
-        return total
+        return _by(self._vectors, k, self._use)
 
     def second(self, one: Sequence[Any], other: Sequence[Any]) -> Plane:
         """The acceleration of the pin that is bilinear in two rates of x, turned back by a quarter turn.
 
         For equal rates it is the acceleration for zero second derivatives of x.
         """
-        total: Plane = (0, 0)
-        for each in self._vectors:
-            W, V = (self._form(each.segment.turning, rates) for rates in (one, other))
-            slide, other_slide = (self._form(each.segment.slide, rates) for rates in (one, other))
-            # its acceleration -W V v + (W other_slide + V slide) z x e, turned back by a quarter turn
-            x, y = _scaled(W * V, each.vector)
-            total = _plus(total, (_minus(y), x))
-            total = _plus(total, _scaled(W * other_slide + V * slide, each.along))
-        return total
-
-    def _form(self, form: Form, rates: Sequence[Any]) -> Any:
-        return linear(form, rates, self._use.constant)
+        return _second(self._vectors, one, other, self._use)
 
 
 class SolvedLoops:
@@ -270,6 +256,146 @@ class SolvedLoops:
         """The generalized forces on q (n,) from those on the coordinates x."""
         passive = forces[self.n :]
         return [own + _dot_known([row[j] for row in self.W], passive) for j, own in enumerate(forces[: self.n])]
+
+
+class NewtonLoops(SolvedLoops):
+    """All loops of a robot at ``positions`` (n + p,) of its drives and its passive joints, which close them.
+
+    The gaps (2 loops,) of all pins in their planes are zero there, and their Jacobian by the passive joints gives the
+    rates. It is factorized by plane rotations, which need no choice of a pivot. ``sine`` is its determinant, divided by
+    the lengths of its columns: that of the angle between two bars, and for more passive joints the volume that unit
+    vectors along the columns span. Its sign changes where the robot passes a dead point. ``scale`` (m^2) is the sum of
+    the squared lengths in the loops.
+    """
+
+    def __init__(
+        self,
+        closures: Sequence[Closure],
+        positions: Sequence[Any],
+        n: int,
+        trig: PlaneTrig,
+        use: Arithmetic,
+    ) -> None:
+        self.n, self._use, self.positions = n, use, list(positions)
+        self.dyads, self.angles = [], {}
+        slide = partial(linear, values=self.positions, constant=use.constant)
+        self._loops = [[_evaluated(one, trig, slide, use) for one in each.segments] for each in closures]
+        self.scale = _sum_of_squares([one for vectors in self._loops for one in vectors], use)
+        columns = [self._moved(k) for k in range(len(self.positions))]
+        sizes = [self.scale if self._turns(k) else 1 for k in range(n, len(self.positions))]
+        self._matrix = _Rotated(columns[n:], [size * (SMALLEST_SINE * SMALLEST_SINE) for size in sizes], use)
+        self.sine = self._matrix.relative_determinant
+        solved = [self._matrix.solve([_minus(v) for v in column]) for column in columns[:n]]
+        self.W = [[column[k] for column in solved] for k in range(len(columns) - n)]
+
+    @property
+    def gaps(self) -> list[Any]:
+        """The gaps (2 loops,) of the pins, m."""
+        return [v for vectors in self._loops for v in _sum(one.vector for one in vectors)]
+
+    def step(self) -> list[Any]:
+        """The positions (p,) of the passive joints after a step of Newton's method."""
+        turned = [v for x, y in zip(self.gaps[::2], self.gaps[1::2], strict=True) for v in (y, _minus(x))]
+        return [x - dx for x, dx in zip(self.positions[self.n :], self._matrix.solve(turned), strict=True)]
+
+    def second(self, one: Sequence[Any], other: Sequence[Any]) -> list[Any]:
+        """The second derivatives (coordinates,) of x that are bilinear in two rates of q, (n,) each."""
+        if any(all(is_number(rate, 0) for rate in rates) for rates in (one, other)):
+            return [0] * len(self.positions)
+        both = self.rates(one), self.rates(other)
+        moved = [v for vectors in self._loops for v in _second(vectors, *both, self._use)]
+        return [*[0] * self.n, *self._matrix.solve([_minus(v) for v in moved])]
+
+    def _turns(self, k: int) -> bool:
+        return any(one.segment.turning[k] != 0 for vectors in self._loops for one in vectors)
+
+    def _moved(self, k: int) -> list[Any]:
+        """The velocities (2 loops,) of the pins for a unit rate of coordinate ``k``, turned back by a quarter turn."""
+        return [v for vectors in self._loops for v in _by(vectors, k, self._use)]
+
+
+class _Rotated:
+    """A square matrix of ``columns``, brought to triangular form by plane rotations of its rows.
+
+    ``least``, one for each column, replaces smaller squares of the diagonal, so that solutions stay finite where the
+    matrix is singular.
+    """
+
+    def __init__(self, columns: Sequence[Sequence[Any]], least: Sequence[Any], use: Arithmetic) -> None:
+        self._size = len(columns)
+        A = [list(row) for row in zip(*columns, strict=True)]
+        squares = [_total(v * v for v in column if not is_number(v, 0)) for column in columns]
+        self._turns: list[tuple[int, int, Any, Any]] = []
+        for k in range(self._size):
+            for i in range(k + 1, self._size):
+                if is_number(A[i][k], 0):
+                    continue
+                x, y = A[k][k], A[i][k]
+                per_length = _reciprocal(use.root(use.at_least(x * x + y * y, least[k])))
+                c, s = x * per_length, y * per_length
+                self._turns.append((k, i, c, s))
+                for j in range(k, self._size):
+                    A[k][j], A[i][j] = _mixed(c, s, A[k][j], A[i][j])
+                A[i][k] = 0
+        self._upper = A
+        diagonal = [A[k][k] for k in range(self._size)]
+        self._reciprocals = [d * _reciprocal(use.at_least(d * d, v)) for d, v in zip(diagonal, least, strict=True)]
+        product, whole = diagonal[0], use.at_least(squares[0], least[0])
+        for d, square, v in zip(diagonal[1:], squares[1:], least[1:], strict=True):
+            product, whole = product * d, whole * use.at_least(square, v)
+        self.relative_determinant = product * _reciprocal(use.root(whole))
+
+    def solve(self, right: Sequence[Any]) -> list[Any]:
+        """The solution of the linear equations with the right-hand side ``right``."""
+        y = list(right)
+        for k, i, c, s in self._turns:
+            y[k], y[i] = _mixed(c, s, y[k], y[i])
+        for k in reversed(range(self._size)):
+            for j in range(k + 1, self._size):
+                if not is_number(self._upper[k][j], 0) and not is_number(y[j], 0):
+                    y[k] = y[k] - self._upper[k][j] * y[j]
+            y[k] = 0 if is_number(y[k], 0) else y[k] * self._reciprocals[k]
+        return y
+
+
+def _mixed(c: Any, s: Any, x: Any, y: Any) -> tuple[Any, Any]:
+    """A plane rotation of two numbers, without products with the number 0."""
+    if is_number(x, 0):
+        return (0, 0) if is_number(y, 0) else (s * y, c * y)
+    return (c * x, -(s * x)) if is_number(y, 0) else (c * x + s * y, c * y - s * x)
+
+
+def _total(values: Any) -> Any:
+    total: Any = 0
+    for value in values:
+        total = total + value
+    return total
+
+
+def _by(vectors: Sequence[_Vector], k: int, use: Arithmetic) -> Plane:
+    """The velocity of a pin for a unit rate of coordinate ``k``, turned back by a quarter turn."""
+    total: Plane = (0, 0)
+    for one in vectors:
+        total = _plus(total, _scaled(use.constant(one.segment.turning[k]), one.vector))
+        x, y = _scaled(use.constant(one.segment.slide[k]), one.along)
+        total = _plus(total, (y, _minus(x)))
+    return total
+
+
+def _second(vectors: Sequence[_Vector], one: Sequence[Any], other: Sequence[Any], use: Arithmetic) -> Plane:
+    """The acceleration of a pin that is bilinear in two rates of x, turned back by a quarter turn.
+
+    For equal rates it is the acceleration for zero second derivatives of x.
+    """
+    total: Plane = (0, 0)
+    for each in vectors:
+        W, V = (linear(each.segment.turning, rates, use.constant) for rates in (one, other))
+        slide, other_slide = (linear(each.segment.slide, rates, use.constant) for rates in (one, other))
+        # its acceleration -W V v + (W other_slide + V slide) z x e, turned back by a quarter turn
+        x, y = _scaled(W * V, each.vector)
+        total = _plus(total, (_minus(y), x))
+        total = _plus(total, _scaled(W * other_slide + V * slide, each.along))
+    return total
 
 
 def _dot_known(weights: Sequence[Any], values: Sequence[Any]) -> Any:

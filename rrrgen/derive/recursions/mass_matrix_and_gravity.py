@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 from typing import Any
 
 from rrrgen.derive.recursions.linear_algebra import (
@@ -138,7 +139,7 @@ def floating_mass_matrix(chain: Chain, inertias: Sequence[PseudoInertia]) -> Mat
 
 
 def _whole_body(chain: Chain, own: PseudoInertia, bodies: Sequence[PseudoInertia]) -> PseudoInertia:
-    """The composite of the whole robot: the body ``own`` of the base, and ``bodies[k]`` of the joints k that it carries.
+    """The composite of the whole robot: the body ``own`` of the base, and ``bodies[k]`` of the joints that it carries.
 
     Moving a body to the base adds products ``p h`` of an offset and a first moment. Most of them stand in the columns
     of M as well. Those that do not are summed over all joints before they are multiplied, as the legs of many robots
@@ -154,7 +155,7 @@ def _whole_body(chain: Chain, own: PseudoInertia, bodies: Sequence[PseudoInertia
             continue
         turned = bodies[k].moved(Placement(joint.R, [0, 0, 0]))
         T, h, p = turned.matrix(), [turned.hx, turned.hy, turned.hz], joint.p
-        for r, c in ((r, c) for r in range(3) for c in range(r, 3)):
+        for r, c in combinations_with_replacement(range(3), 2):
             twice = 2 if r == c else 1
             for a, b in dict.fromkeys(((r, c), (c, r))):
                 if b != axis and a in (axis, b):  # the moment p x F of the force F = axis x h has this product

@@ -20,6 +20,7 @@ from rrrgen.emit.targets.fmu_blocks import BLOCKS, HARMONICS, POINTS
 from rrrgen.emit.targets.interface import Contents, Exported, Exporter, ExportOptions
 from rrrgen.emit.targets.shared_libraries import Platform, platforms, shared_library, zip_archive
 from rrrgen.program import Program, Role
+from rrrgen.robot.model.mechanism import refuse_newton
 from rrrgen.robot.spec import RobotSpec, joint_units
 
 WIDTH = 0.01
@@ -78,6 +79,7 @@ def _indexed(name: str, number: int) -> str:
 
 
 def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
+    refuse_newton(spec, "a plant for simulation")
     chosen = platforms(options.platforms)
     missing = [each.name or each.tag for each in chosen if not each.fmi]
     if missing:

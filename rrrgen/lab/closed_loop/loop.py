@@ -25,6 +25,7 @@ from rrrgen.lab.identify.parameters import Column
 from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.program import Builder, Port, Program, Role
 from rrrgen.program.builder import replay
+from rrrgen.robot.model.mechanism import refuse_newton
 
 # ------------------------------------------------------------------------------------------------------------------
 # Equations of motion for the closed-loop simulation as programs, with the estimated parameters as an input.
@@ -118,6 +119,7 @@ class LoopEquations:
         known: dict[Role, list[Any]] = {Role.POSITION: list(q), Role.VELOCITY: list(dq)}
         model: Any = self.regressor.model
         derived, programs = model.derived, model.derived.programs
+        refuse_newton(derived.spec, "the simulated closed loop")
         # without drive inertia, which is added below
         known[Role.BASE_PARAMETERS] = [*theta[: derived.b], *[0] * (derived.beta_size - derived.b)]
         M = _replayed(programs["mass_matrix"], builder, known)

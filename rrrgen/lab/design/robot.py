@@ -9,7 +9,7 @@ from typing import Any
 from rrrgen.base.errors import InputError
 from rrrgen.lab.design.problem import ExcitationLimits, ExcitationProblem, excitation_problem
 from rrrgen.robot.friction.models import motor_friction, robot_friction
-from rrrgen.robot.model.mechanism import follower_limits
+from rrrgen.robot.model.mechanism import follower_limits, refuse_newton
 
 
 def limits_of(spec: Any, torque: bool = False) -> ExcitationLimits:
@@ -44,6 +44,7 @@ def robot_problem(model: Any, limits: ExcitationLimits | None = None, **settings
     """
     import casadi
 
+    refuse_newton(model.spec, "an exciting trajectory")
     chosen = replace(limits or limits_of(model.spec), followers=follower_limits(model.spec))
     regressor = _of_links(model)
     torque = tip = None

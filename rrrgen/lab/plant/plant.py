@@ -22,6 +22,7 @@ from rrrgen.base.errors import InputError
 from rrrgen.lab.plant.friction import Friction, NoFriction
 from rrrgen.program import Builder, Program, Role
 from rrrgen.program.builder import replay
+from rrrgen.robot.model.mechanism import refuse_newton
 
 Array = NDArray[Any]
 
@@ -296,6 +297,8 @@ def make_plant(
     includes the drive inertia of the robot file; the rotors of flexible ``joints`` replace both. Raises InputError if
     flexible joints are combined with coupled drives or with ``drive_inertia``, or do not match the number of joints.
     """
+    if (spec := getattr(model, "spec", None)) is not None:
+        refuse_newton(spec, "the virtual robot")
     if joints is not None:
         if getattr(getattr(model, "spec", None), "drives", None) is not None:
             raise InputError(

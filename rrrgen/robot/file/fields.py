@@ -242,9 +242,19 @@ LOOP = (
         "choice",
         "+1: the pin between the passive links lies left of the line from the outer pin of the first to that of the "
         "second, -1: right, seen against the axis of the first; with a prismatic joint, +1: the larger of the two "
-        "displacements at which the loop closes, -1: the smaller",
-        True,
+        "displacements at which the loop closes, -1: the smaller; not beside `solve`",
+        False,
         ("1", "+1", "-1"),
+    ),
+    Key("solve", "choice", "how a loop is solved that is no dyad; then for all loops", False, ("newton",)),
+    Key(
+        "start",
+        "displacements",
+        "displacements of the passive joints near which a loop with `solve` is assembled where the drives stand at "
+        "zero, or at the limit next to it",
+        quantity="joint angle",
+        prismatic="length",
+        file_units=True,
     ),
 )
 BASIS = (

@@ -57,7 +57,8 @@ def read_mechanism(
         if row.name in passive:
             _check_passive(each, row.name, scope)
         else:
-            _check_followed(each, row, factors, driven, passive, rows, scope)
+            by_sine = [] if any(loop.start is not None for loop in loops) else passive
+            _check_followed(each, row, factors, (driven, passive, by_sine), rows, scope)
         matrix.append(tuple(row.sign * factors.get(name, sp.S.Zero) for name in (*driven, *passive)))
     if scope.faults.errors:
         return rows, None
@@ -172,29 +173,30 @@ def _check_followed(
     keys: dict[str, tuple[ScalarNode, Node]],
     row: JointSpec,
     factors: Factors,
-    driven: list[str],
-    passive: list[str],
+    joints: tuple[list[str], list[str], list[str]],
     rows: Row[JointSpec],
     scope: Scope,
 ) -> None:
-    """Check a row with ``follows``: it names driven or ``passive`` joints and has no drive, no friction, only a range.
+    """Check a row with ``follows``: it names driven or passive joints and has no drive, no friction, only a range.
 
-    ``keys`` are the keys of the row in the file, ``factors`` those of the joints that it follows, by name. It follows
-    passive joints of its own type, revolute ones by whole multiples, since only cosine and sine of their angles are
-    known, and then has no range.
+    ``keys`` are the keys of the row in the file, ``factors`` those of the joints that it follows, by name. ``joints``
+    are the driven ones, the passive ones, and those of the latter of whose angles only cosine and sine are known: a row
+    follows these if it is of their own type, revolute ones by whole multiples. A row that follows passive joints has no
+    range.
     """
     if "follows" not in keys:
         return
+    driven, passive, by_sine = joints
     allowed = [*driven, *passive]
     slides = [each.name for each in rows if not each.is_revolute]
     for name, (key, value) in (read_entries(keys["follows"][1], "follows", scope.faults) or {}).items():
-        if name in passive and row.is_revolute and name in slides:
+        if name in by_sine and row.is_revolute and name in slides:
             hint = f"'{name}' is passive in a loop and slides; prismatic rows may follow it"
             scope.faults.error(key, f"the revolute joint '{row.name}' cannot follow '{name}'", hint)
-        elif name in passive and row.is_revolute and name in factors and not factors[name].is_Integer:
+        elif name in by_sine and row.is_revolute and name in factors and not factors[name].is_Integer:
             hint = f"'{name}' is passive in a loop, which gives cosine and sine of its angle only"
             scope.faults.error(value, f"the factor of {name} in follows of joint '{row.name}' is no integer", hint)
-        if name in passive and not row.is_revolute and name not in slides:
+        if name in by_sine and not row.is_revolute and name not in slides:
             hint = f"the angle of '{name}', which is passive in a loop, is known by its cosine and sine only"
             scope.faults.error(key, f"the prismatic joint '{row.name}' cannot follow '{name}'", hint)
         if name in passive and "limits" in keys:

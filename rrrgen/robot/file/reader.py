@@ -303,7 +303,8 @@ def _assemble(values: dict[str, Node], strict: bool, scope: Scope, file: str) ->
     counted: tuple[JointSpec | None, ...] = tuple(joints)
     mechanism = None
     names = [joint.name for joint in joints if joint is not None]
-    loops = read_loops(values["loops"], names, scope) if "loops" in values and len(names) == len(joints) else {}
+    known = [joint for joint in joints if joint is not None]
+    loops = read_loops(values["loops"], known, scope) if "loops" in values and len(known) == len(joints) else {}
     if "joints" in values and all(joint is not None for joint in joints):
         closed = [loop for _, loop in loops.values()]
         counted, mechanism = read_mechanism(values["joints"], values.get("tip"), joints, scope, closed)

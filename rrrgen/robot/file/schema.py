@@ -54,6 +54,7 @@ _VALUES = {
     "texts": "list of texts",
     "pair": "list of 2 names",
     "points": "name: list of 3",
+    "displacements": "name: value",
 }
 
 
@@ -87,7 +88,7 @@ def _value_text(key: Key) -> str:
 
 def _unit(key: Key) -> str:
     """The table cell with the SI units of a value (for both joint types), and whether ``units`` sets bare ones."""
-    if key.kind not in ("value", "vector", "points"):
+    if key.kind not in ("value", "vector", "points", "displacements"):
         return ""
     units = [QUANTITIES[key.quantity].si_unit]
     if key.prismatic:
@@ -114,6 +115,7 @@ def json_schema() -> dict[str, Any]:
         {"if": {"properties": {"type": {"const": kind}}}, "then": {"required": [needed]}}
         for kind, needed in (("revolute", "d"), ("prismatic", "theta"))
     ]
+    definitions["loop"]["oneOf"] = [{"required": names} for names in (["assembly"], ["solve", "start"])]
     matrices = ("joint_from_drive", "drive_from_joint")
     definitions["drives"]["oneOf"] = [{"required": [name]} for name in matrices]
     return {
@@ -178,6 +180,9 @@ def _value_schema(key: Key) -> dict[str, Any]:
         case "points":
             points = {"propertyNames": {"pattern": IDENTIFIER}, "additionalProperties": _vector(expression)}
             return {"type": "object", "minProperties": 2, "maxProperties": 2, **points}
+        case "displacements":
+            values = {"propertyNames": {"pattern": IDENTIFIER}, "additionalProperties": expression}
+            return {"type": "object", "minProperties": 2, "maxProperties": 2, **values}
         case "count":
             return {"type": "integer", "minimum": 0}
         case "texts":

@@ -253,7 +253,13 @@ class _Printer:
             ends = [BASE if row < 0 else spec.rows[row].name for row, _ in loop.pins]
             pins = ", ".join(f"{end}: [{place}]" for end, place in zip(ends, places, strict=True))
             lines += [f"  {loop.name}:", f"    passive: [{first}, {second}]", f"    pins: {{{pins}}}"]
-            lines.append(f"    assembly: {loop.assembly:+d}")
+            if loop.start is None:
+                lines.append(f"    assembly: {loop.assembly:+d}")
+                continue
+            rows = [spec.rows[row] for row in loop.passive]
+            kinds = ["angle" if row.is_revolute else "length" for row in rows]
+            at = [f"{row.name}: {self.value(v, kind)}" for row, v, kind in zip(rows, loop.start, kinds, strict=True)]
+            lines += ["    solve: newton", f"    start: {{{', '.join(at)}}}"]
         return lines
 
     def transform(self, name: str, transform: FixedTransform) -> list[str]:

@@ -11,6 +11,8 @@ dyad has cosine and sine of that angle in closed form, and its rate needs no dif
 displacement.
 
 Of the two passive rows of a loop, one at least is revolute.
+
+Loops that are solved by Newton's method are no dyads, and their coordinates are the displacements of all passive rows.
 """
 
 from __future__ import annotations
@@ -113,7 +115,7 @@ class LoopGeometry:
         )
         found = [self._closure(k) for k in range(len(self._mechanism.loops))]
         self.coupling = tuple(self._displacement(i) for i in range(len(joints)))
-        self.closures = self._in_order(found)
+        self.closures = tuple(found) if spec.newton else self._in_order(found)
 
     # -- displacements over the coordinates --------------------------------------------------------------------------
 
@@ -147,10 +149,13 @@ class LoopGeometry:
     def _of_passive(self, j: int) -> Form:
         """The displacement of passive row number j: its angle in the plane minus that of the link before it.
 
-        That of a prismatic row is its coordinate.
+        That of a prismatic row is its coordinate, and with Newton's method that of every row.
         """
-        if not self._joints[self._mechanism.passive[j]].revolute:
-            return self._unit(self._spec.n + j)
+        row, k = self._mechanism.passive[j], self._spec.n + j
+        if self._spec.newton:
+            return tuple(v * self._mechanism.matrix[row][k] for v in self._unit(k))
+        if not self._joints[row].revolute:
+            return self._unit(k)
         facing, before = self._carrier(self._mechanism.loops[j // 2], self._mechanism.passive[j])
         return _plus(tuple(facing * v for v in self._unit(self._spec.n + j)), before.turning, sp.Integer(-facing))
 
@@ -238,7 +243,7 @@ class LoopGeometry:
     def _closure(self, k: int) -> Closure:
         loop = self._mechanism.loops[k]
         branches, _ = self._branches(loop)
-        side, slider = self._side(k)
+        side, slider = (0, None) if self._spec.newton else self._side(k)
         segments: list[Segment] = []
         for sign, branch, (row, point) in zip((1, -1), branches, loop.pins, strict=True):
             at = self._start(loop)
@@ -249,6 +254,10 @@ class LoopGeometry:
             segments.append(self._segment(sign, at, at.C * (frame.R * sp.Matrix(point) + frame.p)))
         coordinates = (self._spec.n + 2 * k, self._spec.n + 2 * k + 1)
         closure = Closure(loop.name, coordinates, side * loop.assembly, tuple(_merged(segments)), slider)
+        if self._spec.newton:
+            for row in loop.passive:
+                self._branch_of(loop, row)
+            return closure
         _check_dyad(closure)
         _refuse_locked(closure)
         sides = _opposite_sides(self._spec, closure)
@@ -331,7 +340,10 @@ class LoopGeometry:
         return tuple(ordered)
 
 
-_ORDER = "loops are solved one after the other, each from joints whose positions are known"
+_ORDER = (
+    "loops are solved one after the other, each from joints whose positions are known; solve: newton, with a start "
+    "instead of assembly, solves all together"
+)
 
 
 def coordinates_of(closure: Closure) -> set[int]:

@@ -26,6 +26,16 @@ class FollowerLimits:
     upper: float | None
 
 
+def refuse_newton(spec: RobotSpec, what: str) -> None:
+    """Raise DerivationError for a robot whose loops Newton's method solves; ``what`` is what does not exist for it."""
+    if spec.newton:
+        names = ", ".join(loop.name for loop in spec.loops)
+        hint = "its functions take the positions of the passive joints as a further input"
+        raise DerivationError(
+            f"{spec.name}: {what} does not exist with loops solved by Newton's method ({names}); {hint}"
+        )
+
+
 def refuse_loops(spec: RobotSpec, what: str) -> None:
     """Raise DerivationError for a robot with closed loops; ``what`` is what does not exist for it."""
     if spec.loops:
@@ -169,7 +179,8 @@ def mechanism_equations(spec: RobotSpec) -> list[str]:
     for loop in spec.loops:
         ends = " and ".join("base" if row < 0 else spec.rows[row].name for row, _ in loop.pins)
         moved = " and ".join(spec.rows[row].name for row in loop.passive)
-        found.append(f"loop {loop.name}: a pin of {ends} moves {moved}, assembly {loop.assembly:+d}")
+        way = f"assembly {loop.assembly:+d}" if loop.start is None else "solved by Newton's method"
+        found.append(f"loop {loop.name}: a pin of {ends} moves {moved}, {way}")
     return [*found, *(f"tip {name} on {tip.row}" for name, tip in spec.tips.items())]
 
 
@@ -193,4 +204,6 @@ def mechanism_data(spec: RobotSpec) -> dict[str, Any] | None:
 def _loop_data(spec: RobotSpec, loop: LoopSpec) -> dict[str, Any]:
     pins = {"base" if row < 0 else spec.rows[row].name: [str(v) for v in place] for row, place in loop.pins}
     passive = [spec.rows[row].name for row in loop.passive]
+    if loop.start is not None:
+        return {"name": loop.name, "passive": passive, "pins": pins, "start": [str(v) for v in loop.start]}
     return {"name": loop.name, "passive": passive, "pins": pins, "assembly": loop.assembly}

@@ -151,7 +151,8 @@ class Calls:
         model = self._with(name)
         chosen, parameters = model._chosen(name, beta, Ia)
         given = {**values, **parameters, "gravity": self.nominal_gravity if gravity is None else gravity}
-        return model.engine.call(chosen, [given[port.name] for port in model.derived.programs[chosen].inputs])
+        inputs = model.derived.programs[chosen].inputs
+        return model.engine.call(chosen, [given[port.name] for port in inputs if port.role is not Role.LOOPS])
 
     def _check_beta(self, name: str, beta: Any) -> None:
         """Raise ValueError if ``beta`` has the length of this model's base parameters in a call with ``gravity``.

@@ -21,6 +21,7 @@ from rrrgen.runtime.results import (
     FrictionStep,
     InverseDynamicsDerivatives,
     Kinematics,
+    LoopPositions,
     Manipulability,
     MomentumTerms,
     Motion,
@@ -2459,6 +2460,53 @@ class TableFunctions(Calls):
     def closed_loops(self, q: ArrayLike, *, with_status: Literal[True]) -> tuple[ClosedLoops, Array]: ...
     @overload
     def closed_loops(self, q: ArrayLike, *, with_status: bool) -> ClosedLoops | tuple[ClosedLoops, Array]: ...
+    @overload
+    def solve_loops(
+        self,
+        q: ArrayLike,
+        q_last: ArrayLike,
+        loop_q_last: ArrayLike,
+        *,
+        with_status: Literal[False] = ...,
+    ) -> LoopPositions:
+        """Positions of the passive joints at ``q`` by two steps of Newton's method, from those at ``q_last``.
+
+        The loops are assembled as at ``q_last``. With status 2 they cannot be assembled at ``q``, or ``q_last`` is too
+        far away.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            q_last: joint positions of the last call, (..., n), rad or m.
+            loop_q_last: positions of the passive joints there, (..., p), rad or m, its result.
+            with_status: return ``(result, status)`` instead of raising LinAlgError or ValueError.
+
+        Returns:
+            The named tuple (loop_q, gap): positions of the passive joints, (..., p), in the order of the loops, and the
+            largest gap of a pin that is left, (...), m. The status, (...), is 0; 1 where the loops are near a dead
+            point or have passed one, 2 where the gap exceeds 1e-6 of their lengths.
+
+        Raises:
+            numpy.linalg.LinAlgError: the loops are near a dead point, and ``with_status`` is False.
+            ValueError: the loops are not solved at some state, and ``with_status`` is False.
+        """
+    @overload
+    def solve_loops(
+        self,
+        q: ArrayLike,
+        q_last: ArrayLike,
+        loop_q_last: ArrayLike,
+        *,
+        with_status: Literal[True],
+    ) -> tuple[LoopPositions, Array]: ...
+    @overload
+    def solve_loops(
+        self,
+        q: ArrayLike,
+        q_last: ArrayLike,
+        loop_q_last: ArrayLike,
+        *,
+        with_status: bool,
+    ) -> LoopPositions | tuple[LoopPositions, Array]: ...
     @overload
     def floating_inverse_dynamics(
         self,

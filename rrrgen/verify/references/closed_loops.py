@@ -3,10 +3,14 @@
 Nothing here knows of dyads: unknown are all passive displacements at once, equations are the distances of the pins
 across the axis of the loop, and of the solutions found that one is taken whose middle pin lies on the right side. Of
 two displacements of a prismatic joint, the derivative of a distance tells the larger one.
+
+Loops that the robot file starts near a posture are followed from there along a straight line in q, until they close at
+every step.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +28,9 @@ CLOSED = 1e-13
 
 LONGEST_STEP = 1.0
 """Longest step of Newton's method, rad or m."""
+
+PART = 0.05
+"""Longest step of a drive along that line, rad or m."""
 
 REMEMBERED = 64
 """Number of batches whose solutions are kept: every function of a reference asks for them again."""
@@ -48,7 +55,33 @@ class ClosedLoops:
         x, solved = self._known[key]
         return x.copy(), solved.copy()
 
+    @cached_property
+    def _start(self) -> Array:
+        """The positions x (n + p,) of all rows at the start, which the passive ones are given near."""
+        chain = self._chain
+        x = np.array([[*chain.home, *(v for loop in chain.loops for v in loop.start)]])
+        for _ in range(4):
+            self._refine(x)
+        return np.asarray(x[0])
+
+    def _followed(self, q: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Positions x (N, n + p) followed from the start, and which states (N,) were reached on its side."""
+        home, x = self._start[: self._n], np.tile(self._start, (len(q), 1))
+        parts = max(1, int(np.ceil(np.abs(q - home).max(initial=0.0) / PART)))
+        solved = np.ones(len(q), dtype=bool)
+        for part in range(1, parts + 1):
+            x[solved, : self._n] = (home + (q - home) * (part / parts))[solved]
+            trial = x[solved]
+            closed = self._refine(trial)
+            closed[closed] &= self._on_the_right_side(trial[closed])
+            x[solved] = trial
+            solved[solved] = closed
+        x[:, : self._n] = q
+        return x, solved
+
     def _solve(self, q: Array) -> tuple[Array, NDArray[np.bool_]]:
+        if self._chain.loops[0].start:
+            return self._followed(q)
         rng = np.random.default_rng(0)
         x = np.concatenate([q, np.zeros((len(q), len(self._passive)))], axis=1)
         waiting = np.arange(len(q))
@@ -134,7 +167,13 @@ class ClosedLoops:
         return (first, second, closing) if behind else (first, closing, second)
 
     def sines(self, x: Array) -> Array:
-        """The sines (N, k) of the angles between the two bars of every loop, positive on the right side."""
+        """The sines (N, k) of the angles between the two bars of every loop, positive on the right side.
+
+        Of loops that are followed from a start, the volume of unit vectors along the columns of their Jacobian.
+        """
+        if self._chain.loops[0].start:
+            side = np.sign(self._volumes(self._start[None]))
+            return np.repeat(side * self._volumes(x)[:, None], len(self._chain.loops), axis=1)
         frames = self._tree.link_frames(x)
         found = []
         for loop in self._chain.loops:
@@ -147,6 +186,11 @@ class ClosedLoops:
             lengths = np.linalg.norm(one, axis=1) * np.linalg.norm(other, axis=1)
             found.append(-loop.assembly * turn / lengths)  # the middle pin on the left turns right
         return np.stack(found, axis=1)
+
+    def _volumes(self, x: Array) -> Array:
+        """The volume (N,) that unit vectors along the columns of the Jacobian of all gaps by passive rows span."""
+        J = self._equations(x)[1][:, :, self._n :]
+        return np.asarray(np.linalg.det(J / np.linalg.norm(J, axis=1, keepdims=True)))
 
     def _beside_slide(self, loop: NumericLoop, frames: Array) -> Array:
         """The sine (N,) between the bar and a line across the slide, positive at the larger displacement.

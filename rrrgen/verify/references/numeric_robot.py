@@ -14,11 +14,16 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NumericLoop:
-    """A closed loop: its two ``passive`` rows, two ``pins`` (row, -1 for the base, and place (3,), m), its assembly."""
+    """A closed loop: its two ``passive`` rows, two ``pins`` (row, -1 for the base, and place (3,), m), its assembly.
+
+    One that is no dyad has a ``start`` (2,) instead of an assembly: displacements of the passive rows near which it is
+    assembled with the drives at :attr:`NumericRobot.home`.
+    """
 
     passive: tuple[int, int]
     pins: tuple[tuple[int, Array], tuple[int, Array]]
     assembly: int
+    start: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -30,7 +35,8 @@ class NumericRobot:
     link that carries the tool. ``coupling`` (links, n) maps q to the displacements of the rows; it is a diagonal of the
     signs of the joints unless they follow others. ``angles`` (n,) says which entries of q are angles. ``gamma`` and
     ``b`` (links,), rad and m, place branches on the links that carry them. With closed ``loops``, ``coupling`` has
-    further columns for the displacements of their passive rows.
+    further columns for the displacements of their passive rows. ``home`` (n,) is the position of the drives next to
+    zero within their limits.
     """
 
     name: str
@@ -50,6 +56,7 @@ class NumericRobot:
     angles: tuple[bool, ...]
     gamma: Array
     b: Array
+    home: Array
     loops: tuple[NumericLoop, ...] = ()
 
     @property
@@ -61,7 +68,13 @@ class NumericRobot:
         """The tree without the pins of its loops, whose passive rows have positions of their own; without drives."""
         count = self.coupling.shape[1]
         passive = tuple(self.revolute[row] for loop in self.loops for row in loop.passive)
-        return replace(self, loops=(), angles=(*self.angles, *passive), drive_inertia=np.zeros((count, count)))
+        return replace(
+            self,
+            loops=(),
+            angles=(*self.angles, *passive),
+            drive_inertia=np.zeros((count, count)),
+            home=np.zeros(count),
+        )
 
     @property
     def links(self) -> int:
@@ -140,13 +153,19 @@ def chain_of(spec: RobotSpec) -> NumericRobot:
         angles=tuple(joint.is_revolute for joint in spec.joints),
         gamma=np.array([gamma for gamma, _ in spec.placements()]),
         b=np.array([b for _, b in spec.placements()]),
+        home=np.clip(
+            np.zeros(spec.n),
+            [-np.inf if joint.limits.lower is None else joint.limits.lower for joint in spec.joints],
+            [np.inf if joint.limits.upper is None else joint.limits.upper for joint in spec.joints],
+        ),
         loops=tuple(_loop(spec, loop) for loop in spec.loops),
     )
 
 
 def _loop(spec: RobotSpec, loop: LoopSpec) -> NumericLoop:
     first, second = ((row, np.array([float(spec.nominal(v)) for v in place])) for row, place in loop.pins)
-    return NumericLoop(loop.passive, (first, second), loop.assembly)
+    start = tuple(float(spec.nominal(v)) for v in loop.start or ())
+    return NumericLoop(loop.passive, (first, second), loop.assembly, start)
 
 
 def _coupling(spec: RobotSpec) -> Array:
