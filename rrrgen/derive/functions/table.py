@@ -17,7 +17,6 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.derive.functions.model_function import ModelFunction, Needs, about_tip
 from rrrgen.derive.functions.quantities import ArgumentKind, like
 from rrrgen.program import Op, Program
-from rrrgen.robot.model.mechanism import refuse_newton
 
 if TYPE_CHECKING:
     from rrrgen.derive.functions.recording import Recorder, Recording
@@ -1429,6 +1428,8 @@ def functions_for(spec: RobotSpec, groups: Sequence[str], part: Part = "all") ->
     Raises DerivationError if a group has functions for robots with fewer joints alone.
     """
     if spec.newton:
+        from rrrgen.robot.model.mechanism import refuse_newton
+
         for group in groups:
             if group not in WITH_NEWTON:
                 refuse_newton(spec, f"the group {group}")
