@@ -44,13 +44,14 @@ is written in another way has no bound. Another sum would agree at random number
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import mpmath
 
 from rrrgen.evidence.rounding import (
+    DOUBLE,
     FLOAT,
     PRECISIONS,
     Box,
@@ -139,6 +140,77 @@ def residual_bounds(program: Program, mass: Program, bias: Program, box: Box, re
     return ResidualBounds(found[0], found[1], final.parts)
 
 
+@dataclass(frozen=True)
+class Fact:
+    """Bounds ``low`` and ``high`` of a node, which hold as soon as the node ``after`` has passed its test."""
+
+    after: int
+    node: int
+    low: float
+    high: float
+
+
+LEAST_PIVOT = 2.0**-50
+"""Pivots, kg m^2 or kg, down to which :func:`factorization_facts` hold."""
+
+
+def factorization_facts(program: Program, mass: Program, box: Box) -> list[Fact]:
+    """Bounds of the factors of M in ``program``, in double, where the status is ok and no pivot is below LEAST_PIVOT.
+
+    By step 1 of the module, every term ``S_jk L_jk`` that is subtracted from M_jj is at most ``T = W (1 + g)/(1 - g)``
+    where pivot j is positive, and so is the pivot itself. With ``L_jk = S_jk r_k`` and the bounds of pivot k,
+    ``S_jk^2 <= T_j T_k`` and ``L_jk^2 <= T_j / LEAST_PIVOT`` but for roundings. ``mass`` is the program of M; ``box``
+    holds the ranges of the inputs but for torques. Raises NoBoundError if the factorization is not recognised.
+    """
+    state = _state(program, box)
+    known = {port.name: box[port.name] for port in program.inputs if port.role is not Role.TORQUE}
+    with mpmath.workdps(DIGITS):
+        read = _in_either_order(
+            _torque_port(program).size, lambda order: _compared(_Factorization(program, mass, state, order))
+        )
+    rows = enclosures(_with_results(program, [read.summands(index) for index in read.pivots]), known, budget=0.0)
+    u, n = DOUBLE.roundoff, read.n
+    more = 1.0 + 2.0**-20
+    m = n + max(map(len, rows))
+    g = m * u / (1.0 - m * u)
+    T = [sum(max(-low, high) for low, high in row) * (1.0 + g) / (1.0 - g) * more for row in rows]
+    facts = []
+    for j, pivot in enumerate(read.pivots):
+        if pivot is None:
+            continue
+        facts.append(Fact(pivot, pivot, LEAST_PIVOT, T[j]))
+        for index, role in read.roles.items():
+            if role.row == j and role.kind in ("S", "L") and read.nodes[index].op not in (Op.INPUT, Op.CONST):
+                of_pivot = (
+                    T[role.column] if read.pivots[role.column] is not None else float(read.S[role.column][role.column])
+                )
+                size = (T[j] * (of_pivot if role.kind == "S" else 1.0 / LEAST_PIVOT)) ** 0.5 * more
+                facts.append(Fact(pivot, index, -size, size))
+    return facts
+
+
+def _compared(read: _Factorization) -> _Factorization:
+    """The factorization, if its sums are those of the analysis. Raises NoBoundError if not."""
+    cut = _Cut(read)
+    (triangle,), value = read.evaluated(cut, [read.triangle(cut)])
+    read.compare(triangle, value)
+    return read
+
+
+_Read = TypeVar("_Read")
+
+
+def _in_either_order(n: int, read: Callable[[tuple[int, ...]], _Read]) -> _Read:
+    """What ``read`` finds with the base or with the tip eliminated first. Raises NoBoundError if neither is found."""
+    reason = NoBoundError(_REARRANGED)
+    for order in dict.fromkeys((tuple(range(n)), tuple(reversed(range(n))))):
+        try:
+            return read(order)
+        except NoBoundError as found:
+            reason = found
+    raise reason
+
+
 def _place(i: int, j: int) -> int:
     """The number of the entry (i, j), i >= j, of a lower triangle, row by row."""
     return i * (i + 1) // 2 + j
@@ -208,15 +280,10 @@ def _torque_port(program: Program) -> Port:
 def _read(program: Program, mass: Program, bias: Program, box: Box) -> _Form:
     """The form of forward dynamics, with the base or the tip eliminated first. Raises NoBoundError if there is none."""
     state = _state(program, box)
-    n = _torque_port(program).size
-    reason = NoBoundError(_REARRANGED)
     with mpmath.workdps(DIGITS):
-        for order in dict.fromkeys((tuple(range(n)), tuple(reversed(range(n))))):
-            try:
-                return _Reader(program, mass, bias, state, order).form()
-            except NoBoundError as found:
-                reason = found
-    raise reason
+        return _in_either_order(
+            _torque_port(program).size, lambda order: _Reader(program, mass, bias, state, order).form()
+        )
 
 
 def _state(program: Program, box: Box) -> dict[str, list[float]]:
@@ -243,11 +310,11 @@ def _state(program: Program, box: Box) -> dict[str, list[float]]:
 _TRIES = 8
 
 
-class _Reader:
-    """Recognises the quantities of the factorization among the nodes of a program, by their values at one state."""
+class _Factorization:
+    """Recognises the factors of M among the nodes of a program, by their values at one state."""
 
     def __init__(
-        self, program: Program, mass: Program, bias: Program, state: Mapping[str, list[float]], order: tuple[int, ...]
+        self, program: Program, mass: Program, state: Mapping[str, list[float]], order: tuple[int, ...]
     ) -> None:
         self.program, self.nodes, self.order, self.n = program, program.nodes, order, len(order)
         self.state = state
@@ -256,46 +323,29 @@ class _Reader:
         for index, value in enumerate(self.values):
             self._by_value.setdefault(_digits(value), []).append(index)
         M = exact_values(mass, [state[port.name] for port in mass.inputs])
-        h = exact_values(bias, [state[port.name] for port in bias.inputs])
-        tau = state[_torque_port(program).name]
-        with mpmath.workdps(DIGITS):
-            self.M = [[M[mass.results[0][self.n * i + j]] for j in order] for i in order]
-            self.rhs = [tau[i] - h[bias.results[0][i]] for i in order]
-        self.S, self.L, self.y, self.x = self._factors()
+        self.M = [[M[mass.results[0][self.n * i + j]] for j in order] for i in order]
+        self.S, self.L = self._factors()
         self.roles: dict[int, _Operand] = {}
+        self.margins: dict[int, int] = {}  # of pivots: nodes that are positive where the status is ok
         self.pivots = [self._pivot(k) for k in range(self.n)]
         self.entries: dict[tuple[int, int], int] = {}
         for k in range(self.n):
             for i in range(k + 1, self.n):
                 self._multiplier(i, k)
-        results = [program.results[0][i] for i in order]
-        self.solution = [self._chosen(index) for index in results]
-        for k, index in enumerate(self.solution):
-            self._take(index, "x", k, k, self.x[k])
-        self.right = [self._right_side(k) for k in range(self.n)]
         self.depends = self._dependent()
 
-    def _factors(self) -> tuple[list[list[Any]], list[list[Any]], list[Any], list[Any]]:
-        """S with the pivots on its diagonal, L, y and x at the state."""
+    def _factors(self) -> tuple[list[list[Any]], list[list[Any]]]:
+        """S with the pivots on its diagonal, and L, at the state."""
         n, S, L = self.n, [list(row) for row in self.M], [[mpmath.mpf(0)] * self.n for _ in range(self.n)]
-        with mpmath.workdps(DIGITS):
-            for j in range(n):
-                for i in range(j, n):
-                    for k in range(j):
-                        S[i][j] -= S[i][k] * L[j][k]
-                    if abs(S[i][j]) < abs(self.M[i][i] * self.M[j][j]) ** 0.5 * mpmath.mpf(10) ** -_SAME:
-                        S[i][j] = mpmath.mpf(0)
-                for i in range(j + 1, n):
-                    L[i][j] = S[i][j] / S[j][j]
-            y = list(self.rhs)
-            for i in range(n):
-                for k in range(i):
-                    y[i] -= L[i][k] * y[k]
-            x = [y[i] / S[i][i] for i in range(n)]
-            for i in reversed(range(n)):
-                for k in range(i + 1, n):
-                    x[i] -= L[k][i] * x[k]
-        return S, L, y, x
+        for j in range(n):
+            for i in range(j, n):
+                for k in range(j):
+                    S[i][j] -= S[i][k] * L[j][k]
+                if abs(S[i][j]) < abs(self.M[i][i] * self.M[j][j]) ** 0.5 * mpmath.mpf(10) ** -_SAME:
+                    S[i][j] = mpmath.mpf(0)
+            for i in range(j + 1, n):
+                L[i][j] = S[i][j] / S[j][j]
+        return S, L
 
     # -- nodes -------------------------------------------------------------------------------------------------
 
@@ -315,13 +365,8 @@ class _Reader:
         if (known.kind, known.row, known.column) != (kind, row, column):
             raise NoBoundError(_REARRANGED)
 
-    def _chosen(self, index: int) -> int:
-        """The node that a result holds where the status is ok."""
-        node = self.nodes[index]
-        return node.args[2] if node.op is Op.SELECT else index
-
     def _pivot(self, k: int) -> int | None:
-        """Take the reciprocal of pivot k; returns the node of the pivot, which is positive where the status is ok.
+        """Take the reciprocal of pivot k; returns the node of the pivot.
 
         None where it is a number, whose reciprocal is one too.
         """
@@ -330,8 +375,9 @@ class _Reader:
             node = self.nodes[index]
             if node.op is Op.DIV and self.nodes[node.args[0]].op is Op.CONST and self.nodes[node.args[0]].number == 1:
                 choice = self.nodes[node.args[1]]
-                if choice.op is Op.SELECT and self._positive(k, *choice.args[:2]):
+                if choice.op is Op.SELECT and _digits(self.values[choice.args[1]]) == _digits(self.S[k][k]):
                     self._take(index, "r", k, k, reciprocal)
+                    self.margins[choice.args[1]] = choice.args[0]
                     return choice.args[1]
             if node.op is Op.CONST and node.number > 0 and not any(self.S[k][:k]):
                 self._take(index, "r", k, k, reciprocal)
@@ -391,17 +437,6 @@ class _Reader:
         if (i, k) not in self.entries:
             raise NoBoundError(_REARRANGED)
 
-    def _right_side(self, k: int) -> int:
-        """Take y_k: the node that is multiplied by the reciprocal of the pivot."""
-        for index in self._nodes_of(self.y[k]):
-            for node in self.nodes:
-                if node.op is Op.MUL and index in map(self._plain, node.args):
-                    kinds = [self.roles[arg] for arg in map(self._plain, node.args) if arg in self.roles]
-                    if any((role.kind, role.row) == ("r", k) for role in kinds):
-                        self._take(self._plain(index), "y", k, k, self.y[k])
-                        return self._plain(index)
-        raise NoBoundError(_REARRANGED)
-
     def _dependent(self) -> list[bool]:
         """For every node, whether it depends on the reciprocal of a pivot."""
         depends: list[bool] = []
@@ -413,89 +448,156 @@ class _Reader:
 
     # -- sums --------------------------------------------------------------------------------------------------
 
-    def form(self) -> _Form:
-        """The form of the program. Raises NoBoundError if a sum is not the one of the factorization."""
-        cut = _Cut(self)
-        triangle = []
+    def triangle(self, cut: _Cut) -> list[int]:
+        """The copies of the pivots and of the entries below them, row by row, that ``cut`` makes."""
+        found = []
         for i in range(self.n):
             for j in range(i + 1):
                 index = self.pivots[i] if i == j else self.entries.get((i, j))
-                triangle.append(cut.zero() if index is None else cut.copied(index, self._products("S", i, j)))
-        right = [cut.copied(self.right[i], self._products("y", i, i)) for i in range(self.n)]
-        solution = [cut.copied(self.solution[i], self._products("x", i, i)) for i in range(self.n)]
-        leaves = [[] if index is None else self._leaves(index) for index in (*self.pivots, *self.right)]
-        own = [[leaf for leaf in row if not self.depends[leaf] and not self._is_torque(leaf)] for row in leaves]
-        form = _Form(
-            self.n,
-            self.order,
-            cut.program([triangle, right]),
-            tuple(cut.operands),
-            _with_results(self.program, own),
-            max(map(len, leaves)),
-        )
-        self._compare(cut.program([triangle, right, solution]), cut.operands)
-        return form
+                products = {
+                    frozenset({("S", a, k), ("L", b, k)})
+                    for k in range(j)
+                    if self.S[i][k] != 0 and self.S[j][k] != 0
+                    for a, b in ((i, j), (j, i))
+                }
+                found.append(cut.zero() if index is None else cut.copied(index, products))
+        return found
 
-    def _is_torque(self, index: int) -> bool:
-        node = self.nodes[index]
-        return node.op is Op.INPUT and self.program.inputs[node.place[0]].role is Role.TORQUE
+    def summands(self, index: int | None) -> list[int]:
+        """The summands of a sum that are no products of operands."""
+        return [leaf for leaf in ([] if index is None else self._leaves(index)) if not self.depends[leaf]]
 
-    def _products(self, kind: str, i: int, j: int) -> set[frozenset[tuple[str, int, int]]]:
-        """The products of operands in a sum: S_ij, y_i or x_i."""
-        some = [(k, i, j) for k in range(self.n)]
-        if kind == "S":
-            return {
-                frozenset({("S", a, k), ("L", b, k)})
-                for k, *_ in some
-                if k < j and self.S[i][k] != 0 and self.S[j][k] != 0
-                for a, b in ((i, j), (j, i))
-            }
-        if kind == "y":
-            return {frozenset({("L", i, k), ("y", k, k)}) for k in range(i) if self.S[i][k] != 0}
-        below = {frozenset({("L", k, i), ("x", k, k)}) for k in range(i + 1, self.n) if self.S[k][i] != 0}
-        return below | {frozenset({("r", i, i), ("y", i, i)})}
-
-    def _compare(self, program: Program, operands: Sequence[_Operand]) -> None:
-        """Compare all sums with their formulas at random operands. Raises NoBoundError if one is another sum.
+    def evaluated(
+        self, cut: _Cut, results: Sequence[Sequence[int]]
+    ) -> tuple[list[list[Any]], Callable[[str, int, int], Any]]:
+        """The sums of ``cut`` at random operands, and the function that returns operands by kind, row and column.
 
         The operands are independent but for ``S_ik = L_ik / r_k``, as either of the two may stand in a product.
         """
+        program = cut.program(results)
         generator = random.Random(program.name)
+        reciprocals = [mpmath.mpf(generator.uniform(0.5, 2.0)) for _ in range(self.n)]
         known: dict[tuple[str, int, int], Any] = {}
-        with mpmath.workdps(DIGITS):
-            for o in operands:
-                if o.kind != "S":
-                    known[o.kind, o.row, o.column] = mpmath.mpf(generator.uniform(0.5, 2.0))
-            for o in operands:
-                if o.kind == "S":
-                    known["S", o.row, o.column] = known["L", o.row, o.column] / known["r", o.column, o.column]
-            given = [self.state[port.name] for port in self.program.inputs]
-            values = exact_values(program, [*given, [o.sign * known[o.kind, o.row, o.column] for o in operands]])
-            triangle, right, solution = ([values[index] for index in row] for row in program.results)
 
-            def value(kind: str, row: int, column: int) -> Any:
-                return known.get((kind, row, column), mpmath.mpf(0))
+        def value(kind: str, row: int, column: int) -> Any:
+            if kind == "r":
+                return reciprocals[row]
+            if kind == "S":
+                return value("L", row, column) / reciprocals[column]
+            if kind == "L" and self.S[row][column] == 0:
+                return mpmath.mpf(0)
+            place = (kind, row, column)
+            if place not in known:
+                known[place] = mpmath.mpf(generator.uniform(0.5, 2.0))
+            return known[place]
 
-            for i in range(self.n):
-                for j in range(i + 1):
-                    if self.S[i][j] != 0 and (i != j or self.pivots[i] is not None):
-                        products = [value("L", i, k) / value("r", k, k) * value("L", j, k) for k in range(j)]
-                        self._agree(triangle[_place(i, j)], self.M[i][j], products)
-                self._agree(right[i], self.rhs[i], [value("L", i, k) * value("y", k, k) for k in range(i)])
-                below = [value("L", k, i) * value("x", k, k) for k in range(i + 1, self.n)]
-                self._agree(solution[i], value("r", i, i) * value("y", i, i), below)
+        operands = [o.sign * value(o.kind, o.row, o.column) for o in cut.operands]
+        values = exact_values(program, [*(self.state[port.name] for port in self.program.inputs), operands])
+        return [[values[index] for index in row] for row in program.results], value
 
-    def _agree(self, found: Any, first: Any, subtracted: Sequence[Any]) -> None:
+    def compare(self, triangle: Sequence[Any], value: Callable[[str, int, int], Any]) -> None:
+        """Compare pivots and entries with their formulas. Raises NoBoundError if one is another sum."""
+        for i in range(self.n):
+            for j in range(i + 1):
+                if (i, j) in self.entries or (i == j and self.pivots[i] is not None):
+                    products = [value("S", i, k) * value("L", j, k) for k in range(j)]
+                    self.agree(triangle[_place(i, j)], self.M[i][j], products)
+
+    def agree(self, found: Any, first: Any, subtracted: Sequence[Any]) -> None:
+        """Raise NoBoundError unless ``found`` is ``first`` minus what is ``subtracted``, or its negative."""
         expected = first - sum(subtracted)
         size = abs(first) + sum(abs(each) for each in subtracted)
         if abs(abs(found) - abs(expected)) > size * mpmath.mpf(10) ** -_SAME:
             raise NoBoundError(_REARRANGED)
 
 
+class _Reader(_Factorization):
+    """Recognises the whole solution of forward dynamics."""
+
+    def __init__(
+        self, program: Program, mass: Program, bias: Program, state: Mapping[str, list[float]], order: tuple[int, ...]
+    ) -> None:
+        super().__init__(program, mass, state, order)
+        if not all(
+            pivot is None or self._positive(k, self.margins[pivot], pivot) for k, pivot in enumerate(self.pivots)
+        ):
+            raise NoBoundError(_REARRANGED)
+        h = exact_values(bias, [state[port.name] for port in bias.inputs])
+        tau = state[_torque_port(program).name]
+        self.rhs = [tau[i] - h[bias.results[0][i]] for i in order]
+        self.y, self.x = self._solved()
+        self.solution = [self._chosen(program.results[0][i]) for i in order]
+        for k, index in enumerate(self.solution):
+            self._take(index, "x", k, k, self.x[k])
+        self.right = [self._right_side(k) for k in range(self.n)]
+
+    def _solved(self) -> tuple[list[Any], list[Any]]:
+        """y and x at the state."""
+        n, L, y = self.n, self.L, list(self.rhs)
+        for i in range(n):
+            for k in range(i):
+                y[i] -= L[i][k] * y[k]
+        x = [y[i] / self.S[i][i] for i in range(n)]
+        for i in reversed(range(n)):
+            for k in range(i + 1, n):
+                x[i] -= L[k][i] * x[k]
+        return y, x
+
+    def _chosen(self, index: int) -> int:
+        """The node that a result holds where the status is ok."""
+        node = self.nodes[index]
+        return node.args[2] if node.op is Op.SELECT else index
+
+    def _right_side(self, k: int) -> int:
+        """Take y_k: the node that is multiplied by the reciprocal of the pivot."""
+        for index in self._nodes_of(self.y[k]):
+            for node in self.nodes:
+                if node.op is Op.MUL and index in map(self._plain, node.args):
+                    kinds = [self.roles[arg] for arg in map(self._plain, node.args) if arg in self.roles]
+                    if any((role.kind, role.row) == ("r", k) for role in kinds):
+                        self._take(self._plain(index), "y", k, k, self.y[k])
+                        return self._plain(index)
+        raise NoBoundError(_REARRANGED)
+
+    def _is_torque(self, index: int) -> bool:
+        node = self.nodes[index]
+        return node.op is Op.INPUT and self.program.inputs[node.place[0]].role is Role.TORQUE
+
+    def form(self) -> _Form:
+        """The form of the program. Raises NoBoundError if a sum is not the one of the factorization."""
+        n, cut = self.n, _Cut(self)
+        triangle = self.triangle(cut)
+        right = [cut.copied(self.right[i], {frozenset({("L", i, k), ("y", k, k)}) for k in range(i)}) for i in range(n)]
+        solution = [
+            cut.copied(
+                self.solution[i],
+                {frozenset({("r", i, i), ("y", i, i)})}
+                | {frozenset({("L", k, i), ("x", k, k)}) for k in range(i + 1, n)},
+            )
+            for i in range(n)
+        ]
+        (entries, sides, results), value = self.evaluated(cut, [triangle, right, solution])
+        self.compare(entries, value)
+        for i in range(n):
+            self.agree(sides[i], self.rhs[i], [value("L", i, k) * value("y", k, k) for k in range(i)])
+            below = [value("L", k, i) * value("x", k, k) for k in range(i + 1, n)]
+            self.agree(results[i], value("r", i, i) * value("y", i, i), below)
+        roots = [*self.pivots, *self.right]
+        own = [[leaf for leaf in self.summands(index) if not self._is_torque(leaf)] for index in roots]
+        return _Form(
+            n,
+            self.order,
+            cut.program([triangle, right]),
+            tuple(cut.operands),
+            _with_results(self.program, own),
+            max(len(self._leaves(index)) for index in roots if index is not None),
+        )
+
+
 class _Cut:
     """Copies nodes of a program, with an input in place of every computed quantity that is an operand of a product."""
 
-    def __init__(self, reader: _Reader) -> None:
+    def __init__(self, reader: _Factorization) -> None:
         self.reader, self.nodes = reader, list[Node]()
         self.operands: list[_Operand] = []
         self._copies: dict[int, int] = {}

@@ -7,6 +7,11 @@ parameters are within the ranges of their table, which ``_check`` sees to; ``_ch
 The model functions that it calls are analysed by themselves, with any bits in their inputs; in a tick
 a function stands in for each that writes any bits, so that what is shown does not depend on what they compute.
 
+Forward dynamics and its derivatives factorize M. That the entries of the factors are bounded follows from relations
+between them, so that for many joints EVA cannot exclude that a divisor is zero or that a number overflows. There it
+takes bounds of pivots and factors as they are, which :func:`rrrgen.evidence.residual.factorization_facts` proves where
+the status is ok and no pivot is below 2^-50 kg m^2 (kg), smaller than the inertia of any arm; the row says so.
+
 EVA knows no relations between variables. Where the code relies on one, the analysed text says the same in another way:
 the bits that show whether numbers are finite are read as comparisons (a test holds that both agree), ``fabs`` as a
 choice, ``tanh`` by its bounds, and sines and cosines by the proven ones of the kernel, which has a row of its own; the
@@ -35,6 +40,8 @@ from rrrgen.emit.c.ik.files import sources
 from rrrgen.emit.c.language import RANGE, Dialect, InlineSinCos
 from rrrgen.emit.controller.differential_ik import declaration, differential_ik_files
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
+from rrrgen.evidence.residual import LEAST_PIVOT, Fact, factorization_facts
+from rrrgen.evidence.rounding import NoBoundError
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.program import Builder, Port
 
@@ -131,12 +138,19 @@ def _is_settled(row: Mapping[str, str]) -> bool:
 
 
 def function_alarms(
-    program: Program, box: Mapping[str, PortRange], directory: Path, sincos: SinCos | None = None
+    program: Program,
+    box: Mapping[str, PortRange],
+    directory: Path,
+    sincos: SinCos | None = None,
+    facts: Sequence[Fact] = (),
 ) -> list[Alarm]:
     """What stays open about a model function, for all inputs in the ``box``, which has all of its input ports.
 
-    Sines and cosines are those of ``sincos``, by default of the C library, whose bounds are stated.
+    Sines and cosines are those of ``sincos``, by default of the C library, whose bounds are stated. ``facts`` are
+    bounds of nodes that EVA takes as they are, proven elsewhere.
     """
+    names = {fact.node: f"factor_{fact.node}" for fact in facts}
+    program = program.described(labels={**program.labels, **names})
     lines, post, given = [], [], []
     for port in program.inputs:
         lines.append(f"double {port.name}[{port.size}];")
@@ -151,7 +165,21 @@ def function_alarms(
     body = "\n    ".join([*lines, call, *post])
     driver = f'#include "analysed.h"\n#include "__fc_builtin.h"\nvoid analysed(void)\n{{\n    {body}\n}}\n'
     files = function_files("analysed", "one function", [program], "double", sincos)
+    files["analysed.c"] = _with_facts(files["analysed.c"], names, facts)
     return alarms(directory, {**files, "driver.c": driver}, "analysed", "non-finite")
+
+
+def _with_facts(text: str, names: Mapping[int, str], facts: Sequence[Fact]) -> str:
+    """The C ``text`` with the facts, as EVA reads them, behind the declarations of the nodes that they wait for."""
+    for after in dict.fromkeys(fact.after for fact in facts):
+        (declared,) = re.findall(rf"^    const analysed_real {names[after]} = .*;\n", text, re.MULTILINE)
+        admitted = "".join(
+            f"    /*@ admit {fact.low!r} <= {names[fact.node]} <= {fact.high!r}; */\n"
+            for fact in facts
+            if fact.after == after
+        )
+        text = text.replace(declared, declared + admitted)
+    return text
 
 
 def kernel_alarms(directory: Path) -> list[Alarm]:
@@ -451,7 +479,12 @@ def analysed_with_eva(
             skipped.append((f"run-time errors of {name}", f"no range of {', '.join(missing)} is known"))
             continue
         with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
-            found.append((name, function_alarms(program, box, Path(folder))))
+            open_ = function_alarms(program, box, Path(folder))
+        facts = known_facts(model, name, box) if open_ else []
+        if facts:
+            with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
+                name, open_ = f"{name}, {WITH_FACTS}", function_alarms(program, box, Path(folder), facts=facts)
+        found.append((name, open_))
     plan = make_plan(model.spec)
     if plan.general:
         skipped.append(("run-time errors of inverse_kinematics", "the general solver is too long for the analysis"))
@@ -472,6 +505,22 @@ def analysed_with_eva(
         with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
             found.append((f"controller, {entry}", controller_alarms(unit, Path(folder), entry)))
     return {"run_time_errors": run_time_errors_entry(found)}, skipped
+
+
+WITH_FACTS = f"where the status is ok and no pivot of M is below {LEAST_PIVOT:.1e}"
+"""What holds for a function that is analysed with the facts about its factorization."""
+
+
+def known_facts(model: DerivedModel, name: str, box: Mapping[str, PortRange]) -> list[Fact]:
+    """The facts about the factors of M in the function ``name``; none if it has no such factors that are recognised."""
+    suffix = "_nominal" if name.endswith("_nominal") else ""
+    mass = model.programs.get(f"mass_matrix{suffix}")
+    if mass is None or name.removesuffix(suffix) not in ("forward_dynamics", "forward_dynamics_derivatives"):
+        return []
+    try:
+        return factorization_facts(model.programs[name], mass, {port: each.bounds for port, each in box.items()})
+    except NoBoundError:
+        return []
 
 
 def run_time_errors_entry(found: Iterable[tuple[str, Sequence[Alarm]]]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from rrrgen.derive.functions.table import find
 from rrrgen.derive.optimizer import Optimizer
 from rrrgen.evidence.boxes import Ranges, acceleration_range, box_of, nominal_beta
 from rrrgen.evidence.certificate import residual_entry
-from rrrgen.evidence.residual import residual_bounds, solved_with
+from rrrgen.evidence.residual import LEAST_PIVOT, factorization_facts, residual_bounds, solved_with
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError
 from rrrgen.evidence.sampling import _evaluated, _states, largest_residuals
 from rrrgen.evidence.vectors import DIGITS, exact_values
@@ -83,6 +83,28 @@ def test_constant_pivots_of_one_joint_and_the_entry_of_the_certificate():
     assert entry["double"]["bounds"] == {"ddq": list(bounds_of(program, mass, bias, box).double)}
     assert entry["double"]["sampled"]["within"]
     assert entry["float"]["sampled"]["ratio"] < 20.0
+
+
+@pytest.mark.parametrize("suffix", ["_nominal", ""])
+@pytest.mark.parametrize("name", ARMS)
+def test_facts_about_the_factors_hold_where_the_status_is_ok(name, suffix):
+    """At 20000 states of the box, with parameters that need not be those of a body; none is wide of the mark."""
+    program, mass, _, box = solved(name, suffix)
+    facts = factorization_facts(program, mass, {port: each.bounds for port, each in box.items()})
+    states = _states(program, {**box, "tau": box["ddq"]}, 20_000, np.random.default_rng(4), np.float64)
+    values = _evaluated(program, states, DOUBLE, None)
+    ok = np.broadcast_to(values[program.results[1][0]] == 0, (20_000,)).copy()
+    pivots = {fact.after for fact in facts}
+    for pivot in pivots:
+        ok &= values[pivot] >= LEAST_PIVOT
+    assert ok.mean() > 0.5
+    assert {fact.node for fact in facts} > pivots
+    for fact in facts:
+        found = np.broadcast_to(values[fact.node], (20_000,))[ok]
+        assert fact.low <= found.min()
+        assert found.max() <= fact.high
+        if fact.node in pivots:
+            assert fact.high < 100.0 * found.max()
 
 
 def changed(program, index, **fields):

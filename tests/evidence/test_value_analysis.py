@@ -8,10 +8,20 @@ import pytest
 
 from rrrgen.controller.files import standalone_files
 from rrrgen.controller.table import GROUPS, unit_of
+from rrrgen.derive import prepare, record
+from rrrgen.derive.functions.table import find
+from rrrgen.derive.optimizer import Optimizer
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.evidence import value_analysis
-from rrrgen.evidence.boxes import PortRange, Ranges, box_of
-from rrrgen.evidence.value_analysis import ENTRIES, controller_alarms, function_alarms, run_time_errors_entry
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
+from rrrgen.evidence.residual import Fact
+from rrrgen.evidence.value_analysis import (
+    ENTRIES,
+    controller_alarms,
+    function_alarms,
+    known_facts,
+    run_time_errors_entry,
+)
 from rrrgen.program import Builder, Port
 from rrrgen.robot.file import read
 
@@ -74,6 +84,39 @@ def test_a_model_function_within_its_limits_and_a_division_by_zero(model, tmp_pa
     entry = run_time_errors_entry([("quotient", found)])
     assert entry["alarms"] == len(found)
     assert entry["rows"][0][0] == "quotient"
+
+
+@needs_frama_c
+def test_facts_settle_what_depends_on_relations_that_eva_does_not_know(tmp_path):
+    """A quotient by a sum that a fact keeps away from zero, behind the declaration of the node that it waits for."""
+    b = Builder()
+    x, y = b.input(Port("x", (2,)))
+    program = b.program("quotient", [(Port("z", (2,)), [1 / (x + y), x + y])])
+    (divisor,) = program.results[0][1:]
+    box = {"x": PortRange((-1.0, -1.0), (1.0, 1.0), "")}
+    assert function_alarms(program, box, tmp_path)
+    assert function_alarms(program, box, tmp_path, facts=[Fact(divisor, divisor, 0.5, 2.0)]) == []
+    text = (tmp_path / "analysed.c").read_text(encoding="utf-8")
+    assert f"/*@ admit 0.5 <= factor_{divisor} <= 2.0; */\n" in text
+
+
+@needs_frama_c
+@pytest.mark.sweep
+@pytest.mark.parametrize("name", ["puma560", "panda"])
+def test_forward_dynamics_of_six_and_seven_joints_stays_finite_where_the_status_is_ok(name, tmp_path):
+    """Without the facts about the factorization every divisor is open; with them nothing is."""
+    functions = [find(each) for each in ("mass_matrix", "bias", "forward_dynamics")]
+    derived = Optimizer()(record(prepare(read(name)), functions), 1, None)
+    for function in ("forward_dynamics", "forward_dynamics_nominal"):
+        program = derived.programs[function]
+        n = derived.spec.n
+        box = {"tau": PortRange((-100.0,) * n, (100.0,) * n, "")}
+        box |= box_of(program, derived.spec, nominal_beta(derived), Ranges())
+        facts = known_facts(derived, function, box)
+        assert len({fact.after for fact in facts}) == n
+        assert function_alarms(program, box, tmp_path, facts=facts) == []
+    assert function_alarms(program, box, tmp_path)
+    assert known_facts(derived, "bias", box) == []
 
 
 BITS = """#include "pendulum_controller.c"
