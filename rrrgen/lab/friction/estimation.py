@@ -70,8 +70,8 @@ def notes(chosen: LawEstimate, data: JointData) -> tuple[str, ...]:
     elif chosen.score.held_out > LEFT:
         found.append(
             f"errors on windows that were not fitted are {chosen.score.held_out:.3g} times the noise: something is "
-            f"left that {chosen.name} does not describe, such as torque ripple or a flexible joint; it can hide a "
-            "part of the friction, which the deviations do not count"
+            f"left that {chosen.name} does not describe, such as torque ripple or a flexible joint (`rrrgen experiment "
+            "elastic-joints` estimates it); it can hide a part of the friction, which the deviations do not count"
         )
     if chosen.std["inertia"] > HARDLY * chosen.values["inertia"]:
         found.append("inertia is hardly determined: the joint accelerates too little; add a fast multisine")

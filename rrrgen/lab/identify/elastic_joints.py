@@ -7,11 +7,11 @@ The encoders read the rotors, at theta; a spring and a damper drive the link of 
 with friction f at the rotors (viscous, Coulomb, offset) and the base parameters beta of the links. For given K, D, J
 and f the recording itself tells the torque tau_t that the spring transmits, hence the positions of the links,
 
-    q = theta - c (tau_t - T dtau_t),           c = 1/K,  T = D/K,
+    q = theta - c (tau_t - T dtau_t + T^2 ddtau_t),           c = 1/K,  T = D/K,
 
-to first order in the short time T, without a state to be estimated. What is left is linear in beta and is projected
-out (variable projection, Golub and Pereyra 1973); a damped search finds c, T, J and f. Theta is differentiated five
-times and tau_t three times: all signals pass one low-pass filter whose derivatives are exact, so that they are those of
+to second order in the short time T, without a state to be estimated. What is left is linear in beta and is projected
+out (variable projection, Golub and Pereyra 1973); a damped search finds c, T, J and f. Theta is differentiated six
+times and tau_t four times: all signals pass one low-pass filter whose derivatives are exact, so that they are those of
 one and the same motion. The base parameters and J can only be told apart by frequencies near the antiresonance at
 which the link moves against its spring.
 
@@ -20,7 +20,7 @@ aligned by half a sample, which is the same), is then too small by ``x cot x`` w
 a wave of frequency f average to ``cos x`` of those commanded, and act with ``sin(x)/x`` of them. The filter of the
 torques makes up for it.
 
-Where encoders at the links were recorded too, their readings are further rows, ``theta - q = c (tau_t - T dtau_t)``.
+Where encoders at the links were recorded too, their readings of ``theta - q`` are further rows.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from rrrgen.lab.estimate.search import Search, search
 from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
 
-ORDERS = 5  # of the derivatives of the positions
+ORDERS = 6  # of the derivatives of the positions
 SHARPNESS = 4  # of the filter: its response is flat at zero up to the derivative of order 2 SHARPNESS - 1
 REACH = 9.0  # half the length of the filter in its own widths: beyond, it is zero to round-off
 LARGEST_BANDWIDTH = 1.0 / 6.0  # times the sampling rate
@@ -56,7 +56,7 @@ SHARES = (0.3, 0.6)  # and shares of the rotor in the inertia of a joint
 ROUGH_STEPS, STEPS, PASSES = 8, 40, 3
 WORSE = 2  # bandwidths in a row that tell the compliances less than the one before: the last to be tried
 SETTLED = 1e-5  # relative decrease of the squares at which the search ends
-LONG = 0.3  # angle by which the damper lags behind, rad, from which on the first order in T is doubtful
+LONG = 0.3  # angle by which the damper lags behind, rad, from which on the second order in T is doubtful
 TELLING = 3.0  # standard deviations by which a compliance differs from zero
 FRICTION = ("viscous", "coulomb", "offset")
 PARAMETERS = ("stiffness", "damping", "rotor_inertia", *FRICTION)
@@ -134,9 +134,9 @@ class ElasticJoints:
 
 
 class Signals(NamedTuple):
-    """Filtered signals of N rows: derivatives of the positions ``theta`` (6, N, n) and torques ``tau`` (4, N, n).
+    """Filtered signals of N rows: derivatives of the positions ``theta`` (7, N, n) and torques ``tau`` (5, N, n).
 
-    ``friction`` (4, N, n, 3) are those of speed, its sign and 1. ``link`` (N, n) are positions of the links, or None.
+    ``friction`` (5, N, n, 3) are those of speed, its sign and 1. ``link`` (N, n) are positions of the links, or None.
     ``use`` (N, n) is False where the filter reaches a sample that is not valid, ``stretch`` (N,) numbers stretches.
     """
 
@@ -229,7 +229,7 @@ def _ladder(most: float, duration: float) -> list[float]:
 
 
 def kernels(bandwidth: float, period: float, held: bool = False) -> list[Array]:
-    """Symmetric FIR filters for the derivatives of order 0 to 5 of a signal below ``bandwidth`` (-3 dB, Hz).
+    """Symmetric FIR filters for the derivatives of order 0 to 6 of a signal below ``bandwidth`` (-3 dB, Hz).
 
     Their frequency responses are ``(i w)^k Q(4, x)`` with ``x = (w s)^2 / 2`` and the regularized incomplete gamma
     function Q: ``exp(-x) (1 + x + x^2/2 + x^3/6)``, a Gaussian that is flattened at low frequencies. Those for means
@@ -374,7 +374,7 @@ class _Fit:
     # -- torques that are transmitted, deflections, rows -----------------------------------------------------------
 
     def transmitted(self, x: Array) -> Array:
-        """The torque of the springs and dampers and its derivatives of order 1 to 3, (4, N, n)."""
+        """The torque of the springs and dampers and its derivatives of order 1 to 4, (5, N, n)."""
         s, (_, _, J, f) = self.signals, self._unknowns(x)
         return np.asarray(s.tau - J * s.theta[2:] - np.einsum("kNjp,jp->kNj", s.friction, f))
 
@@ -383,10 +383,9 @@ class _Fit:
         return x[:n], x[n : 2 * n], x[2 * n : 3 * n], x[3 * n :].reshape(n, len(FRICTION))
 
     def _motion(self, x: Array, u: Array) -> tuple[Array, Array, Array]:
-        """Positions, speeds and accelerations (N, n) of the links where the torques ``u`` (4, N, n) are transmitted."""
+        """Positions, speeds and accelerations (N, n) of the links where the torques ``u`` (5, N, n) are transmitted."""
         c, T, _, _ = self._unknowns(x)
-        bent = c * (u[:3] - T * u[1:4])
-        return tuple(self.signals.theta[:3] - bent)
+        return tuple(self.signals.theta[:3] - c * _damped(u, T))
 
     def rows(self, x: Array) -> tuple[Array, Array]:
         """Regressor (N, m, b) of beta and right-hand side (N, m), of the torques and then of the link positions."""
@@ -408,8 +407,9 @@ class _Fit:
             # of the transmitted torque, which J and friction change, and of the deflection
             own = [-s.theta[2:, :, j], *(-s.friction[:, :, j, p] for p in range(len(FRICTION)))]
             places = [2 * n + j, *(3 * n + len(FRICTION) * j + p for p in range(len(FRICTION)))]
-            bends = [(j, u[:3, :, j] - T[j] * u[1:4, :, j]), (n + j, -c[j] * u[1:4, :, j])]
-            bends += [(k, c[j] * (v[:3] - T[j] * v[1:4])) for k, v in zip(places, own, strict=True)]
+            mine = u[:, :, j]
+            bends = [(j, _damped(mine, T[j])), (n + j, c[j] * (2.0 * T[j] * mine[2:5] - mine[1:4]))]
+            bends += [(k, c[j] * _damped(v, T[j])) for k, v in zip(places, own, strict=True)]
             for k, v in zip(places, own, strict=True):
                 found[:, j, k] = v[0]
             by = [self._torque_by(motion, order, j, beta) for order in range(3)]
@@ -566,6 +566,14 @@ class _Fit:
                 f"{', '.join(wrong)}: the rotor inertia is not positive: the elasticity is not that of a joint"
             )
         return tuple(notes)
+
+
+def _damped(u: Array, T: Array | float) -> Array:
+    """Deflection times stiffness and its first two derivatives, (3, ..), under torques ``u`` (5, ..) with derivatives.
+
+    ``(1 + T s)^-1 u`` to second order in the time T of the damper.
+    """
+    return np.asarray(u[:3] - T * u[1:4] + T * T * u[2:5])
 
 
 def _spread(x: Array, use: NDArray[np.bool_]) -> Array:
