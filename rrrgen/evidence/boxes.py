@@ -32,6 +32,7 @@ class Ranges:
 ASSUMED_ANGLE, ASSUMED_STROKE = math.pi, 1.0
 ASSUMED_SPEED, ASSUMED_ACCELERATION = (10.0, 2.0), (100.0, 20.0)
 """Where the robot file states no limit: rad and m; rad/s and m/s; rad/s^2 and m/s^2 (revolute, prismatic)."""
+ASSUMED_TORQUE = 1000.0  # N m or N, of a joint without a limit
 
 GRAVITY = 10.0  # m/s^2, of every component where gravity is an input
 PAYLOAD = 10.0  # kg, m, kg m^2: of every number that describes a payload
@@ -86,11 +87,7 @@ def _range(port: Port, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ra
     if role in (Role.ACCELERATION, Role.DESIRED_ACCELERATION, Role.REFERENCE_ACCELERATION):
         return acceleration_range(spec, ranges)
     if role is Role.TORQUE:
-        limits = [joint.limits.torque for joint in spec.joints]
-        if any(limit is None for limit in limits):
-            return None
-        sizes = tuple(float(limit) for limit in limits if limit is not None)
-        return PortRange(tuple(-size for size in sizes), sizes, "limits of the robot file")
+        return _of_joints(spec, lambda joint: (-_torque(joint)[0], *_torque(joint)))
     if role is Role.COVECTOR:
         return PortRange((-1.0,) * port.size, (1.0,) * port.size, "assumed")
     if role is Role.GRAVITY:
@@ -144,6 +141,11 @@ def _position(joint: JointSpec) -> tuple[float, float, bool]:
 def _speed(joint: JointSpec) -> tuple[float, bool]:
     limit = joint.limits.velocity
     return (ASSUMED_SPEED[not joint.is_revolute], False) if limit is None else (limit, True)
+
+
+def _torque(joint: JointSpec) -> tuple[float, bool]:
+    limit = joint.limits.torque
+    return (ASSUMED_TORQUE, False) if limit is None else (float(limit), True)
 
 
 def _acceleration(joint: JointSpec) -> tuple[float, bool]:

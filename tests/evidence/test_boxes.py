@@ -1,10 +1,11 @@
-"""Boxes of inputs: the published one of the Panda."""
+"""Boxes of inputs: the published one of the Panda, and what is assumed where the robot file states no limit."""
 
 from __future__ import annotations
 
 from rrrgen.derive import derive_once
-from rrrgen.evidence.boxes import Ranges, box_of
+from rrrgen.evidence.boxes import ASSUMED_TORQUE, PortRange, Ranges, box_of
 from rrrgen.evidence.rounding import rounding_bounds
+from rrrgen.program import Builder, Port, Role
 from rrrgen.robot.file import load_spec
 
 
@@ -16,3 +17,13 @@ def test_panda_on_the_published_box():
     bounds = rounding_bounds(program, {name: each.bounds for name, each in box.items()})
     assert max(bounds.double[0]) <= 5e-13
     assert max(bounds.single[0]) <= 4e-4
+
+
+def test_torques_without_a_limit_have_an_assumed_range():
+    """Of the Puma 560, whose file states none; those of the pendulum are its limits."""
+    for name, size, source in (("puma560", ASSUMED_TORQUE, "assumed"), ("pendulum", 5.0, "limits of the robot file")):
+        spec = load_spec(name)
+        b = Builder()
+        tau = b.input(Port("tau", (spec.n,), role=Role.TORQUE))
+        program = b.program("sum", [(Port("y", (1,)), [sum(tau)])])
+        assert box_of(program, spec, None, Ranges())["tau"] == PortRange((-size,) * spec.n, (size,) * spec.n, source)
