@@ -40,6 +40,7 @@ EXPLAINED = Path(__file__).with_suffix(".yaml")
 ROOMS = ("rrrgen/derive", "rrrgen/program", "rrrgen/ik", "rrrgen/emit", "rrrgen/lab/estimate", "templates/c")
 FOLDERS = {
     **{"rrrgen/emit/targets": ("emit/targets",), "rrrgen/emit/html": ("emit/html", "emit")},
+    **{"rrrgen/emit/c/ik": ("ik",), "rrrgen/emit/controller": ("controller",)},
     **{"rrrgen/emit": ("emit",), "rrrgen/derive": ("derive", "pipeline"), "rrrgen/ik": ("ik",)},
     **{"rrrgen/program": ("program", "program/passes"), "rrrgen/lab/estimate": ("lab/estimate",)},
     "templates/c": ("emit", "controller", "ik"),
@@ -215,7 +216,10 @@ def stages(path: str) -> list[list[str]]:
 
 
 def _nearest(path: str, tests: Sequence[Path], folders: Sequence[str]) -> tuple[list[Path], list[Path]]:
-    """The tests that are named after the module ``path``, those in ``folders`` first, and those that import it."""
+    """The tests that are named after the module ``path``, those in ``folders`` first; those that import it.
+
+    Behind these stand the tests that import another module of its folder.
+    """
     module = path.removesuffix(".py").replace("/", ".")
     package, _, name = module.rpartition(".")
     imports = re.compile(
@@ -225,7 +229,10 @@ def _nearest(path: str, tests: Sequence[Path], folders: Sequence[str]) -> tuple[
     named.sort(key=lambda file: str(file.parent.relative_to("tests")) not in folders)
     near = [file for file in tests if imports.search((ROOT / file).read_text(encoding="utf-8")) and file not in named]
     near.sort(key=lambda file: (ROOT / file).stat().st_size)
-    return named, near
+    beside = re.compile(rf"(from|import) {re.escape(package)}\b")
+    further = [file for file in tests if beside.search((ROOT / file).read_text(encoding="utf-8"))]
+    further.sort(key=lambda file: (ROOT / file).stat().st_size)
+    return named, near + [file for file in further if file not in [*named, *near]]
 
 
 def _that_render(word: str) -> list[str]:

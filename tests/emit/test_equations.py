@@ -14,6 +14,8 @@ def test_small_matrix_stays_a_matrix_and_large_entries_become_equations() -> Non
     q2, p3, p12 = S["q2"], S["p3"], S["p12"]
     small = sp.Matrix([[p12, p3 * sp.cos(q2)], [p3 * sp.cos(q2), 0]])
     assert r"\begin{bmatrix}" in latex({"mass_matrix": small})
+    left = [line.split(" = ")[0].strip() for line in plain({"mass_matrix": small}).splitlines() if " = " in line]
+    assert left == ["M[1,1]", "M[1,2]", "M[2,1]", "M[2,2]"]
     long = sum((p3**k * sp.cos(k * q2) for k in range(1, 15)), sp.S.Zero)
     text = plain({"mass_matrix": sp.Matrix([[long, p3], [p3, 0]])})
     assert "symmetric" in text

@@ -12,7 +12,7 @@ from emit.targets.arm import TEXT, arm
 from emit.targets.rrr_library import STRICT, run
 from rrrgen.controller.files import unit_code
 from rrrgen.emit.targets.c_package import emitted_code
-from rrrgen.emit.targets.fmu_blocks import BLOCKS, POINTS
+from rrrgen.emit.targets.fmu_blocks import BLOCKS, POINTS, _unit_of
 from rrrgen.emit.targets.interface import ExportOptions
 from rrrgen.exporting import export_robot
 from rrrgen.robot.file import loads_spec
@@ -135,6 +135,12 @@ def test_the_controller_follows_the_path_on_the_plant(folder, tmp_path):
     np.testing.assert_allclose([plant["q[1]"], plant["q[2]"]], [0.3, 0.4], atol=5e-3)
     for each in (motion, controller, plant):
         each.end()
+
+
+def test_a_wrench_has_forces_before_moments():
+    units = [_unit_of("N, N m", k, 6, arm()) for k in range(6)]
+    assert units == ["N"] * 3 + ["N.m"] * 3
+    assert [_unit_of("N, N m", k, 5, arm()) for k in range(5)] == [""] * 5
 
 
 def test_units_are_those_of_the_joint():

@@ -187,6 +187,14 @@ def test_the_friction_parameter_has_the_size_of_the_model_function():
     assert f'"friction", friction_, {size});' in files["src/dynamics.cpp"]
 
 
+@pytest.mark.parametrize(("robot", "said"), [("planar2r", True), ("scara", False)])
+def test_a_note_says_where_no_plugin_for_moveit_is_written(robot, said):
+    """An arm whose targets are positions has none, though its inverse kinematics is solved."""
+    exported = export_robot(load_spec(robot), "ros2")
+    assert ("src/moveit.cpp" not in exported.files) == said
+    assert any("no plugin for MoveIt" in note for note in exported.notes) == said
+
+
 def test_the_package_is_consistent(folder):
     """Every plugin that is described exists, and every library is built."""
     package = ElementTree.parse(folder / "package.xml").getroot()
