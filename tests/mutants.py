@@ -203,12 +203,15 @@ def stages(path: str) -> list[list[str]]:
     code = [sys.executable, "-m", "rrrgen", "generate", "rrr", "-o", "generated/rrr", "--check"]
     folders = next((folders for room, folders in FOLDERS.items() if path.startswith(f"{room}/")), ())
     if not path.endswith(".py"):
-        word = Path(path).name.split(".")[0]
+        word = Path(path).name.split(".")[0].removesuffix("_selftest")
         count = {file: len(re.findall(rf"\b{word}", (ROOT / file).read_text(encoding="utf-8"))) for file in tests}
         own = f"test_{Path(path).stem.replace('.', '_')}"  # test_controller_h of controller.h.j2
-        near = sorted((file for file in tests if count[file]), key=lambda file: (file.stem != own, -count[file]))
-        for module in _that_render(word):
-            near += [file for group in _nearest(module, tests, ()) for file in group if file not in near]
+        naming = sorted((file for file in tests if count[file]), key=lambda file: (file.stem != own, -count[file]))
+        printing, users = _that_print(word)
+        named = [file for module in [*printing, *users] for file in _nearest(module, tests, ())[0]]
+        importing = [file for module in printing for file in _nearest(module, tests, ())[1]]
+        named.sort(key=lambda file: (ROOT / file).stat().st_size)
+        near = dict.fromkeys([*naming, *named, *importing])
         return [code, *([*pytest, str(file)] for file in near)]
     named, near = _nearest(path, tests, folders)
     room = [file for file in tests if str(file.parent.relative_to("tests")) in folders and file not in [*named, *near]]
@@ -235,11 +238,17 @@ def _nearest(path: str, tests: Sequence[Path], folders: Sequence[str]) -> tuple[
     return named, near + [file for file in further if file not in [*named, *near]]
 
 
-def _that_render(word: str) -> list[str]:
-    """The modules that print the template ``word``."""
+def _that_print(word: str) -> tuple[list[str], list[str]]:
+    """The modules that print the template ``word``, and those that import them."""
+    texts = {
+        file.relative_to(ROOT).as_posix(): file.read_text(encoding="utf-8")
+        for file in sorted((ROOT / "rrrgen").rglob("*.py"))
+    }
     named = re.compile(rf"[\"/]{re.escape(word)}[\".]")
-    modules = sorted((ROOT / "rrrgen").rglob("*.py"))
-    return [file.relative_to(ROOT).as_posix() for file in modules if named.search(file.read_text(encoding="utf-8"))]
+    printing = [path for path, text in texts.items() if named.search(text)]
+    modules = [path.removesuffix(".py").replace("/", ".") for path in printing]
+    users = [path for path, text in texts.items() if any(f"from {module} import" in text for module in modules)]
+    return printing, [path for path in users if path not in printing]
 
 
 def verdict(mutant: Mutant, copy: Path, seconds: float) -> tuple[str, str]:

@@ -26,8 +26,8 @@ from rrrgen.emit.casadi.module import rebuild_module
 from rrrgen.emit.controller.filters import kalman_program, linear_step_program
 from rrrgen.emit.controller.state_space import StateSpace
 from rrrgen.emit.targets.javascript import BACKEND as JAVASCRIPT
-from rrrgen.program import REFUSED, Domain, Op, Program, evaluate
-from rrrgen.program.guard import BOUNDS, is_guarded
+from rrrgen.program import REFUSED, Builder, Domain, Op, Port, Program, evaluate
+from rrrgen.program.guard import BOUNDS, guarded, is_guarded
 from rrrgen.robot.friction.laws import LAWS
 from rrrgen.robot.friction.programs import friction_step_program
 from rrrgen.robot.identity import identify
@@ -392,6 +392,17 @@ def test_one_bad_sample_does_not_blind_the_observer():
         touched.append(bool(touches.touches))
     assert not any(touched[:500])
     assert all(touched[530:])
+
+
+def test_a_result_that_overflows_is_refused_though_another_one_shows_that_all_inputs_are_finite():
+    b = Builder()
+    (x,), (u,) = b.input(Port("x", (1,), "1")), b.input(Port("u", (1,), "1"))
+    outputs = [(Port("x_next", (1,), "1", state="x"), [b.mul(b.mul(x, x), u)]), (Port("y", (1,), "1"), [b.add(x, u)])]
+    program = guarded(b.program("step", outputs, "a step"))
+    with np.errstate(over="ignore"):
+        kept, y, status = evaluate(program, np.array([1e200]), np.array([2.0]))
+    assert (kept, y, status) == (1e200, 0.0, REFUSED.code)
+    assert [each.item() for each in evaluate(program, np.array([3.0]), np.array([2.0]))] == [18.0, 5.0, 0.0]
 
 
 def test_the_guard_costs_a_few_operations():

@@ -64,6 +64,7 @@ def test_threshold_decides_which_equations_are_used():
         assert found.family == "position"
         assert found.snapped == snapped
         assert (found.companion is not None) == helped
+        assert not found.incomplete
     # equations that stay quadratic need no help: the wrist's angles may be anything
     for offset in (1e-10, 1e-5, 0.1):
         found = plan(make("arm", moved("puma", ("alpha4",), offset)))

@@ -17,6 +17,7 @@ import pytest
 from emit.targets.arm import FURTHER, TEXT, WITH_CONTROL, arm
 from emit.targets.compared import ours
 from rrrgen.base.errors import InputError
+from rrrgen.base.version import VERSION
 from rrrgen.cli.main import run
 from rrrgen.emit.targets import shared_libraries
 from rrrgen.emit.targets.interface import ExportOptions
@@ -154,6 +155,7 @@ def test_the_readme_runs_for_an_arm_without_friction(tmp_path):
 
 def test_the_record_lists_every_file(files, tmp_path):
     (name,) = (name for name in files if name.endswith(".whl"))
+    assert re.fullmatch(rf"arm_model-{re.escape(VERSION)}\+[0-9a-f]{{12}}-py3-none-\w+\.whl", name)
     (tmp_path / name).write_bytes(files[name])
     with zipfile.ZipFile(tmp_path / name) as wheel:
         assert wheel.testzip() is None
