@@ -451,8 +451,8 @@ static void rrr_ik_exchange(rrr_ik_solutions *out, int i, int j)
 
 static void rrr_ik_move(const rrr_ik_solutions *from, int i, rrr_ik_solutions *out, int to)
 {
-    int k;
     if ((from != out) || (to != i)) {
+        int k;
         for (k = 0; k < 3; ++k) {
             out->q[to][k] = from->q[i][k];
         }

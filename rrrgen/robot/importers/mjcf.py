@@ -499,7 +499,7 @@ class _MjcfReader:
         """
         element = self.settings.with_defaults(given, inherited)
         word = "free" if given.tag == "freejoint" else element.attributes.get("type", "hinge")
-        name = element.attributes.get("name", f"{owner}_joint{k + 1}")
+        name = element.attributes.get("name", "").strip() or f"{owner}_joint{k + 1}"
         if word not in KINDS or name in self.joints:
             wrong = f"the type of joint '{name}' is '{word}'" if word not in KINDS else f"there are two joints '{name}'"
             self.faults.error(given.place_of("type"), wrong, f"types are {', '.join(KINDS)}; names are unique")

@@ -27,8 +27,8 @@ LOCAL void ik_move(const ik_solutions *from, int i, ik_solutions *out, int to)
     (void)out;
     (void)to;
 #else
-    int k;
     if ((from != out) || (to != i)) {
+        int k;
         for (k = 0; k < JOINTS; ++k) {
             out->q[to][k] = from->q[i][k];
         }

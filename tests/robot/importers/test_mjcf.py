@@ -159,6 +159,15 @@ def test_spellings_of_zero(zero, tmp_path):
     assert (found.joints, found.links, found.tool) == (plain.joints, plain.links, plain.tool)
 
 
+@pytest.mark.parametrize("name", ["", " "])
+def test_a_joint_with_an_empty_name_has_none(name, tmp_path):
+    """As MuJoCo reads it: such a joint gets a number."""
+    text = ARM.replace('joint name="bend"', f'joint name="{name}"').replace(
+        '<motor joint="bend"', '<motor joint="lift"'
+    )
+    assert import_robot(write(tmp_path, text)).spec.joints[1].name == "lower_joint1"
+
+
 def test_attributes_are_those_of_mujoco():
     """Every word of the schema that MuJoCo prints for these elements is read or left out, none is a fault."""
     mujoco = pytest.importorskip("mujoco")
