@@ -18,8 +18,8 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import hashlib
 import os
-import random
 import re
 import shutil
 import signal
@@ -179,18 +179,31 @@ def _blank(found: re.Match[str]) -> str:
 
 
 def sample(seed: int, count: int) -> list[Mutant]:
-    """Draw mutants: first a file, so that a long table of numbers counts no more than another file, then one of its."""
+    """Draw mutants, one of each of ``count`` files, so that a long table of numbers counts no more than another file.
+
+    Files and mutants are drawn by hashes of their names and lines: a change of the source replaces the mutants of the
+    files that it touches, and no others. Of more mutants than there are files, each has a second one, and so on.
+    """
     tracked = subprocess.run(
         ["git", "ls-files", *ROOMS], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split()
     files = [path for path in tracked if path.endswith((".py", ".c.j2", ".h.j2"))]
-    rng = random.Random(seed)
+    files.sort(key=lambda path: _draw(seed, path))
     drawn: list[Mutant] = []
-    while len(drawn) < count:
-        found = mutants_of(rng.choice(files))
-        if found and (mutant := rng.choice(found)) not in drawn:
-            drawn.append(mutant)
+    for turn in range(count):
+        before = len(drawn)
+        for path in files:
+            found = sorted(mutants_of(path), key=lambda mutant: _draw(seed, path, mutant.before, mutant.after))
+            drawn += found[turn : turn + 1]
+            if len(drawn) == count:
+                return drawn
+        if len(drawn) == before:
+            break
     return drawn
+
+
+def _draw(seed: int, *texts: str) -> str:
+    return hashlib.sha256("\n".join([str(seed), *texts]).encode()).hexdigest()
 
 
 # -- tests -----------------------------------------------------------------------------------------------------------
