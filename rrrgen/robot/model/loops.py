@@ -195,7 +195,7 @@ class LoopGeometry:
         for branch in branches:
             G = IDENTITY
             for i in branch:
-                G = sp.ImmutableMatrix((G * self._joints[i].before.R).applyfunc(normal_form))
+                G = sp.ImmutableMatrix((G * self._joints[i].before.R).applyfunc(_exact))
                 if not self._joints[i].revolute:
                     continue
                 if root >= 0 and G[:, 2] == IDENTITY[:, 2]:
@@ -216,7 +216,7 @@ class LoopGeometry:
 
     def _facing(self, loop: LoopSpec, C: sp.MatrixBase, row: int) -> int:
         """The sense of the axis of revolute joint ``row``, +1 or -1, across the plane; ``C`` is its orientation."""
-        axis = [normal_form(v) for v in C[:, 2]]
+        axis = [_exact(v) for v in C[:, 2]]
         if axis[:2] != [0, 0] or axis[2] not in (1, -1):
             hint = "the axes of all its revolute rows are parallel"
             raise LoopError(loop.name, f"the axis of '{self._joints[row].name}' is not across its plane", hint)
@@ -231,7 +231,7 @@ class LoopGeometry:
 
     def _turned(self, loop: LoopSpec, at: _Orientation, i: int) -> _Orientation:
         joint = self._joints[i]
-        C = sp.ImmutableMatrix((at.C * joint.before.R).applyfunc(normal_form))
+        C = sp.ImmutableMatrix((at.C * joint.before.R).applyfunc(_exact))
         if not joint.revolute:
             return replace(at, C=C)
         facing = self._facing(loop, C, i)
@@ -285,7 +285,7 @@ class LoopGeometry:
                     form, constant = _plus(form, own, factor), constant + factor * offset
             if not sides or any(form[self._spec.n :]):
                 return None
-            found[row] = form[: self._spec.n], normal_form(constant)
+            found[row] = form[: self._spec.n], _exact(constant)
         return found
 
     def _side(self, k: int) -> tuple[int, int | None]:
@@ -305,7 +305,7 @@ class LoopGeometry:
         row, coordinate = loop.passive[sliding[0]], self._spec.n + 2 * k + sliding[0]
         branch = self._branch_of(loop, row)
         before = self._orientation(loop, branch[: branch.index(row)])
-        if all(normal_form(v) == 0 for v in (before.C * self._joints[row].before.R)[:2, 2]):
+        if all(_exact(v) == 0 for v in (before.C * self._joints[row].before.R)[:2, 2]):
             hint = "a passive prismatic row slides in the plane"
             raise LoopError(loop.name, f"the axis of '{self._joints[row].name}' is across its plane", hint)
         return int(self._mechanism.matrix[row][coordinate]), coordinate
@@ -315,7 +315,7 @@ class LoopGeometry:
         joint = self._joints[i]
         found = [self._segment(sign, at, at.C * joint.before.p)]
         if not joint.revolute:
-            x, y, z = (normal_form(v) for v in (at.C * joint.before.R)[:, 2])
+            x, y, z = (_exact(v) for v in (at.C * joint.before.R)[:, 2])
             if z != 0 and (x, y) != (0, 0):
                 hint = "a prismatic row slides in the plane or across it"
                 raise LoopError(loop.name, f"the axis of '{joint.name}' is inclined to its plane", hint)
@@ -324,7 +324,7 @@ class LoopGeometry:
 
     def _segment(self, sign: int, at: _Orientation, vector: sp.MatrixBase) -> Segment:
         zero = sp.S.Zero
-        x, y, _ = (normal_form(v) for v in vector)  # an offset along the axis of the pin does not matter
+        x, y, _ = (_exact(v) for v in vector)  # an offset along the axis of the pin does not matter
         return Segment(sign, at.turning, at.angle, (x, y), (zero,) * self._width, (zero, zero))
 
     def _in_order(self, closures: Sequence[Closure]) -> tuple[Closure, ...]:
@@ -350,6 +350,11 @@ def coordinates_of(closure: Closure) -> set[int]:
     """The numbers of all coordinates that occur in ``closure``."""
     forms = [form for s in closure.segments for form in (s.turning, s.slide)]
     return {k for form in forms for k, factor in enumerate(form) if factor != 0}
+
+
+def _exact(expression: sp.Expr) -> sp.Expr:
+    """The normal form of ``expression``; sines of angles that are held back and do not commute are freed."""
+    return normal_form(expression if expression.is_commutative else expression.doit())
 
 
 def _plus(x: Form, y: Form, factor: sp.Expr) -> Form:

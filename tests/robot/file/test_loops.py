@@ -126,6 +126,20 @@ def test_a_fault_of_a_loop_with_a_prismatic_joint_is_reported_in_its_place(text,
     assert fault.line > 6
 
 
+@pytest.mark.parametrize("angle", [-48, -37.5, 48])
+def test_the_plane_of_a_loop_has_any_angle_against_the_row_that_carries_it(angle):
+    """Cosines of these angles have no short form; those of negative ones did not cancel."""
+    text = FOUR_BAR.replace("joints:\n", "joints:\n  - {name: main, type: revolute, alpha: 63, a: -0.2, d: 0.1}\n", 1)
+    text = text.replace("parent: base", "parent: main").replace(
+        "links:\n", "links:\n  - {mass: 1, com: [0, 0, 0], inertia: {about: com, xx: 1, yy: 1, zz: 1}}\n"
+    )
+    for name in ("crank", "rocker"):
+        text = text.replace(
+            f"name: {name}, type: revolute, alpha: 0,", f"name: {name}, type: revolute, alpha: {angle},"
+        )
+    assert loads_spec(text).n == 2
+
+
 @pytest.mark.parametrize("direction", [90, 25])
 def test_a_rod_as_long_as_the_crank_on_the_axis_of_the_slider_is_refused(direction):
     text = SLIDER_CRANK.replace("a: 0.05", "a: 0").replace("gamma: 90", f"gamma: {direction}")
