@@ -17,6 +17,7 @@ from rrrgen.lab.studies.fit_response import FitResponseOptions
 @click_options(FitResponseOptions)
 @click.option("--robot", metavar="ROBOT", help="With --experiment: also compute the resonances.")
 @click.option("--experiment", type=click.Path(path_type=Path), help="Experiment file with elastic parts and postures.")
+@click.option("--joint", metavar="NAME", help="Joint of the response, if the experiment file does not state it.")
 @fresh_option
 @json_option
 def response_model(
@@ -25,6 +26,7 @@ def response_model(
     options: FitResponseOptions,
     robot: str | None,
     experiment: Path | None,
+    joint: str | None,
     fresh: bool,
     as_json: bool,
 ) -> int:
@@ -51,6 +53,7 @@ def response_model(
         options,
         robot=None if robot is None else robot_source(robot),
         experiment=experiment,
+        joint=joint,
         folder=output,
         fresh=fresh,
         findings=FindingsPrinter(as_json),

@@ -38,7 +38,9 @@ def response_plan(experiment: Experiment, joint: str | None = None) -> ResponseP
     if joint is not None:
         settings["joint"] = joint
     if "joint" not in settings:
-        raise InputError("which joint? Name it, or let the section `response` of the experiment file (joint: NAME)")
+        raise InputError(
+            "the section `response` of the experiment file names no joint: add `joint: NAME`, or name it in the command"
+        )
     return ResponsePlan(**settings)
 
 

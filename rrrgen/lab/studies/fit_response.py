@@ -174,6 +174,7 @@ def fit_response(
     *,
     robot: RobotSource | None = None,
     experiment: str | os.PathLike[str] | None = None,
+    joint: str | None = None,
     folder: str | os.PathLike[str] | None = None,
     fresh: bool = False,
     progress: ProgressCallback | None = None,
@@ -193,6 +194,7 @@ def fit_response(
         robot: name of a bundled robot, robot file, ``RobotSpec`` or compiled model, of which the resonances are
             computed, too.
         experiment: experiment file with the elastic parts and postures of ``robot``; they belong together.
+        joint: the joint of the response, where the section ``response`` of the experiment file does not state it.
         folder: run folder to write to; without, nothing is written.
         fresh: discard the run that the folder holds.
         progress: called as ``progress(done, total, message)``; total is 0 where the end is not known.
@@ -215,12 +217,14 @@ def fit_response(
     files = {"log": Path(response)} if isinstance(response, (str, os.PathLike)) else {}
     if (robot is None) != (experiment is None):
         raise OptionError("{robot} and {experiment} belong together")
+    if joint is not None and robot is None:
+        raise OptionError("{joint} is of use with {robot} and {experiment} only")
     computed = None
     if robot is not None and experiment is not None:
         arm = robot_input(robot, findings or ignore)
-        computed = expected_modes(load_experiment(experiment, arm.spec.n), arm.model)
+        computed = expected_modes(load_experiment(experiment, arm.spec.n), arm.model, joint)
         files["experiment"] = Path(experiment)
-        settings |= arm.settings
+        settings |= arm.settings | ({} if joint is None else {"joint": joint})
     measured = _measured(response)
     if measured is not None:
         if chosen.rows is not None or chosen.method not in ("auto", "modes"):

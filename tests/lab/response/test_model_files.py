@@ -117,9 +117,28 @@ def test_modes_of_an_elastic_robot_stand_beside_the_measured_ones(recorded, tmp_
     assert rows[0]["deviation"] == pytest.approx(28.0 / 27.9 - 1.0, abs=1e-4)
     assert run([*run_at[:5], "-o", str(tmp_path / "run")]) == 2
     assert "belong together" in capsys.readouterr().err
+    assert run([*run_at[:3], "--joint", "q1", "-o", str(tmp_path / "run")]) == 2
+    assert "--joint is of use with --robot" in capsys.readouterr().err
     (tmp_path / "elastic.yaml").write_text("schema: rrrgen-experiment/1\nresponse: {joint: q1}\n")
     assert run([*run_at, "--fresh"]) == 3
     assert "neither the joints nor the base are flexible" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_the_joint_of_the_response_may_be_named_in_the_command(recorded, tmp_path, capsys):
+    (tmp_path / "elastic.yaml").write_text(
+        "schema: rrrgen-experiment/1\n"
+        "virtual_robot: {flexible_base: {frequency: 27.9 Hz, damping_ratio: 0.02}}\n"
+        "response: {postures: [[0, 0, 1.5], [0, 0, 0]]}\n"
+    )
+    log, elastic = str(recorded / "frf/results/frf.json"), str(tmp_path / "elastic.yaml")
+    run_at = ["response", "model", log, "--robot", "rrr", "--experiment", elastic, "-o", str(tmp_path / "run")]
+    assert run(run_at) == 3
+    assert "names no joint" in capsys.readouterr().err
+    assert run([*run_at, "--joint", "q9"]) == 3
+    assert "q9" in capsys.readouterr().err
+    assert run([*run_at, "--joint", "q1"]) == 0
+    assert "M(q) and stiffness give 27.9 Hz" in capsys.readouterr().out
 
 
 def test_modes_are_matched_by_frequency_and_kept_apart_where_they_differ():
