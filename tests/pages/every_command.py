@@ -275,7 +275,8 @@ def main() -> int:
                 if reason := next((why for word, why in ELSEWHERE.items() if word in line), None):
                     print(f"  left out  {source}: {line}  ({reason})")
                     continue
-                if source.endswith("--help") or not folder.exists():
+                # the examples of a help text are alternatives; --check reads what the one before wrote
+                if not folder.exists() or (source.endswith("--help") and "--check" not in line):
                     shutil.rmtree(folder, ignore_errors=True)
                     shutil.copytree(bases["help" if source.endswith("--help") else "page"], folder, symlinks=True)
                 os.chdir(folder)
