@@ -70,7 +70,7 @@ def drive_gains(
 
     \b
     Example:
-      rrrgen experiment drive-gains my_arm.yaml --log empty.yaml --loaded carrying.yaml --mass 4.6 --com 0 0 0.05 -o gains
+      rrrgen experiment drive-gains my_arm.yaml --log empty.yaml --loaded carrying.yaml --mass 1 --com 0 0 0.05 -o gains
     """
     from rrrgen.lab.studies.estimate_drive_gains import estimate_drive_gains
 
