@@ -210,18 +210,23 @@ def test_positions_and_rates_of_random_mechanisms_agree_with_newtons_method(text
             assert abs(displacement - position[1 + slide]) < 1e-12
 
 
+def torques_agree(text):
+    spec = loads_spec(text)
+    s = draw_states(chain_of(spec), 4, np.random.default_rng(1))
+    tau = NewtonEuler(chain_of(spec), nominal_parameters(spec)).inverse_dynamics(s.q, s.dq, s.ddq)
+    found = evaluate(recorded(spec, "inverse_dynamics"), s.q, s.dq, s.ddq, beta_of(spec))[0]
+    assert np.abs(np.array(found) - tau).max() < 1e-12 * np.abs(tau).max()
+
+
 @pytest.mark.parametrize("mechanisms", [slider_cranks, cylinders])
 def test_torques_of_random_mechanisms_agree_with_the_reference(mechanisms):
-    @settings(max_examples=2)
-    @given(mechanisms())
-    def agree(text):
-        spec = loads_spec(text)
-        s = draw_states(chain_of(spec), 4, np.random.default_rng(1))
-        tau = NewtonEuler(chain_of(spec), nominal_parameters(spec)).inverse_dynamics(s.q, s.dq, s.ddq)
-        found = evaluate(recorded(spec, "inverse_dynamics"), s.q, s.dq, s.ddq, beta_of(spec))[0]
-        assert np.abs(np.array(found) - tau).max() < 1e-12 * np.abs(tau).max()
+    settings(max_examples=2)(given(mechanisms())(torques_agree))()
 
-    agree()
+
+def test_torques_agree_where_the_angle_of_the_slider_has_no_short_cosine():
+    """The loop and the frames have to know its sine as the same number, or columns seem to be independent."""
+    assert SLIDER_CRANK.count("gamma: 90") == 1
+    torques_agree(SLIDER_CRANK.replace("gamma: 90", "gamma: 21"))
 
 
 def test_a_cylinder_as_the_drive_needs_the_force_that_gives_the_torque_of_the_boom():

@@ -353,8 +353,16 @@ def coordinates_of(closure: Closure) -> set[int]:
 
 
 def _exact(expression: sp.Expr) -> sp.Expr:
-    """The normal form of ``expression``; sines of angles that are held back and do not commute are freed."""
-    return normal_form(expression if expression.is_commutative else expression.doit())
+    """The normal form of ``expression``: a rational number where it is one.
+
+    Sines of angles that are held back do not commute, and so do not cancel; freed they do. Other entries keep the held
+    form, by which the derivation knows the same sine elsewhere.
+    """
+    held = normal_form(expression)
+    if held.is_commutative:
+        return held
+    freed = normal_form(expression.doit())
+    return freed if freed.is_Rational else held
 
 
 def _plus(x: Form, y: Form, factor: sp.Expr) -> Form:
