@@ -83,8 +83,8 @@ def certify(
     \b
     Examples:
       rrrgen certify rrr -o runs/certified
-      rrrgen certify panda -o runs/panda --real float --speed 0.5 --acceleration 1
       rrrgen certify --check runs/certified
+      rrrgen certify panda -o runs/panda --real float --speed 0.5 --acceleration 1
     """
     if checked is not None:
         if output is not None:

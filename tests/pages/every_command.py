@@ -205,6 +205,8 @@ def printed(line: str) -> tuple[int, str]:
         shutil.rmtree(target[1], ignore_errors=True)
     if target and words.startswith("rrrgen import "):
         Path(target[1]).unlink(missing_ok=True)
+    if words == "rrrgen export panda.yaml --to urdf":  # writes the file that is presupposed for its import
+        Path("panda.urdf").unlink()
     if words.startswith("rrrgen ") and not re.search(r"[|><*~]|&&", words):
         import shlex
 
