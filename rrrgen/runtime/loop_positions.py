@@ -123,5 +123,8 @@ class LoopEngine:
         self._engine.prepare()
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
-        """Bind the program ``name`` to arrays, those of the passive joints among them."""
+        """A function without arguments that computes the program ``name`` from ``inputs`` into ``outputs``.
+
+        Nothing is followed here: ``inputs`` hold the positions of the passive joints, ``loop_q``, too.
+        """
         return self._engine.bind(name, inputs, outputs)

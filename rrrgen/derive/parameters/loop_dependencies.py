@@ -247,7 +247,10 @@ def _exact(value: Any) -> Fraction:
 
 
 def _confirm_exactly(candidates: list[Parameter], found: list[Dependency], rows: list[list[int]]) -> None:
-    """Raise InternalError unless every relation holds in the ``rows`` of all columns at further states in the field."""
+    """Raise InternalError unless every relation in ``found`` also holds at states that were not used to find it.
+
+    ``rows`` are those of the regressor at such states in the finite field, with a column for each of ``candidates``.
+    """
     constants = ResidueConstants(0)
     place = {parameter: k for k, parameter in enumerate(candidates)}
     for dependency in found:

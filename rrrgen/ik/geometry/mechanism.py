@@ -32,9 +32,10 @@ if TYPE_CHECKING:
 
 
 def without_fixed_rows(chain: KinematicChain, S: sp.Matrix) -> tuple[KinematicChain, sp.Matrix]:
-    """Make every joint without motion part of a link: (chain of floats, its coupling ``y = S q``).
+    """Remove the joints that never move from ``chain``: their constant transforms become part of the links beside them.
 
-    ``S`` is the coupling of the rows of ``chain``; the row of a joint without motion is zero.
+    ``S`` (rows, n) gives the displacements ``y = S q`` of the joints of ``chain`` from the joint positions q; that of a
+    joint that never moves is a row of zeros. Returns the shorter chain, in floats, and S without these rows.
     """
     for k in reversed(range(chain.n)):
         if not any(S.row(k)) and chain.n > 1:

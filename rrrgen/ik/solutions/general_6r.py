@@ -172,7 +172,10 @@ def _turns(links: Sequence[Link]) -> list[float]:
 
 
 def root_stage(chain: KinematicChain, locked: int | None = None) -> Stage:
-    """The only root selection of the general solver: up to 16 roots for the joint that the elimination keeps."""
+    """The one step of the general solver that has several results: up to 16 values of the joint in its polynomial.
+
+    The elimination keeps this joint as its unknown; all others follow from it.
+    """
     kept = tables_of(chain, locked).eliminations[0].kept_joint
     return Stage(free_joints(chain, locked)[0][kept].index, "degree-16", MAX_SOLUTIONS)
 

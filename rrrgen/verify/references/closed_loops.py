@@ -148,7 +148,11 @@ class ClosedLoops:
         return np.asarray(np.broadcast_to(found, (len(frames), 3)), dtype=np.float64)
 
     def _ends(self, loop: NumericLoop, frames: Array) -> tuple[tuple[int, Array], tuple[int, Array]]:
-        """Both ends of the pin of a loop: rows and points (N, 3), the second moved along the axis beside the first."""
+        """The row of each of the two links that a pin joins, and the place of the pin on it (N, 3) in the base frame.
+
+        An offset along the axis of the pin does not matter: the second point is moved along it until it is level with
+        the first.
+        """
         (first, at), (second, there) = ((row, self._pin(row, place, frames)) for row, place in loop.pins)
         axis = self._axis(self._turning(loop), frames)
         along = np.einsum("ni,ni->n", axis, at - there)
