@@ -73,9 +73,9 @@ def certify(
     """Write the code of a robot with a certificate of what is proven and tested about it.
 
     DIR receives the files of `rrrgen generate` with the same options, and the folder evidence: certificate.json,
-    the same as a page in Markdown and HTML, and test vectors. Proven are bounds of the rounding error of every
-    function without branches, in double and in float, over the limits of the robot file; tested is every function
-    against independent dynamics, as by `rrrgen verify`. What is missing is listed with the reason.
+    the same as a page in Markdown and HTML, and test vectors. Proven are bounds of the rounding error of the model
+    functions, in double and in float, over the limits of the robot file; tested is every function against independent
+    dynamics, as by `rrrgen verify`. What is missing is listed with the reason.
 
     --check compares the hashes of all files, the pages and the functions with the certificate; --again also derives
     the robot and proves the bounds anew, and compares the templates with those of this version.

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.program import Port, Program, Role
+from rrrgen.program.program import Domain
 from rrrgen.robot.spec import JointSpec, RobotSpec
 from rrrgen.verify.references.numeric_robot import nominal_parameters
 
@@ -33,6 +35,25 @@ ASSUMED_ANGLE, ASSUMED_STROKE = math.pi, 1.0
 ASSUMED_SPEED, ASSUMED_ACCELERATION = (10.0, 2.0), (100.0, 20.0)
 """Where the robot file states no limit: rad and m; rad/s and m/s; rad/s^2 and m/s^2 (revolute, prismatic)."""
 ASSUMED_TORQUE = 1000.0  # N m or N, of a joint without a limit
+
+ASSUMED_MAGNITUDE = {
+    "1": 1.0,
+    "any": 1.0,
+    "(unit of beta)^2/J": 1.0,
+    **dict.fromkeys(("m", "rad", "m/s", "rad/s", "m s", "rad s", "m per unit of s", "rad per unit of s", "s"), 10.0),
+    **dict.fromkeys(("m/s^2", "rad/s^2", "m per unit of s^2", "rad per unit of s^2", "1/s", "SI", "(N m)^2"), 100.0),
+    **dict.fromkeys(("N m s/rad", "N s/m"), 100.0),
+    **dict.fromkeys(("N m", "N", "N m s", "N s", "N m/rad", "N/m", "N m/(rad s)", "N/(m s)", "1/s^2"), 1000.0),
+    "1/s^3": 1e4,
+}
+"""The largest magnitudes of gains, states, points, poses and wrenches, by their unit; of several units the first one.
+The robot file states none of them."""
+
+LEAST = 1e-3
+"""Share of its magnitude that a positive number or a limit has at least."""
+
+PERIOD, DURATION = (1e-4, 1e-2), (1.0, 10.0)
+"""The period, s, of a function that keeps a state; and of one that does not: the duration of a motion."""
 
 GRAVITY = 10.0  # m/s^2, of every component where gravity is an input
 PAYLOAD = 10.0  # kg, m, kg m^2: of every number that describes a payload
@@ -63,11 +84,12 @@ def box_of(program: Program, spec: RobotSpec, beta: Sequence[float] | None, rang
     """The range of every input port of ``program`` that has one, by name.
 
     ``beta`` are the nominal values of the port of base parameters, drive inertias included; None where the robot file
-    states none. A port of another quantity, such as the gain of a control law, has no range.
+    states none. Gains, states, points, poses and wrenches have the ranges of :data:`ASSUMED_MAGNITUDE`.
     """
     box = {}
+    period = PERIOD if any(port.state for port in program.outputs) else DURATION
     for port in program.inputs:
-        found = _range(port, spec, beta, ranges)
+        found = _range(port, spec, beta, ranges, period)
         if found is not None:
             box[port.name] = found
     return box
@@ -78,7 +100,9 @@ def acceleration_range(spec: RobotSpec, ranges: Ranges) -> PortRange:
     return _symmetric(spec, ranges.acceleration, _acceleration)
 
 
-def _range(port: Port, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ranges) -> PortRange | None:
+def _range(
+    port: Port, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ranges, period: tuple[float, float]
+) -> PortRange | None:
     role = port.role
     if role in (Role.POSITION, Role.DESIRED_POSITION):
         return _of_joints(spec, _position)
@@ -104,7 +128,28 @@ def _range(port: Port, spec: RobotSpec, beta: Sequence[float] | None, ranges: Ra
         if nominal is None or nominal.size != port.size:
             return None
         return _around([float(value) for value in nominal.ravel()], ranges.spread)
-    return None
+    return _assumed(port, period) if role is Role.OTHER else None
+
+
+def _assumed(port: Port, period: tuple[float, float]) -> PortRange | None:
+    """The range of a port that no limit of the robot file is about, by its unit and domain; None if it has another."""
+    if port.unit == "1, m" and port.shape == (4, 4):
+        return _POSE
+    size = ASSUMED_MAGNITUDE.get(re.split(r" \| |, ", port.unit)[0])
+    if size is None:
+        return None
+    low, high = {
+        Domain.POSITIVE: (LEAST * size, size),
+        Domain.LIMIT: (LEAST * size, size),
+        Domain.PERIOD: period,
+        Domain.LOWER: (-size, -LEAST * size),
+        Domain.UPPER: (LEAST * size, size),
+    }.get(port.domain, (-size, size))
+    return PortRange((low,) * port.size, (high,) * port.size, "assumed")
+
+
+_TURN = ASSUMED_MAGNITUDE["1"], ASSUMED_MAGNITUDE["1"], ASSUMED_MAGNITUDE["1"], ASSUMED_MAGNITUDE["m"]
+_POSE = PortRange((*(-size for size in _TURN * 3), 0.0, 0.0, 0.0, 1.0), (*_TURN * 3, 0.0, 0.0, 0.0, 1.0), "assumed")
 
 
 def _around(values: Sequence[float], spread: float) -> PortRange:

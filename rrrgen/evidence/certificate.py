@@ -23,7 +23,7 @@ from rrrgen.emit.c.stack import stack_bound
 from rrrgen.evidence.boxes import PortRange, Ranges, acceleration_range, box_of, nominal_beta
 from rrrgen.evidence.kernel_proof import scripts
 from rrrgen.evidence.residual import residual_bounds, solved_with
-from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, Precision, rounding_bounds
+from rrrgen.evidence.rounding import DOUBLE, FLOAT, LIBRARY_UNITS, NoBoundError, Precision, rounding_bounds
 from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors, largest_residuals
 from rrrgen.evidence.vectors import test_vectors
 from rrrgen.program import Role, count_operations
@@ -49,6 +49,12 @@ VECTORS = f"{FOLDER}/vectors.json"
 METHOD = "mean-value form over the roundings, outward rounding, angles split into equal parts"
 RESIDUAL = "residual M ddq - (tau - c - g), where the status is ok and ddq lies in the box, for any torques"
 RESIDUAL_METHOD = f"backward analysis of M = L D L'; its sums: {METHOD}"
+
+CONDITION = "every comparison of the function comes out as in exact arithmetic"
+"""What the bounds of the outputs under ``conditional`` suppose: next to a switch, rounding may take its other side."""
+
+LIBRARY = f"tanh and exp of the C library are within {LIBRARY_UNITS} units in the last place"
+"""What bounds suppose of the C library, where it is called."""
 
 NOT_CLAIMED = (
     "a safety level, or the qualification of a tool",
@@ -106,7 +112,13 @@ def rounding_entry(program: Program, box: Mapping[str, PortRange], samples: int,
         for precision, rows in ((DOUBLE, bounds.double), (FLOAT, bounds.single))
     }
     entry: dict[str, Any] = {"parts_per_angle": bounds.parts, "method": METHOD}
-    return entry | _stated(values, box, samples, seed, partial(largest_errors, program, box))
+    if any(bounds.conditional):
+        names = [port.name for port, each in zip(program.outputs, bounds.conditional, strict=True) if each]
+        entry["conditional"] = {"outputs": names, "condition": CONDITION}
+    if bounds.library:
+        entry["assumption"] = LIBRARY
+    sampled = partial(largest_errors, program, box, conditional=bounds.conditional)
+    return entry | _stated(values, box, samples, seed, sampled)
 
 
 def residual_entry(

@@ -84,18 +84,24 @@ def _tool_blocks(entry: Mapping[str, Any]) -> list[tuple[str, Any]]:
 
 
 def _rounding_rows(content: Mapping[str, Any]) -> list[Row]:
-    rows: list[Row] = [("function", "double", "ratio", "float", "ratio")]
+    rows: list[Row] = [("function", "double", "ratio", "float", "ratio", "condition")]
     for name, entry in content["functions"].items():
         rounding = entry["rounding"]
         if "none" in rounding:
-            rows.append((name, "none", "", "none", rounding["none"]))
+            rows.append((name, "none", "", "none", "", rounding["none"]))
             continue
         cells = [f"{name}, residual" if "quantity" in rounding else name]
         for precision in ("double", "float"):
             stated = rounding[precision]
             ratio = stated.get("sampled", {}).get("ratio")
             cells += [f"{stated['worst']:.2e}", "" if ratio is None else f"{ratio:.3g}"]
-        rows.append(tuple(cells))
+        conditions = []
+        if "conditional" in rounding:
+            names = ", ".join(rounding["conditional"]["outputs"])
+            conditions.append(f"{names}: where comparisons come out as in exact arithmetic")
+        if "assumption" in rounding:
+            conditions.append(rounding["assumption"])
+        rows.append((*cells, "; ".join(conditions)))
     return rows
 
 

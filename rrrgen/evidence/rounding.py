@@ -41,17 +41,28 @@ analysis is rounded outwards: to the next floating-point number after every oper
 operations of one formula are rounded together. The box is split along the angles into equal parts, all of which are
 evaluated as one batch.
 
-No bound is given for a program with operations whose error is not bounded by these rules (comparisons, exponentials),
-or with a divisor whose range contains zero; the reason is returned instead.
+Magnitudes, minima and maxima, and values that are limited to a range, are continuous, so that the mean value theorem
+holds with any slope between those of their branches. They are recognised where they stand as a choice: ``x > y ? x :
+y``, the same with a range around it, and ``|x| > y ? y sgn(x) : x`` for ``y >= 0``. A comparison that is the same over
+the whole part of the box takes one branch. Any other choice may come out otherwise than in exact arithmetic, which no
+error of its operands bounds: the outputs behind it are *conditional*, their bound is that of the program in which the
+choices are fixed, for both branches, and holds where the comparisons come out as in exact arithmetic.
+
+The error of ``tanh`` and ``exp`` of the C library is assumed to be at most :data:`LIBRARY_UNITS` in the last place; the
+C standard states none.
+
+No bound is given for a program with a divisor or square root whose range contains zero, near which the error grows
+without limit; the reason is returned instead.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,11 +112,15 @@ _DEPTH = 4  # rotations that a norm is followed through
 _CHUNK = 4e6  # nodes times boxes evaluated together: 64 MB
 
 
-_REASONS = {
-    **dict.fromkeys(("select", "sign", "min"), " chooses by a comparison, which rounding may turn over"),
-    **dict.fromkeys(("tanh", "exp"), " is a call of the C library, which states no error bound"),
-}
-"""Why there is no bound for a program with these operations."""
+LIBRARY_UNITS = 4
+"""Units in the last place that tanh and exp of the C library are assumed to keep; GNU's states at most 2."""
+
+
+_EXACT = (Op.NEG, Op.SIGN, Op.ABS, Op.MIN, Op.SELECT, Op.NONFINITE)
+"""Operations whose result needs no rounding."""
+
+_ROUNDED = (Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.SQRT)
+"""Operations whose exact result is rounded to nearest."""
 
 
 class NoBoundError(Exception):
@@ -116,12 +131,16 @@ class NoBoundError(Exception):
 class RoundingBounds:
     """Proven absolute error bounds: ``double[k]`` and ``float[k]`` hold one number per element of output k.
 
-    ``parts`` is the number of equal parts into which every angle's range was split.
+    ``parts`` is the number of equal parts into which every angle's range was split. ``conditional[k]`` says whether the
+    bounds of output k hold only where comparisons come out as in exact arithmetic, ``library`` whether they assume an
+    accuracy of the C library.
     """
 
     double: tuple[tuple[float, ...], ...]
     single: tuple[tuple[float, ...], ...]
     parts: int
+    conditional: tuple[bool, ...]
+    library: bool
 
 
 def rounding_bounds(program: Program, box: Box, budget: float = _BUDGET) -> RoundingBounds:
@@ -133,7 +152,8 @@ def rounding_bounds(program: Program, box: Box, budget: float = _BUDGET) -> Roun
     analysis = _Analysis(program, box)
     parts = analysis.affordable_parts(budget)
     double, single = analysis.bounds(parts)
-    return RoundingBounds(double, single, parts)
+    library = any(node.op is Op.TANH or node.op is Op.EXP for node in program.nodes)
+    return RoundingBounds(double, single, parts, analysis.conditional(), library)
 
 
 def enclosures(program: Program, box: Box, budget: float = _BUDGET) -> list[list[tuple[float, float]]]:
@@ -188,13 +208,13 @@ def _square(x: Interval) -> Interval:
 
 def _quotient(x: Interval, y: Interval) -> Interval:
     if np.any((y[0] <= 0.0) & (y[1] >= 0.0)):
-        raise NoBoundError("a divisor whose range contains zero")
+        raise NoBoundError("a divisor whose range contains zero, near which the error grows without limit")
     return _product(x, (_down(1.0 / y[1]), _up(1.0 / y[0])))
 
 
 def _root(x: Interval) -> Interval:
     if np.any(x[0] <= 0.0):
-        raise NoBoundError("a square root of a number whose range is not positive")
+        raise NoBoundError("a square root of a number whose range contains zero, near which the error grows")
     return _down(np.sqrt(x[0])), _up(np.sqrt(x[1]))
 
 
@@ -224,6 +244,16 @@ def _sine(x: Interval, quarter: float) -> Interval:
     return bottom, top
 
 
+def _increasing(x: Interval, function: Callable[[Array], Array]) -> Interval:
+    """The range of tanh or exp, which NumPy computes to some units in the last place."""
+    low, high = function(x[0]), function(x[1])
+    return low - np.abs(low) * _SINE_ERROR - _TINY, high + np.abs(high) * _SINE_ERROR + _TINY
+
+
+def _hull(x: Interval, y: Interval) -> Interval:
+    return np.minimum(x[0], y[0]), np.maximum(x[1], y[1])
+
+
 def _half_unit(magnitude: Array, roundoff: float) -> Array:
     """The largest error of rounding a number of at most this magnitude to nearest."""
     exponent = np.frexp(magnitude)[1]
@@ -233,6 +263,23 @@ def _half_unit(magnitude: Array, roundoff: float) -> Array:
 # ------------------------------------------------------------------------------------------------------------------
 # Enclosures of all nodes, with the three rules.
 # ------------------------------------------------------------------------------------------------------------------
+
+
+class _Extremum(NamedTuple):
+    """The smaller (``least``) or larger of two nodes, each with its sign."""
+
+    least: bool
+    first: tuple[int, int]
+    second: tuple[int, int]
+
+
+class _Choice(NamedTuple):
+    """A choice over a batch of boxes: its range, what keeps rounding from turning it over, the nodes that it takes."""
+
+    enclosure: Interval
+    decided: bool
+    continuous: bool
+    followed: set[int]
 
 
 class _Ranges:
@@ -274,8 +321,23 @@ class _Ranges:
             return _quotient(x, self.ranges[args[1]])
         if op is Op.SQRT:
             return _root(x)
-        if op is Op.SIGN:  # of an input, which has no error
+        if op is Op.SIGN:
             return np.sign(x[0]), np.sign(x[1])
+        if op is Op.ABS:
+            return np.maximum(np.maximum(x[0], -x[1]), 0.0), _magnitude(x)
+        if op is Op.MIN:
+            y = self.ranges[args[1]]
+            return np.minimum(x[0], y[0]), np.minimum(x[1], y[1])
+        if op is Op.SELECT:
+            return self.choice(node).enclosure
+        if op is Op.NONFINITE:  # the range of its operand is finite
+            return np.array([0.0]), np.array([0.0])
+        if op is Op.TANH:
+            low, high = _increasing(x, np.tanh)
+            return np.maximum(low, -1.0), np.minimum(high, 1.0)
+        if op is Op.EXP:
+            low, high = _increasing(x, np.exp)
+            return np.maximum(low, 0.0), high
         if op is Op.SIN:
             return _sine(x, 0.0)
         if op is Op.COS:
@@ -287,6 +349,97 @@ class _Ranges:
         self.nodes.append(node)
         self.ranges.append(enclosure)
         self.errors.append(error)
+
+    # -- choices -----------------------------------------------------------------------------------------------
+
+    def choice(self, node: Node) -> _Choice:
+        """What is known about the choice ``node``, the next one: whether it is decided or continuous, and its range."""
+        condition, x, y = (self.ranges[arg] for arg in node.args)
+        positive, otherwise = condition[0] > 0.0, condition[1] <= 0.0
+        low, high = _hull(x, y)
+        followed = set(node.args[1:])
+        decided = bool(np.all(positive | otherwise))
+        if decided and np.all(positive):
+            followed = {node.args[1]}
+        elif decided and np.all(otherwise):
+            followed = {node.args[2]}
+        continuous = None if decided else self._extremum(node)
+        if continuous is not None:
+            least, x, y = continuous.least, self._of(continuous.first), self._of(continuous.second)
+            low, high = ((np.minimum if least else np.maximum)(a, b) for a, b in zip(x, y, strict=True))
+        elif not decided and (limit := self._limit_of_magnitude(node)) is not None:
+            bound = self.ranges[limit][1]
+            low, high = np.maximum(low, -bound), np.minimum(high, bound)
+            continuous, followed = _Extremum(True, (1, limit), (1, node.args[2])), {limit, node.args[2]}
+        low = np.where(positive, x[0], np.where(otherwise, y[0], low)) if continuous is None else low
+        high = np.where(positive, x[1], np.where(otherwise, y[1], high)) if continuous is None else high
+        return _Choice((low, high), decided, continuous is not None, followed)
+
+    def _of(self, signed: tuple[int, int]) -> Interval:
+        """The range of a node with its sign; sign 0 stands for zero."""
+        sign, index = signed
+        if sign == 0:
+            return np.array([0.0]), np.array([0.0])
+        low, high = self.ranges[index]
+        return (low, high) if sign > 0 else (-high, -low)
+
+    def _signed(self, index: int) -> tuple[int, int]:
+        """The node behind changes of sign, with its sign: (0, 0) for zero."""
+        sign = 1
+        while self.nodes[index].op is Op.NEG:
+            sign, index = -sign, self.nodes[index].args[0]
+        if self.nodes[index].op is Op.CONST and self.nodes[index].number == 0:
+            return 0, 0
+        return sign, index
+
+    def _compared(self, condition: int) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+        """The ways to read ``condition > 0`` as ``p > m``: nodes p and m with their signs."""
+        sign, index = self._signed(condition)
+        if sign == 0:
+            return []
+        node = self.nodes[index]
+        ways = [((sign, index), (0, 0))]
+        if node.op is Op.ADD or node.op is Op.SUB:
+            (s, a), (t, b) = map(self._signed, node.args)
+            s, t = s * sign, t * sign * (1 if node.op is Op.ADD else -1)
+            ways += [((s, a), (-t, b)), ((t, b), (-s, a))]
+        return ways
+
+    def _extremum(self, node: Node) -> _Extremum | None:
+        """Minimum or maximum that a choice is, also of a value that is limited to a range from both sides.
+
+        ``p > m ? m : max(p, l)`` with ``l <= m`` is ``min(m, max(p, l))``: where p = m both branches are m. Likewise
+        ``p > m ? p : min(m, u)`` with ``u >= p`` is ``max(p, min(m, u))``.
+        """
+        x, y = map(self._signed, node.args[1:])
+        for p, m in self._compared(node.args[0]):
+            if (x, y) in ((p, m), (m, p)):
+                return _Extremum(x == m, x, y)
+            inner = self._extremum(self.nodes[y[1]]) if y[0] == 1 and self.nodes[y[1]].op is Op.SELECT else None
+            if inner is None or x not in (p, m):
+                continue
+            least, limited = x == m, p if x == m else m
+            if inner.least != least and limited in (inner.first, inner.second):
+                other = inner.second if inner.first == limited else inner.first
+                lower, upper = (other, x) if least else (x, other)
+                if np.all(self._of(lower)[1] <= self._of(upper)[0]):
+                    return _Extremum(least, x, y)
+        return None
+
+    def _limit_of_magnitude(self, node: Node) -> int | None:
+        """The node L of a choice ``|t| > L ? L sgn(t) : t`` with L >= 0; None if it is another one."""
+        (s, product), (sign, t) = map(self._signed, node.args[1:])
+        if self.nodes[product].op is not Op.MUL:
+            return None
+        for (_, p), (of_limit, limit) in self._compared(node.args[0]):
+            if self.nodes[p].op is not Op.ABS or of_limit != 1 or self._signed(self.nodes[p].args[0])[1] != t:
+                continue
+            for a, b in (self.nodes[product].args, self.nodes[product].args[::-1]):
+                if a == limit and self.nodes[b].op is Op.SIGN and np.all(self.ranges[limit][0] >= 0.0):
+                    of_sign, again = self._signed(self.nodes[b].args[0])
+                    if again == t and s * of_sign == sign:
+                        return limit
+        return None
 
     # -- structure ---------------------------------------------------------------------------------------------
 
@@ -486,19 +639,11 @@ class _Analysis:
         self._in_angles = set(reachable(self.nodes, self.angles))
         self._check_angles()
         self.sweeps = {index: self._sweep(index) for row in program.results for index in row}
+        self.followed: dict[int, set[int]] = {}  # of the choices: the nodes that they take in some part of the box
+        self.undecided: set[int] = set()  # choices and signs that rounding may turn over
 
     def _checked(self, box: Box) -> dict[int, tuple[float, float]]:
-        """The bounds of every input node. Raises NoBoundError for an operation or an input without a bound."""
-        known = (Op.INPUT, Op.CONST, Op.ADD, Op.SUB, Op.MUL, Op.DIV, Op.NEG, Op.SIN, Op.COS, Op.SQRT)
-        other = sorted(
-            {
-                node.op.value
-                for node in self.nodes
-                if node.op not in known and not (node.op is Op.SIGN and self.nodes[node.args[0]].op is Op.INPUT)
-            }
-        )
-        if other:
-            raise NoBoundError("; ".join(f"the operation {name}{_REASONS.get(name, '')}" for name in other))
+        """The bounds of every input node. Raises NoBoundError for an input without a range."""
         bounds = {}
         for index, node in enumerate(self.nodes):
             if node.op is Op.INPUT:
@@ -518,8 +663,9 @@ class _Analysis:
             elif node.op is Op.CONST:
                 rounds.append(any(p.literal(node.number) != node.number for p in PRECISIONS))
             else:
-                exact = node.op is Op.NEG or node.op is Op.SIGN
-                rounds.append(not exact or any(rounds[arg] for arg in node.args))
+                rounds.append(
+                    node.op is not Op.NONFINITE and (node.op not in _EXACT or any(rounds[a] for a in node.args))
+                )
         return rounds
 
     def _check_angles(self) -> None:
@@ -572,6 +718,22 @@ class _Analysis:
                 give(b, builder.neg(builder.mul(share, builder.div(self._value(value, a), self._value(value, b)))))
             elif node.op is Op.SQRT:
                 give(node.args[0], builder.div(adjoint, builder.mul(2, builder.sqrt(value[node.args[0]]))))
+            elif node.op is Op.ABS:
+                give(node.args[0], builder.mul(builder.sign(value[node.args[0]]), adjoint))
+            elif node.op is Op.MIN:
+                a, b = node.args
+                first = builder.sub(self._value(value, b), self._value(value, a))
+                give(a, builder.select(first, adjoint, 0))
+                give(b, builder.select(first, 0, adjoint))
+            elif node.op is Op.SELECT:
+                condition, a, b = node.args
+                give(a, builder.select(value[condition], adjoint, 0))
+                give(b, builder.select(value[condition], 0, adjoint))
+            elif node.op is Op.TANH:
+                slope = builder.tanh(value[node.args[0]])
+                give(node.args[0], builder.mul(builder.sub(1, builder.mul(slope, slope)), adjoint))
+            elif node.op is Op.EXP:
+                give(node.args[0], builder.mul(builder.exp(value[node.args[0]]), adjoint))
         numbers: dict[int, int | Fraction] = {}
         places: dict[int, int] = {}
         wanted = []
@@ -685,15 +847,69 @@ class _Analysis:
                 ranges.append(node, enclosure)
                 errors.append(local)
                 continue
+            if node.op is Op.SELECT:
+                choice = self._chosen(index, node, ranges)
+                # the difference of two numbers that is compared may be flushed to zero
+                radius: tuple[Array | float, ...] = tuple(p.smallest * choice.continuous for p in PRECISIONS)
+                errors.append(radius)
+                ranges.append(node, _widened(choice.enclosure, radius[-1]) if choice.continuous else choice.enclosure)
+                continue
             exact = ranges.exact(node)
+            if node.op is Op.SIGN and self.rounds[index] and np.any(exact[0] != exact[1]):
+                self.undecided.add(index)
             radius = self._local_errors(node, exact, ranges)
+            enclosure = _widened(exact, radius[-1]) if node.op not in _EXACT else exact
+            if node.op in _ROUNDED:
+                enclosure, radius = self._with_its_sign(exact, enclosure, radius)
             errors.append(radius)
-            ranges.append(node, _widened(exact, radius[-1]), radius[-1])
+            ranges.append(node, enclosure, radius[-1])
         return ranges, errors
+
+    def _with_its_sign(
+        self, exact: Interval, enclosure: Interval, radius: tuple[Array | float, ...]
+    ) -> tuple[Interval, tuple[Array | float, ...]]:
+        """Enclosure and local errors of an operation whose exact result is not zero, as its rounded one is then not.
+
+        The local error is then a share d of the exact result, ``v = op(..) (1 + d)`` with ``|d| <= u``, and d instead
+        of e goes from 0 to its actual value.
+        """
+        lost = ((exact[0] > 0.0) & (enclosure[0] <= 0.0)) | ((exact[1] < 0.0) & (enclosure[1] >= 0.0))
+        if not np.any(lost):
+            return enclosure, radius
+        share, least = 2.0 * FLOAT.roundoff, FLOAT.smallest
+        low = np.where(exact[0] > 0.0, exact[0] * (1.0 - share), exact[0] * (1.0 + share)) - least
+        high = np.where(exact[1] < 0.0, exact[1] * (1.0 - share), exact[1] * (1.0 + share)) + least
+        size = _magnitude(exact) * _MARGIN
+        errors = tuple(
+            np.where(lost, precision.roundoff * size + precision.smallest, each)
+            for precision, each in zip(PRECISIONS, radius, strict=True)
+        )
+        return (np.where(lost, _down(low), enclosure[0]), np.where(lost, _up(high), enclosure[1])), errors
+
+    def _chosen(self, index: int, node: Node, ranges: _Ranges) -> _Choice:
+        """What is known about a choice; notes which nodes it takes, and whether rounding may turn it over."""
+        choice = ranges.choice(node)
+        self.followed.setdefault(index, set()).update(choice.followed)
+        if not choice.decided and not choice.continuous and self.rounds[node.args[0]]:
+            self.undecided.add(index)
+        return choice
+
+    def conditional(self) -> tuple[bool, ...]:
+        """For every output whether a comparison that rounding may turn over lies behind it; known after the bounds."""
+        found = []
+        for row in self.program.results:
+            waiting, seen = list(row), set(row)
+            while waiting:
+                index = waiting.pop()
+                new = self.followed.get(index, set(self.nodes[index].args)) - seen
+                waiting += new
+                seen |= new
+            found.append(not seen.isdisjoint(self.undecided))
+        return tuple(found)
 
     def _local_errors(self, node: Node, exact: Interval, ranges: _Ranges) -> tuple[Array | float, ...]:
         """Bounds of the local error of an operation, in the order of :data:`PRECISIONS`."""
-        if node.op is Op.NEG or node.op is Op.SIGN:
+        if node.op in _EXACT:
             return (0.0,) * len(PRECISIONS)
         if node.op is Op.SIN or node.op is Op.COS:
             reach = float(np.max(ranges.magnitude(node.args[0])))
@@ -704,6 +920,11 @@ class _Analysis:
         magnitude = _magnitude(exact)
         if not np.all(np.isfinite(magnitude)) or float(np.max(magnitude)) > 1e30:
             raise NoBoundError("a value that may overflow a float")
+        if node.op is Op.TANH or node.op is Op.EXP:
+            return tuple(
+                2 * LIBRARY_UNITS * _half_unit(magnitude, precision.roundoff) + precision.smallest
+                for precision in PRECISIONS
+            )
         underflow = node.op is Op.MUL or node.op is Op.DIV
         if node.op is Op.MUL and any(
             self.nodes[arg].op is Op.CONST and _is_power_of_two(self.nodes[arg].number) for arg in node.args

@@ -56,17 +56,21 @@ def largest_errors(
     seed: int,
     climbs: int = 20,
     compiled: Evaluator | None = None,
+    conditional: Sequence[bool] = (),
 ) -> NDArray[np.float64]:
     """The largest errors found, one per output element in order, over ``samples`` states and ``climbs`` steps uphill.
 
-    Half of the states have their rates at corners of the box. A step moves the worst states of the outputs a little,
-    and keeps each where the error has grown; of a port with many elements, those with the largest errors. The wider
-    format rounds too, so that the figures are good to three digits. ``compiled`` evaluates the program in the emitted
-    precision, such as compiled code; by default it is evaluated here.
+    Half of the states have their rates, torques and gains at corners of the box. A step moves the worst states of the
+    outputs a little, and keeps each where the error has grown; of a port with many elements, those with the largest
+    errors. The wider format rounds too, so that the figures are good to three digits. ``compiled`` evaluates the
+    program in the emitted precision, such as compiled code; by default it is evaluated here. ``conditional`` is as for
+    :func:`errors_at`.
     """
-    return _searched(
-        lambda states: errors_at(program, states, precision, compiled), program, box, precision, samples, seed, climbs
-    )
+
+    def measure(states: Sequence[Array]) -> NDArray[np.float64]:
+        return errors_at(program, states, precision, compiled, conditional)
+
+    return _searched(measure, program, box, precision, samples, seed, climbs)
 
 
 Measure = Callable[[Sequence[Array]], NDArray[np.float64]]
@@ -177,18 +181,23 @@ def _climbed(program: Program, errors: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def errors_at(
-    program: Program, states: Sequence[Array], precision: Precision, compiled: Evaluator | None = None
+    program: Program,
+    states: Sequence[Array],
+    precision: Precision,
+    compiled: Evaluator | None = None,
+    conditional: Sequence[bool] = (),
 ) -> NDArray[np.float64]:
     """The errors (outputs, states) of all output elements at ``states``, one array (states, size) per input port.
 
-    A difference within the spacing of the wider format is no error: the bound of a constant, its exact distance from
-    its literal, may be smaller.
+    ``conditional`` says which outputs have bounds that hold only where comparisons come out as in exact arithmetic:
+    where one is otherwise in the wider format, these count as zero. A difference within the spacing of the wider
+    format is no error: the bound of a constant, its exact distance from its literal, may be smaller.
     """
     wide = np.longdouble if precision is DOUBLE else np.float64
     order = [index for row in program.results for index in row]
     count = len(states[0]) if states else 1
+    values = _evaluated(program, states, precision, None) if compiled is None or any(conditional) else []
     if compiled is None:
-        values = _evaluated(program, states, precision, None)
         rounded = [values[index] for index in order]
     else:
         rounded = [column for output in compiled(states) for column in np.asarray(output).reshape(count, -1).T]
@@ -197,7 +206,22 @@ def errors_at(
     for found, index in zip(rounded, order, strict=True):
         difference = np.abs(found.astype(wide) - exact[index]) - np.finfo(wide).eps * np.abs(exact[index])
         errors.append(np.broadcast_to(np.maximum(difference, 0.0).astype(np.float64), (count,)))
-    return np.stack(errors)
+    found = np.stack(errors)
+    if any(conditional):
+        rows = np.repeat(conditional, [len(row) for row in program.results])
+        found[rows] *= _same_choices(program, values, exact)
+    return found
+
+
+def _same_choices(program: Program, values: Sequence[Array], others: Sequence[Array]) -> NDArray[np.bool_]:
+    """At which states all comparisons of the program come out alike in two evaluations of its nodes."""
+    same = np.array([True])
+    for index, node in enumerate(program.nodes):
+        if node.op is Op.SELECT:
+            same = same & ((values[node.args[0]] > 0) == (others[node.args[0]] > 0))
+        elif node.op is Op.SIGN:
+            same = same & (values[index] == others[index])
+    return same
 
 
 def _edges(program: Program, box: Mapping[str, PortRange]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -210,7 +234,7 @@ def _states(
     states = []
     for port, (lower, upper) in zip(program.inputs, _edges(program, box), strict=True):
         share = rng.uniform(0.0, 1.0, (samples, port.size))
-        if port.role.is_rate or port.role is Role.TORQUE:
+        if port.role.is_rate or port.role in (Role.TORQUE, Role.OTHER):
             share[::2] = np.round(share[::2])
         rounded = (lower + share * (upper - lower)).astype(narrow)
         states.append(np.clip(rounded, lower.astype(narrow), upper.astype(narrow)))
@@ -233,10 +257,8 @@ def _evaluated(program: Program, states: Sequence[Array], precision: Precision, 
             values.append(_literal(node.number, kind))
         elif op in ARITHMETIC:
             values.append(ARITHMETIC[op](*x))
-        elif op is Op.SIGN:
-            values.append(np.sign(x[0]))
-        elif op is Op.SQRT:
-            values.append(np.sqrt(x[0]))
+        elif op in _FUNCTIONS:
+            values.append(_FUNCTIONS[op](*x))
         elif op is Op.SELECT:
             values.append(np.where(x[0] > 0, x[1], x[2]))
         elif op is Op.SIN or op is Op.COS:
@@ -247,8 +269,18 @@ def _evaluated(program: Program, states: Sequence[Array], precision: Precision, 
                     trig[args[0]] = kernel(np.asarray(x[0]), precision)
                 values.append(trig[args[0]][op is Op.COS])
         else:
-            raise ValueError(f"the operation {op.value} has no rounding analysis")
+            values.append(~np.isfinite(x[0]) * kind(1.0))
     return values
+
+
+_FUNCTIONS: dict[Op, Callable[..., Any]] = {
+    Op.SIGN: np.sign,
+    Op.SQRT: np.sqrt,
+    Op.ABS: np.abs,
+    Op.MIN: np.minimum,
+    Op.TANH: np.tanh,
+    Op.EXP: np.exp,
+}
 
 
 def _literal(value: Any, kind: type[Any]) -> Array:

@@ -51,7 +51,15 @@ def statement(program: Program, entry: Mapping[str, Any], real: Real) -> Roundin
     worst = {port.name: max(stated["bounds"][port.name], default=0.0) for port in program.outputs}
     errors = ", ".join(f"{name} {rounded_up(bound)}" for name, bound in worst.items())
     sentence = f"Rounding errors at most: {errors}; proven for inputs in the box that manifest.json states."
-    return RoundingStatement(sentence, {"box": stated["box"], "bounds": stated["bounds"]})
+    data = {"box": stated["box"], "bounds": stated["bounds"]}
+    if "conditional" in entry:
+        names = ", ".join(entry["conditional"]["outputs"])
+        sentence += f" Those of {names} hold where all comparisons come out as in exact arithmetic."
+        data["conditional"] = entry["conditional"]
+    if "assumption" in entry:
+        sentence += f" It is assumed that {entry['assumption']}."
+        data["assumption"] = entry["assumption"]
+    return RoundingStatement(sentence, data)
 
 
 def statements(
@@ -91,7 +99,9 @@ def rounding_rows(
                 proven = rounding_bounds(program, {port: each.bounds for port, each in box.items()})
                 rows_of = proven.double if real == "double" else proven.single
                 bounds = np.array([bound for row in rows_of for bound in row])
-                found = largest_errors(program, box, precision, samples, seed, compiled=compiled)
+                found = largest_errors(
+                    program, box, precision, samples, seed, compiled=compiled, conditional=proven.conditional
+                )
             else:
                 box["ddq"] = acceleration_range(model.spec, ranges)
                 residual = residual_bounds(

@@ -67,9 +67,18 @@ def exact_values(program: Program, inputs: Sequence[Sequence[Any]]) -> list[Any]
                 values.append(_FUNCTIONS[op](*x))
             elif op is Op.SELECT:
                 values.append(x[1] if x[0] > 0 else x[2])
-            else:
-                raise ValueError(f"the operation {op.value} has no rounding analysis")
+            else:  # NONFINITE, of a number
+                values.append(mpmath.mpf(0))
         return values
 
 
-_FUNCTIONS = {Op.SIGN: mpmath.sign, Op.SQRT: mpmath.sqrt, Op.SIN: mpmath.sin, Op.COS: mpmath.cos}
+_FUNCTIONS = {
+    Op.SIGN: mpmath.sign,
+    Op.SQRT: mpmath.sqrt,
+    Op.SIN: mpmath.sin,
+    Op.COS: mpmath.cos,
+    Op.ABS: abs,
+    Op.MIN: min,
+    Op.TANH: mpmath.tanh,
+    Op.EXP: mpmath.exp,
+}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import itertools
 import math
 import random
@@ -13,15 +14,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from oracles.random_robots import random_robot, to_yaml
 from rrrgen.derive import derive_once
 from rrrgen.evidence import rounding
-from rrrgen.evidence.boxes import PortRange, Ranges, box_of
-from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, rounding_bounds
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
+from rrrgen.evidence.rounding import DOUBLE, FLOAT, LIBRARY_UNITS, NoBoundError, rounding_bounds
 from rrrgen.evidence.sampling import errors_at, largest_errors
 from rrrgen.evidence.vectors import exact_outputs
 from rrrgen.program import Builder, Op, Port, evaluate
 from rrrgen.program.program import Role
-from rrrgen.robot.file import load_spec
+from rrrgen.robot.file import load_spec, loads_spec
+from samples.draws import draws
 
 SLACK = 1.001  # the wider format, in which errors are sampled, rounds too
 
@@ -122,9 +125,9 @@ def test_signs_that_make_no_rotation_are_not_taken_for_one():
 
 @st.composite
 def programs(draw):
-    """Random programs: sums, differences and products of rotated values, constants of any denominator, angle sums."""
+    """Random programs of rotated values: sums, products, constants of any denominator, angle sums, choices, tanh."""
     choices = draw(
-        st.lists(st.tuples(st.integers(0, 4), st.integers(0, 10**6), st.integers(0, 10**6)), min_size=4, max_size=16)
+        st.lists(st.tuples(st.integers(0, 9), st.integers(0, 10**6), st.integers(0, 10**6)), min_size=4, max_size=16)
     )
     constants = draw(st.lists(st.fractions(-3, 3, max_denominator=97), min_size=2, max_size=2))
 
@@ -133,8 +136,20 @@ def programs(draw):
         values = [*x, *(builder.sin(v) for v in (*q, angle)), *(builder.cos(v) for v in (*q, angle))]
         for kind, i, j in choices:
             a, b = values[i % len(values)], values[j % len(values)]
+            c = values[(i + j) % len(values)]
             values.append(
-                [a + b, a - b, a * b, constants[0] * a + constants[1] * b, builder.neg(a) + constants[1]][kind]
+                [
+                    lambda a, b, c: a + b,
+                    lambda a, b, c: a - b,
+                    lambda a, b, c: a * b,
+                    lambda a, b, c: constants[0] * a + constants[1] * b,
+                    lambda a, b, c: builder.neg(a) + constants[1],
+                    lambda a, b, c: builder.min(builder.abs(a), b),
+                    lambda a, b, c: builder.select(a - b, a, b),
+                    lambda a, b, c: clamp(builder, a, -1, 1) + limit(builder, b, Fraction(1, 3)),
+                    lambda a, b, c: builder.select(a, b, c),
+                    lambda a, b, c: builder.tanh(a) + builder.sign(b) * builder.exp(builder.min(c, 1)),
+                ][kind](a, b, c)
             )
         return [builder.add(v, 0) for v in values[-3:]]
 
@@ -150,7 +165,7 @@ def test_random_programs_stay_within_their_bounds(program, seed):
     for precision, stated, kind in ((DOUBLE, bounds.double, np.float64), (FLOAT, bounds.single, np.float32)):
         states = [rng.uniform(-2, 2, (200, 2)).astype(kind), rng.uniform(-1, 1, (200, 4)).astype(kind)]
         states[1][::2] = np.sign(states[1][::2])
-        errors = errors_at(program, states, precision)
+        errors = errors_at(program, states, precision, conditional=bounds.conditional)
         # the wider format rounds too: 2^-11 (2^-29) of the narrower one's errors, more where a bound is zero
         resolution = 1e-17 if precision is DOUBLE else 1e-13
         assert (errors.max(axis=1) <= np.array(stated[0]) * SLACK + resolution).all()
@@ -210,6 +225,190 @@ def test_bounds_hold_against_fifty_digits(rrr):
             assert abs(mpmath.mpf(value) - reference) <= bound
 
 
+# -- choices ---------------------------------------------------------------------------------------------------------
+
+
+def clamp(b, p, low, high):
+    return b.select(p - high, high, b.select(low - p, low, p))
+
+
+def limit(b, t, size):
+    return b.select(b.abs(t) - size, b.sign(t) * size, t)
+
+
+CONTINUOUS = {
+    "larger": lambda b, p, m: b.select(p - m, p, m),
+    "smaller": lambda b, p, m: b.select(p - m, m, p),
+    "larger of a sum": lambda b, p, m: b.select(p + m, p, b.neg(m)),
+    "positive part": lambda b, p, m: b.select(p, p, 0),
+    "upper limit first": lambda b, p, m: clamp(b, p, Fraction(-1, 2), Fraction(1, 2)),
+    "lower limit first": lambda b, p, m: b.select(Fraction(-1, 2) - p, Fraction(-1, 2), b.select(p - 1, 1, p)),
+    "negated": lambda b, p, m: clamp(b, b.neg(p), Fraction(-1, 2), Fraction(1, 2)),
+    "limit of a magnitude": lambda b, p, m: limit(b, p, Fraction(1, 2)),
+    "limit of a magnitude that is computed": lambda b, p, m: limit(b, p, m * m + Fraction(1, 8)),
+    "magnitude": lambda b, p, m: b.abs(p),
+    "minimum": lambda b, p, m: b.min(p, m),
+}
+"""Functions of two values p and m that are continuous, written as a choice."""
+
+OF_ONE = [name for name in CONTINUOUS if name not in ("larger", "smaller", "larger of a sum", "minimum")]
+
+DISCONTINUOUS = {
+    "other values": lambda b, p, m: b.select(p - m, 1, 2),
+    "sign": lambda b, p, m: b.sign(p),
+    "limits that may be exchanged": lambda b, p, m: clamp(b, p, m, Fraction(1, 2)),
+    "limit of a magnitude that may be negative": lambda b, p, m: limit(b, p, m),
+    "limit of a magnitude with the other sign": lambda b, p, m: b.select(b.abs(p) - 1, b.neg(b.sign(p)), p),
+    "another limit than the compared one": lambda b, p, m: b.select(p - m, p, m + 1),
+}
+
+
+def chosen(choice):
+    """A choice between a rotated value p, which rounds, and m, which does not."""
+    return program_of(lambda b, q, x: [choice(b, b.cos(q[0]) * x[0] + b.sin(q[0]) * x[1], x[2])])
+
+
+@pytest.mark.parametrize("name", CONTINUOUS)
+def test_a_continuous_choice_has_a_bound_at_its_switch_too(name):
+    """At random states, and at states whose compared values are as near to each other as numbers can be."""
+    program = chosen(CONTINUOUS[name])
+    bounds = rounding_bounds(program, unit_box())
+    assert bounds.conditional == (False,)
+    rng = np.random.default_rng(5)
+    turned = 0
+    for precision, stated, kind in ((DOUBLE, bounds.double, np.float64), (FLOAT, bounds.single, np.float32)):
+        q, x = rng.uniform(-3, 3, (20_000, 2)).astype(kind), rng.uniform(-1, 1, (20_000, 4)).astype(kind)
+        p = np.cos(q[:, 0]) * x[:, 0] + np.sin(q[:, 0]) * x[:, 1]
+        x[::2, 2] = np.where(np.arange(10_000) % 4 < 2, p[::2], -p[::2])  # m = p but for rounding
+        x[::4, 1] = -x[::4, 0] * (np.cos(q[::4, 0]) / np.sin(q[::4, 0]))  # p = 0 but for rounding
+        x[1::4, 1] = (0.5 - x[1::4, 0] * np.cos(q[1::4, 0])) / np.sin(q[1::4, 0])  # p = 1/2
+        states = [q, np.clip(x, -1, 1)]
+        assert errors_at(program, states, precision).max() <= stated[0][0] * SLACK
+        turned += (errors_at(program, states, precision, conditional=(True,)) == 0.0).sum()
+    assert turned
+
+
+@pytest.mark.parametrize("name", OF_ONE)
+def test_a_limited_value_has_the_range_of_its_limits(name):
+    (high,) = enclosure(chosen(CONTINUOUS[name]), unit_box())
+    assert high <= (1.0 if name == "lower limit first" else 1.5)
+
+
+@pytest.mark.parametrize("name", DISCONTINUOUS)
+def test_a_choice_that_rounding_may_turn_over_is_conditional(name):
+    assert rounding_bounds(chosen(DISCONTINUOUS[name]), unit_box()).conditional == (True,)
+
+
+def test_a_comparison_without_rounding_or_that_never_changes_is_no_condition():
+    free = [
+        lambda b, q, x: [b.select(x[0], 1, 2)],
+        lambda b, q, x: [b.sign(x[0])],
+        lambda b, q, x: [b.select(b.cos(q[0]) + 2, x[0] * x[1], b.div(1, 3))],
+        lambda b, q, x: [b.select(b.nonfinite(b.cos(q[0])), 0, x[0] * x[1])],
+    ]
+    for record in free:
+        assert rounding_bounds(program_of(record), unit_box()).conditional == (False,)
+
+
+def test_only_outputs_behind_a_comparison_are_conditional():
+    b = Builder()
+    x = b.input(Port("x", (2,)))
+    product = x[0] * x[1]
+    program = b.program("f", [(Port("a", ()), [product]), (Port("b", ()), [b.select(product, 1, 0)])])
+    assert rounding_bounds(program, {"x": ([-1.0] * 2, [1.0] * 2)}).conditional == (False, True)
+
+
+def test_the_library_is_assumed_for_tanh_and_exp_alone():
+    record = [lambda b, q, x: [b.tanh(x[0] * x[1])], lambda b, q, x: [b.exp(x[0])], lambda b, q, x: [b.abs(x[0])]]
+    assert [rounding_bounds(program_of(each), unit_box()).library for each in record] == [True, True, False]
+
+
+@pytest.mark.parametrize("name", ["tanh", "exp"])
+def test_the_c_library_of_this_machine_keeps_what_is_assumed_of_it(name):
+    library = ctypes.CDLL(None)
+    functions = [(getattr(library, name), ctypes.c_double, np.float64)]
+    functions.append((getattr(library, f"{name}f"), ctypes.c_float, np.float32))
+    generator = random.Random(2)
+    for function, kind, narrow in functions:
+        function.argtypes, function.restype = [kind], kind
+        for _ in range(3000):
+            x = float(narrow(generator.choice([-1, 1]) * 10 ** generator.uniform(-6, 1.5)))
+            with mpmath.workdps(40):
+                exact = getattr(mpmath, name)(mpmath.mpf(x))
+                unit = mpmath.mpf(float(np.spacing(narrow(abs(float(exact))))))
+                assert abs(mpmath.mpf(function(x)) - exact) <= LIBRARY_UNITS * unit
+
+
+def test_a_divisor_of_many_magnitudes_keeps_its_sign():
+    """x^2 in [1e-8, 100] is larger than the float's half unit of 100, which is 4e-6: its error is a share of it."""
+    program = program_of(lambda b, q, x: [b.div(x[1], x[0] * x[0])])
+    box = {**unit_box(), "x": ([1e-4, -1.0, 0.0, 0.0], [10.0, 1.0, 0.0, 0.0])}
+    bounds = rounding_bounds(program, box)
+    ranges = {name: PortRange(*map(tuple, ends), "test") for name, ends in box.items()}
+    for precision, stated in ((DOUBLE, bounds.double), (FLOAT, bounds.single)):
+        assert largest_errors(program, ranges, precision, 2000, 1).max() <= stated[0][0]
+
+
+FURTHER = ("points", "control", "observer", "timing", "trajectory", "hessian")
+
+
+def held(model, names, samples, budget=1e5):
+    """Assert that errors found at random states and in a search stay within the bounds; returns what has a bound."""
+    found = {}
+    for name in names:
+        program = model.programs[name]
+        box = box_of(program, model.spec, nominal_beta(model), Ranges())
+        try:
+            bounds = rounding_bounds(program, {port: each.bounds for port, each in box.items()}, budget)
+        except NoBoundError:
+            continue
+        found[name] = bounds
+        for precision, stated in ((DOUBLE, bounds.double), (FLOAT, bounds.single)):
+            flat = np.array(list(itertools.chain.from_iterable(stated)))
+            errors = largest_errors(program, box, precision, samples, 7, conditional=bounds.conditional)
+            assert (errors <= flat * SLACK).all(), name
+    return found
+
+
+@pytest.fixture(scope="module")
+def further():
+    return derive_once(load_spec("rrr"), ("model", *FURTHER))
+
+
+LAWS = ("pd_gravity", "feedforward", "computed_torque", "slotine_li", "impedance", "momentum_observer", "contact")
+
+
+def test_laws_and_observers_of_the_rrr_hold_and_torques_without_a_condition(further):
+    found = held(further, LAWS, 1000)
+    assert set(found) == set(LAWS)
+    for name, bounds in found.items():
+        ports = further.programs[name].outputs
+        conditional = {port.name for port, each in zip(ports, bounds.conditional, strict=True) if each}
+        assert conditional <= {"z_next", "beta_next", "touches"}, name
+        assert bounds.library == any(node.op in (Op.TANH, Op.EXP) for node in further.programs[name].nodes)
+
+
+@pytest.mark.sweep(but=["point_jacobian", "quintic", "forward_dynamics_derivatives_nominal"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("point_jacobian", "point_motion", "wrench_torques", "tool_kinematics", "tool_target", "path_dynamics"),
+        *("quintic", "smooth_friction", "inverse_dynamics_hessian_product", "forward_dynamics_derivatives_nominal"),
+    ],
+)
+def test_points_tools_motions_and_derivatives_of_the_rrr_hold(further, name):
+    assert held(further, [name], 1000, budget=1e6)
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize("seed", range(draws(3)))
+def test_functions_of_arms_drawn_at_random_hold(seed):
+    """With friction, slides and tools as they come; every function that has a bound."""
+    spec = loads_spec(to_yaml(random_robot(4000 + seed, n=2 + seed % 3)))
+    model = derive_once(spec, ("model", *FURTHER))
+    assert len(held(model, model.programs, 300)) > 40
+
+
 # -- where there is no bound -----------------------------------------------------------------------------------------
 
 
@@ -218,8 +417,6 @@ def test_bounds_hold_against_fifty_digits(rrr):
     [
         (lambda b, q, x: [b.div(1, x[0])], "divisor"),
         (lambda b, q, x: [b.sqrt(x[0])], "square root"),
-        (lambda b, q, x: [b.tanh(x[0])], "tanh"),
-        (lambda b, q, x: [b.select(x[0], x[1], x[2])], "select"),
         (lambda b, q, x: [b.sin(x[0] * x[1])], "not linear"),
     ],
 )

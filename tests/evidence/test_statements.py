@@ -14,9 +14,12 @@ from click.testing import CliRunner
 
 from rrrgen.cli.generate import generate
 from rrrgen.cli.verify import verify
+from rrrgen.derive import derive_once
 from rrrgen.evidence import statements
 from rrrgen.evidence.boxes import Ranges
+from rrrgen.evidence.certificate import rounding_entries
 from rrrgen.evidence.statements import rounded_up, rounding_rows
+from rrrgen.robot.file import read
 from rrrgen.runtime import load
 
 RESIDUAL = re.compile(r"Residual \|M ddq - \(tau - c - g\)\| at most (\S+) N m, with exact M, c and g; proven")
@@ -56,6 +59,17 @@ def test_header_and_manifest_state_the_same_bounds(tmp_path, real):
             assert len(bounds) == math.prod(port["shape"])
             assert max(bounds) <= float(said[port["name"]]) <= 1.1 * max(bounds)
     assert bounded > 20
+
+
+def test_what_bounds_depend_on_stands_beside_them():
+    """The integral of a control law rests by a comparison, and friction is a tanh of the C library."""
+    model = derive_once(read("pendulum"), ("model", "control"))
+    entry = rounding_entries(model, "inline", Ranges())["pd_gravity_nominal"]
+    stated = statements.statement(model.programs["pd_gravity_nominal"], entry, "double")
+    assert "Those of z_next hold where all comparisons come out as in exact arithmetic." in stated.sentence
+    assert "tanh and exp of the C library are within 4 units in the last place." in stated.sentence
+    assert stated.data["conditional"]["outputs"] == ["z_next"]
+    assert stated.data["assumption"] == entry["assumption"]
 
 
 def test_without_the_option_nothing_is_stated(tmp_path):
