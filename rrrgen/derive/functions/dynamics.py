@@ -72,6 +72,11 @@ def block_frames_first(chain: Chain) -> list[bool]:
     return choose_frames(chain, range(chain.n))
 
 
+def block_frames_but_last(chain: Chain) -> list[bool]:
+    """Choose the frame in which each link is computed: that of its block (False) where its block goes on behind it."""
+    return choose_frames(chain, [i for i in range(chain.n) if any(chain.joints[k].parallel for k in chain.children[i])])
+
+
 Frames = Callable[[Chain], list[bool]]
 
 

@@ -18,7 +18,13 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.functions.dynamics import Frames, block_frames_first, link_frames_only, torque_port
+from rrrgen.derive.functions.dynamics import (
+    Frames,
+    block_frames_but_last,
+    block_frames_first,
+    link_frames_only,
+    torque_port,
+)
 from rrrgen.derive.functions.recording import Recording
 from rrrgen.derive.functions.regressors import regressor_rows
 from rrrgen.derive.recursions import energy_and_momentum as momentum
@@ -334,10 +340,9 @@ INVERSE_DYNAMICS = (inverse_dynamics(block_frames_first), inverse_dynamics(link_
 BIAS = (bias(block_frames_first), bias(link_frames_only))
 MOMENTUM = (momentum_by_links, momentum_by_matrix)
 INVERSE_DYNAMICS_FROM_IMU = (inverse_dynamics_from_imu(block_frames_first), inverse_dynamics_from_imu(link_frames_only))
-_WAYS = tuple(
-    (columns, frames)
-    for columns in (columns_by_axes, columns_passed_down)
-    for frames in (link_frames_only, block_frames_first)
+_WAYS = (
+    *((columns_by_axes, frames) for frames in (link_frames_only, block_frames_first)),
+    *((columns_passed_down, frames) for frames in (link_frames_only, block_frames_first, block_frames_but_last)),
 )
 REGRESSOR = tuple(regressor(*way) for way in _WAYS)
 REGRESSOR_FROM_IMU = tuple(regressor_from_imu(*way) for way in _WAYS)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.recursions.linear_algebra import Matrix, product, transpose
+from rrrgen.derive.recursions.linear_algebra import Matrix, is_number, product, transpose
 from rrrgen.derive.recursions.link_frames import Placement
 
 ENTRIES = ("Jxx", "Jxy", "Jxz", "Jyy", "Jyz", "Jzz", "hx", "hy", "hz", "m")
@@ -65,6 +65,8 @@ class PseudoInertia:
 
     def rotated_z(self, c: Any, s: Any) -> PseudoInertia:
         """``Rz J Rz'``: the body rotated about z by the angle with cosine ``c`` and sine ``s``."""
+        if is_number(s, 0) and is_number(c, 1):  # the body of a floating base
+            return self
         # u = (Jxx - Jyy) c - 2 Jxy s: the planar part takes four products
         u = (self.Jxx - self.Jyy) * c - 2 * self.Jxy * s
         shift = c * u

@@ -89,6 +89,7 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: 
     motions: list[LinkMotion] = []
     absolute: list[tuple[_BlockEntry, Any, Any]] = []
     base = _base_motion(chain)
+    alpha_is_used = [chain.base is None or used for used in _alpha_is_used(chain, in_link_frame)]
     for i, joint in enumerate(chain.joints):
         before = motions[joint.parent] if joint.parent >= 0 else base
         if not joint.parallel:
@@ -101,11 +102,37 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: 
             W, A = W + rates[i], A + accelerations[i]
         else:
             a_block = add(a_block, _sliding(entry, W, A, joint.slide, rates[i], accelerations[i]))
+        if in_link_frame[i]:
+            motion = _in_link_frame(joint, entry, W, A, a_block, alpha_is_used[i])
+        else:
+            motion = _in_block_frame(entry, W, A, a_block)
+            if chain.base is not None:
+                # the rates of the next joint are added to this motion; over a base at rest the sums W and A cost less
+                entry, W, A = _BlockEntry(motion.omega, motion.alpha, entry.x2, entry.y2, motion.U), 0, 0
         absolute.append((entry, W, A))
-        motions.append(
-            _in_link_frame(joint, entry, W, A, a_block) if in_link_frame[i] else _in_block_frame(entry, W, A, a_block)
-        )
+        motions.append(motion)
     return motions
+
+
+def _alpha_is_used(chain: Chain, in_link_frame: Sequence[bool]) -> list[bool]:
+    """Whether the angular acceleration of each link is used: by the blocks behind it, or, at a tip, by the caller.
+
+    A block needs no more than U of the link before it if it begins with quarter turns and all its links are expressed
+    in the frame of the block.
+    """
+    turned = list(in_link_frame)  # whether this link, or one behind it in its block, is in its link frame
+    used = [True] * chain.n
+    for i in reversed(range(chain.n)):
+        within = [k for k in chain.children[i] if chain.joints[k].parallel]
+        beyond = [k for k in chain.children[i] if not chain.joints[k].parallel]
+        turned[i] = turned[i] or any(turned[k] for k in within)
+        used[i] = not beyond or any(turned[k] or not _is_quarter_turn(chain.joints[k].R) for k in beyond)
+    return used
+
+
+def _is_quarter_turn(R: Matrix) -> bool:
+    """Whether ``R`` only exchanges axes and their signs."""
+    return all(is_number(entry, -1, 0, 1) for row in R for entry in row)
 
 
 def _base_motion(chain: Chain) -> LinkMotion:
@@ -126,10 +153,7 @@ def _enter(joint: ChainJoint, before: LinkMotion) -> _BlockEntry:
     R = joint.R
     omega, alpha = transposed_times(R, before.omega), transposed_times(R, before.alpha)
     x, y, _ = omega
-    if all(is_number(entry, -1, 0, 1) for row in R for entry in row):
-        U = product(product(transpose(R), before.U), R)
-    else:
-        U = _spin(omega, alpha)
+    U = product(product(transpose(R), before.U), R) if _is_quarter_turn(R) else _spin(omega, alpha)
     return _BlockEntry(omega, alpha, x * x, y * y, U)
 
 
@@ -177,7 +201,7 @@ def _in_block_frame(entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion
     return LinkMotion(False, U, D, a, [x, y, Z], alpha, a, [B[0][2], B[1][2], B[2][2]])
 
 
-def _in_link_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector) -> LinkMotion:
+def _in_link_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vector, alpha_is_used: bool) -> LinkMotion:
     B = entry.U
     X, Y, z = rotate_z_back(joint.c, joint.s, entry.omega)
     U13, U23, _ = rotate_z_back(joint.c, joint.s, [B[0][2], B[1][2], 0])
@@ -188,7 +212,7 @@ def _in_link_frame(joint: ChainJoint, entry: _BlockEntry, W: Any, A: Any, a: Vec
     U = [
         [-(Y2 + Z2), XY - Az, U13],
         [XY + Az, -(X2 + Z2), U23],
-        [XZ - alpha_y, YZ + alpha_x, B[2][2]],
+        [*((XZ - alpha_y, YZ + alpha_x) if alpha_is_used else (2 * Z * X - U13, 2 * Z * Y - U23)), B[2][2]],
     ]
     D = [Z2 - Y2, X2 - Z2, Y2 - X2]
     axis = [B[0][2], B[1][2], B[2][2]]
