@@ -16,44 +16,15 @@ def links(count: int) -> str:
     return "links:\n" + "".join(_LINK.format(k) for k in range(1, count + 1))
 
 
-FOUR_BAR = (
-    _HEAD.format(name="four_bar", convention="modified")
-    + """\
-gravity: [0, -9.81, 0]
-joints:
-  - {name: crank, type: revolute, alpha: 0, a: 0, d: 0}
-  - {name: rod, type: revolute, alpha: 0, a: 0.2, d: 0}
-  - {name: rocker, type: revolute, alpha: 0, a: 0.5, d: 0, parent: base}
-loops:
-  bars:
-    passive: [rod, rocker]
-    pins: {rod: [0.6, 0, 0], rocker: [0.4, 0, 0]}
-    assembly: +1
-tip: rod
-tool: {translation: [0.3, 0.2, 0]}
-"""
-    + links(3)
-)
+def _example(name: str) -> str:
+    """The text of the robot file ``name`` of the examples."""
+    return (EXAMPLES / "linkages" / f"{name}.yaml").read_text(encoding="utf-8")
+
+
+FOUR_BAR = _example("four_bar")
 """A crank of 0.2 m that turns fully, a rod of 0.6 m and a rocker of 0.4 m on a base of 0.5 m, in a vertical plane."""
 
-FIVE_BAR = (
-    _HEAD.format(name="five_bar", convention="standard")
-    + """\
-gravity: [0, -9.81, 0]
-joints:
-  - {name: arm, type: revolute, alpha: 0, a: 0.3, d: 0}
-  - {name: forearm, type: revolute, alpha: 0, a: 0.5, d: 0}
-  - {name: crank, type: revolute, alpha: 0, a: 0.2, d: 0.05, theta: 30, parent: base, drive: {inertia: 0.1}}
-  - {name: rod, type: revolute, alpha: 0, a: 0.35, d: 0}
-loops:
-  bars:
-    passive: [forearm, rod]
-    pins: {forearm: [-0.65, 0, 0], rod: [0, 0, 0]}
-    assembly: -1
-tip: forearm
-"""
-    + links(4)
-)
+FIVE_BAR = _example("five_bar")
 """Two drives on one axis, as in a palletiser without column, in a vertical plane."""
 
 STACKED = (
@@ -83,24 +54,7 @@ tip: leaf
 )
 """A four-bar on a column, and a second loop between its rocker and an arm on its crank; a leaf follows the second."""
 
-SLIDER_CRANK = (
-    _HEAD.format(name="slider_crank", convention="modified")
-    + """\
-gravity: [0, -9.81, 0]
-joints:
-  - {name: crank, type: revolute, alpha: 0, a: 0, d: 0}
-  - {name: rod, type: revolute, alpha: 0, a: 0.2, d: 0}
-  - {name: slider, type: prismatic, gamma: 90, alpha: 90, a: 0.05, theta: 0, parent: base}
-loops:
-  bars:
-    passive: [rod, slider]
-    pins: {rod: [0.6, 0, 0], slider: [0, 0, 0]}
-    assembly: +1
-tip: slider
-tool: {translation: [0, 0.1, 0.2]}
-"""
-    + links(3)
-)
+SLIDER_CRANK = _example("slider_crank")
 """A crank of 0.2 m, a rod of 0.6 m, and a slider along x, 0.05 m above the pivot of the crank, in a vertical plane."""
 
 CYLINDER = (
@@ -185,7 +139,7 @@ SIX_BAR_BY_NEWTON = SIX_BAR.replace("    assembly: +1\n", _NEWTON.format("couple
 )
 """The same mechanism, assembled as there, solved by Newton's method."""
 
-COUPLED = (EXAMPLES / "linkages" / "six_bar.yaml").read_text(encoding="utf-8")
+COUPLED = _example("six_bar")
 """A six-bar whose drive is its last link: no order of dyads solves it."""
 
 TOGGLE = (
