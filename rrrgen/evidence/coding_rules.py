@@ -235,10 +235,13 @@ def findings(directory: Path, sources: Iterable[str], jobs: int = 1) -> list[Rul
 def _is_mistaken(finding: RuleFinding, line: str, internal: Mapping[str, int]) -> bool:
     """Whether a finding is about something that does not stand on its ``line``, which the checker cannot know.
 
-    It gives enumerations without a tag numbered names, the same in every file, and takes them for tags. And it counts
-    what stands in several pieces of one file as several identifiers with internal linkage; ``internal`` has the number
-    of places of each.
+    It gives enumerations without a tag numbered names, the same in every file, and takes them for tags. It takes the
+    product of an index with the number of joints for an operation without effect where that number is one. And it
+    counts what stands in several pieces of one file as several identifiers with internal linkage; ``internal`` has the
+    number of places of each.
     """
+    if finding.rule == "2.2":
+        return re.search(r"\* [A-Z][A-Z0-9_]*_N\b", line) is not None
     if finding.rule in ("2.4", "5.7"):
         return re.match(r"(typedef )?(enum|struct) \{", line) is not None
     return finding.rule == "5.9" and internal[_identifier(line)] == 1

@@ -64,7 +64,8 @@ OPTIONS = (
 
 STATED = """#include <math.h>
 /*@ assigns \\result \\from x;
-    ensures \\is_finite(x) ==> -1.0 <= \\result <= 1.0; */
+    behavior number: assumes \\is_finite(x);
+        ensures \\is_finite(\\result) && -1.0 <= \\result <= 1.0; */
 double stated_tanh(double x);
 /*@ assigns \\result \\from x;
     behavior number: assumes \\is_finite(x);

@@ -6,13 +6,17 @@ import json
 import re
 import shutil
 import subprocess
+from functools import cache
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from derive.loops import EXAMPLES, FOUR_BAR, links
+from derive.test_floating_base import TRUNK
 from rrrgen.base.errors import InternalError
 from rrrgen.cli.main import cli
+from rrrgen.emit.c.ik.files import sources as sources_of
 from rrrgen.evidence import coding_rules
 from rrrgen.evidence.coding_rules import (
     DEVIATIONS,
@@ -25,6 +29,7 @@ from rrrgen.evidence.coding_rules import (
     pieces,
 )
 from rrrgen.lab.design.fourier_series import FourierTrajectory
+from rrrgen.robot.file import dumps, load_spec
 
 STRAIGHT_LINE = ("_derivatives.c", "_friction.c")
 """Printed functions that stand for all others: with divisions, comparisons and a status."""
@@ -72,18 +77,119 @@ def test_inverse_kinematics_breaks_no_rule_without_a_recorded_deviation(tmp_path
     assert not unaccepted, "\n".join(map(str, unaccepted))
 
 
+FINGERS = """\
+schema: rrrgen/1
+name: fingers
+convention: modified
+units: {angle: deg, length: m}
+gravity: [0, 0, -9.81]
+joints:
+  - {name: roll, type: revolute, alpha: 0, a: 0, d: 0.2}
+  - {name: finger, type: revolute, alpha: 90, a: 0.05, d: 0}
+  - {name: thumb, type: revolute, parent: roll, gamma: -90, b: 0, alpha: 90, a: 0.07, d: 0}
+tip: finger
+tips:
+  finger: {row: finger, tool: {translation: [0.1, 0, 0]}}
+  thumb: {row: thumb, tool: {translation: [0.08, 0, 0]}}
+""" + links(3)
+
+KINDS = {
+    "second derivatives": ("planar2r", "hessian,tensors"),
+    "elastic joints, observer, any gravity": ("planar2r", "elastic,observer,gravity"),
+    "closed loop": (FOUR_BAR, "control"),
+    "closed loop, Newton's method": (EXAMPLES / "linkages" / "six_bar.yaml", "points"),
+    "tree with two tips": (FINGERS, "control,points"),
+    "floating base": (dumps(load_spec("planar2r")).replace("joints:\n", f"{TRUNK}joints:\n"), "points"),
+}
+"""Robots and words of ``generate --with`` for code of further kinds than :func:`everything` has."""
+
+
+@pytest.fixture(scope="module")
+def kinds(tmp_path_factory):
+    """The function that returns the folder with the code of one of :data:`KINDS`, generated once."""
+
+    @cache
+    def folder_of(kind):
+        place = tmp_path_factory.mktemp("kind")
+        robot, words = KINDS[kind]
+        if isinstance(robot, str) and "\n" in robot:
+            (place / "robot.yaml").write_text(robot, encoding="utf-8")
+            robot = place / "robot.yaml"
+        generate(place / "code", robot, "--with", words)
+        return place / "code"
+
+    return folder_of
+
+
+@pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.sweep  # cppcheck takes a minute and more for each
+def test_code_of_further_kinds_breaks_no_rule_without_a_recorded_deviation(kinds, kind):
+    folder = kinds(kind)
+    sources = [path.name for path in folder.glob("*.c") if "selftest" not in path.name]
+    unaccepted = [each for each in findings(folder, sorted(sources)) if each.rule not in DEVIATIONS]
+    assert not unaccepted, "\n".join(map(str, unaccepted))
+
+
+LEFT = {
+    "The scope of the variable 'i' can be reduced.": "it serves two loops, of which an arm without limits has one",
+    "The scope of the variable 'first' can be reduced.": "later turns of the loop read it",
+    "Array 'v[12]' accessed at index 17, which is out of bounds.": "the index is j + 9 where j < 3 alone",
+    "Uninitialized variable: d": "turn i reads what the turns before it have set",
+}
+"""What cppcheck says about C beside the rules of MISRA, with the reason why it stays."""
+
+
+def said_by_cppcheck(folder, sources, *options):
+    """What cppcheck says about the ``sources`` beside the rules of MISRA, one message each."""
+    command = ["cppcheck", "--quiet", "--enable=style,warning,performance,portability", *options]
+    command += ["--suppress=missingIncludeSystem", "--suppress=unusedStructMember", "--template={message}"]
+    done = subprocess.run([*command, *sources], cwd=folder, capture_output=True, text=True, check=False)
+    return sorted({line for line in done.stderr.splitlines() if line and line not in LEFT})
+
+
+@pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
+@pytest.mark.parametrize("robot", ["stanford", "xarm6"])
+def test_cppcheck_itself_finds_nothing_in_inverse_kinematics(tmp_path, robot):
+    files = sources_of(load_spec(robot))
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    assert said_by_cppcheck(tmp_path, sorted(files), "--std=c99", *coding_rules._ONE_CONFIGURATION) == []
+
+
+@pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.sweep(but=["closed loop"])
+def test_cppcheck_itself_finds_nothing_in_code_of_further_kinds(kinds, kind):
+    folder = kinds(kind)
+    sources = sorted(path.name for path in folder.glob("*.c") if "selftest" not in path.name)
+    assert said_by_cppcheck(folder, sources, "--std=c99", *coding_rules._ONE_CONFIGURATION) == []
+
+
+def test_the_header_for_cpp_has_no_finding_of_either_tool(tmp_path):
+    if not coding_rules.is_available() or shutil.which("clang-tidy") is None:
+        pytest.skip("cppcheck or clang-tidy is not installed")
+    generate(tmp_path, "planar2r", "--with", "cpp,control,points")
+    (tmp_path / "use.cpp").write_text('#include "planar2r.hpp"\nint main() { return 0; }\n', encoding="utf-8")
+    assert said_by_cppcheck(tmp_path, ["use.cpp"], "--language=c++", "--std=c++17", "-U__AVX512F__") == []
+    command = ["clang-tidy", "--header-filter=.*hpp", f"--checks={CHECKS}", "use.cpp", "--", "-std=c++17", "-I."]
+    said = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False).stdout
+    assert "warning:" not in said, said
+
+
 ACCEPTED = {
     "bugprone-easily-swappable-parameters": "states and outputs of one type beside each other are the interface",
     "bugprone-implicit-widening-of-multiplication-result": "indices are bounded by array sizes, which int holds",
 }
 """Checks of clang-tidy that the emitted code does not keep, with the reason."""
 
+CHECKS = ",".join(["-*", "bugprone-*", "cert-*", "clang-analyzer-*", *(f"-{check}" for check in ACCEPTED)])
+
 
 @pytest.mark.skipif(shutil.which("clang-tidy") is None, reason="clang-tidy is not installed")
 def test_clang_tidy_finds_nothing(everything):
-    checks = ",".join(["-*", "bugprone-*", "cert-*", "clang-analyzer-*", *(f"-{check}" for check in ACCEPTED)])
     sources = sorted(everything.glob("*.c"))
-    command = ["clang-tidy", f"--checks={checks}", *map(str, sources), "--", "-std=c99", f"-I{everything}"]
+    command = ["clang-tidy", f"--checks={CHECKS}", *map(str, sources), "--", "-std=c99", f"-I{everything}"]
     said = subprocess.run(command, capture_output=True, text=True, check=False).stdout
     assert len(sources) > 15
     assert "warning:" not in said, said
@@ -120,6 +226,15 @@ def test_a_broken_rule_is_found(tmp_path):
     (tmp_path / "broken.c").write_text(text, encoding="utf-8")
     rules = {each.rule for each in findings(tmp_path, ["broken.c"])}
     assert {"14.4", "10.4"} <= rules
+
+
+@pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
+def test_a_product_with_the_number_of_joints_is_no_dead_code_where_that_is_one(tmp_path):
+    lines = ["#define ARM_N 1", "int broken(int a);", "int broken(int a)", "{", "    const int at = a * ARM_N;"]
+    lines += ["    const int again = a * 1;", "    return at + again;", "}", ""]
+    (tmp_path / "broken.c").write_text("\n".join(lines), encoding="utf-8")
+    found = [each.line for each in findings(tmp_path, ["broken.c"]) if each.rule == "2.2"]
+    assert found == [6]
 
 
 @pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")

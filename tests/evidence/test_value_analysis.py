@@ -87,6 +87,13 @@ def test_a_model_function_within_its_limits_and_a_division_by_zero(model, tmp_pa
 
 
 @needs_frama_c
+@pytest.mark.parametrize("name", ["smooth_friction", "pd_gravity_nominal"])
+def test_a_law_and_smooth_friction_within_the_ranges_of_their_gains(model, name, tmp_path):
+    program = model.programs[name]
+    assert function_alarms(program, box_of(program, model.spec, nominal_beta(model), Ranges()), tmp_path) == []
+
+
+@needs_frama_c
 def test_facts_settle_what_depends_on_relations_that_eva_does_not_know(tmp_path):
     """A quotient by a sum that a fact keeps away from zero, behind the declaration of the node that it waits for."""
     b = Builder()

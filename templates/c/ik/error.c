@@ -88,7 +88,6 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
         REAL E[3][3];
         REAL s2;
         REAL c;
-        REAL f;
         int j;
         for (i = 0; i < 3; ++i) {
             for (j = 0; j < 3; ++j) {
@@ -101,6 +100,7 @@ LOCAL REAL ik_error(const REAL *T, const REAL *q, REAL e[ERRORS], REAL J[ERRORS]
         s2 = (e[3] * e[3]) + (e[4] * e[4]) + (e[5] * e[5]);
         c = (REAL)0.5 * (E[0][0] + E[1][1] + E[2][2] - (REAL)1);
         if (c < (REAL)VALUE_SMALL_TURN) {
+            REAL f;
             if (s2 > IK_TOL_EPS) {
                 f = ik_atan2(SQRT(s2), c) / SQRT(s2);
             } else { /* angle pi: every column of E + 1 is parallel to the axis, the largest one is the most accurate */

@@ -1329,7 +1329,6 @@ LOCAL int ik_6r_rows(const ik_6r_real pose[12], const signed char pass[6], ik_6r
         for (j = 0; (j < pairs) && (*count < IK_6R_MAX); ++j) {
             ik_6r_real t[6][2];
             ik_6r_real cs[6][2];
-            int place;
             int near;
             int joint;
             for (i = 0; i < 2; ++i) {
@@ -1361,7 +1360,7 @@ LOCAL int ik_6r_rows(const ik_6r_real pose[12], const signed char pass[6], ik_6r
 #endif
             near = ik_6r_polish(pose, (pass[5] != 0) || (attempt == 2), left, firm, cs, rows[*count]);
             if (near > 0) {
-                place = ik_6r_place(rows, *count);
+                const int place = ik_6r_place(rows, *count);
                 met |= (int)((order == 1) && ((near + (int)(pass[5] != 0)) >= 2) && (((*taken >> (unsigned)place) & 1u) == 0u));
                 *taken |= (order == 1) ? (1u << (unsigned)place) : 0u;
                 *count += (int)(place == *count);
