@@ -8,9 +8,10 @@ multiplications, additions, divisions and roots with base parameters at run time
 
 from __future__ import annotations
 
+import resource
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,9 +21,10 @@ import click
 import numpy as np
 
 from bench.toolchain import find_toolchain, run
+from rrrgen.base.parallel import without_collection
 from rrrgen.derive import derive, prepare, record
 from rrrgen.derive.derived_model import Derivation
-from rrrgen.derive.functions.table import named, with_sources
+from rrrgen.derive.functions.table import combine, named, with_sources
 from rrrgen.derive.optimizer import Optimizer
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.program import Program, count_operations
@@ -125,22 +127,20 @@ class Functions:
         self.programs = cache(self._programs)
 
     def _programs(self, name: str) -> dict[str, Program]:
-        return dict(Optimizer()(record(self.derivation, with_sources([named(name)]))).programs)
+        with without_collection():
+            return dict(Optimizer()(record(self.derivation, with_sources([named(name)]))).programs)
 
     def count(self, name: str) -> int:
         """The operations of one function."""
         return count_operations(self.programs(name)[name]).total
 
     def seconds(self, name: str) -> float:
-        """CPU time of the derivation of one function from those that it is made of."""
-
-        def taken(names: Sequence[str]) -> float:
-            functions = with_sources([named(each) for each in names])
+        """CPU time of the derivation of one function from those that it is made of, without its specialization."""
+        sources = [self.programs(each)[each] for each in named(name).of]
+        with without_collection():  # as whoever derives a robot does
             begin = time.process_time()
-            Optimizer()(record(self.derivation, functions))
+            combine(name, self.derivation.recording(), sources)
             return time.process_time() - begin
-
-        return taken([name]) - taken(named(name).of)
 
 
 def of_trees() -> Iterator[Row]:
@@ -196,12 +196,12 @@ def of_hessians() -> Iterator[Row]:
             count = count_operations(functions.programs(function)[f"{function}_nominal"]).total
             yield Row(name, f"{function}_nominal / CasADi", count / theirs, share)
         for function in OF_HESSIANS[1:3]:
-            yield Row(name, f"{function}, s to derive", functions.seconds(function), 3)
-        yield Row(name, "inverse_dynamics_hessian, s of gcc -O2", _compiled(functions), 20)
+            yield Row(name, f"{function}, s CPU to derive", functions.seconds(function), 3)
+        yield Row(name, "inverse_dynamics_hessian, s CPU of gcc -O2", _compiled(functions), 20)
 
 
 def _compiled(functions: Functions) -> float:
-    """Elapsed seconds for the file with the weighted Hessian and its specialization."""
+    """CPU time of the compiler for the file with the weighted Hessian and its specialization."""
     programs = [
         program for name, program in functions.programs("inverse_dynamics_hessian").items() if "_hessian" in name
     ]
@@ -209,9 +209,14 @@ def _compiled(functions: Functions) -> float:
     with TemporaryDirectory() as folder:
         for name, text in files.items():
             (Path(folder) / name).write_text(text, encoding="utf-8", newline="\n")
-        begin = time.perf_counter()
+        begin = _spent_by_children()
         run([*find_toolchain().cc, "-std=c99", "-O2", "-c", f"{folder}/robot.c", "-o", f"{folder}/robot.o"])
-        return time.perf_counter() - begin
+        return _spent_by_children() - begin
+
+
+def _spent_by_children() -> float:
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime
 
 
 PARTS: dict[str, Callable[[], Iterator[Row]]] = {

@@ -106,8 +106,8 @@ def forward(chain: Chain, dq: Sequence[Any], ddq: Sequence[Any], in_link_frame: 
             motion = _in_link_frame(joint, entry, W, A, a_block, alpha_is_used[i])
         else:
             motion = _in_block_frame(entry, W, A, a_block)
-            if chain.base is not None:
-                # the rates of the next joint are added to this motion; over a base at rest the sums W and A cost less
+            if not is_number(entry.omega[2], 0):
+                # the next joint adds its rates to this motion; if z is 0, Z is the sum W itself, which costs less
                 entry, W, A = _BlockEntry(motion.omega, motion.alpha, entry.x2, entry.y2, motion.U), 0, 0
         absolute.append((entry, W, A))
         motions.append(motion)
