@@ -16,7 +16,7 @@ from rrrgen.cli.terminal import progress_bar
 if TYPE_CHECKING:
     from bench.results import Results
 
-PARTS = ("functions", "python", "ik", "growth", "generation", "control")
+PARTS = ("functions", "python", "ik", "growth", "generation", "control", "mechanisms")
 
 
 @click.command()
@@ -110,6 +110,11 @@ def _print(results: Results) -> None:
         )
     for tick in results.ticks:
         click.echo(f"{tick.robot:9} {tick.work:49} {tick.nanoseconds:9.1f} ns {tick.parameters:8} parameters")
+    for each in results.mechanisms:
+        ratio = each.pinocchio / each.nanoseconds
+        click.echo(
+            f"{each.robot:18} {each.function:20} {each.nanoseconds:9.1f} ns, Pinocchio {ratio:5.1f} times as much"
+        )
     for text in results.left_out:
         click.echo(f"left out: {text}", err=True)
     for verdict in verdicts(results):

@@ -13,6 +13,7 @@ from bench.measurements.inverse_kinematics import IKScore
 from bench.measurements.path_timing import PathTime
 from bench.measurements.python_calls import CallTime
 from bench.measurements.race import Score
+from bench.measurements.trees import TreeTime
 
 
 @dataclass
@@ -32,6 +33,7 @@ class Results:
     generations: list[Generation] = field(default_factory=list)
     ticks: list[TickTime] = field(default_factory=list)
     paths: list[PathTime] = field(default_factory=list)
+    mechanisms: list[TreeTime] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
     def score(self, robot: str, function: str, label: str) -> Score | None:
@@ -74,6 +76,7 @@ class Results:
             "generation": [asdict(each) for each in self.generations],
             "control_ticks": [asdict(each) for each in self.ticks],
             "path_timings": [asdict(each) for each in self.paths],
+            "mechanisms": [asdict(each) for each in self.mechanisms],
             "left_out": self.left_out,
         }
 

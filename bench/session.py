@@ -32,7 +32,7 @@ class Plan:
     quick: bool = False
     flags: tuple[str, ...] = FLAGS
     pinocchio: bool = True
-    parts: frozenset[str] = frozenset({"functions", "python", "ik", "growth", "generation", "control"})
+    parts: frozenset[str] = frozenset({"functions", "python", "ik", "growth", "generation", "control", "mechanisms"})
 
     @property
     def effort(self) -> Effort:
@@ -51,6 +51,7 @@ def bench(plan: Plan, tell: Tell) -> Results:
     by_robot = bool(plan.parts & {"functions", "python"})
     stages: list[Callable[..., None]] = [partial(_robot, robot) for robot in plan.robots if by_robot]
     others = {"ik": _inverse_kinematics, "growth": _growth, "generation": _generation, "control": _control}
+    others["mechanisms"] = _mechanisms
     stages += [stage for part, stage in others.items() if part in plan.parts]
     for done, stage in enumerate(stages):
         stage(plan, toolchain, results, partial(tell, done, len(stages)))
@@ -169,6 +170,19 @@ def _control(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> No
         say(f"{robot}: one tick of a whole loop")
         derived = derive_once(read(robot), GROUPS)
         results.ticks.append(loop_tick(derived, toolchain, max(10, plan.effort.rounds // 4)))
+
+
+def _mechanisms(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
+    from bench.contenders.rivals import pinocchio_includes
+    from bench.measurements.trees import ROBOTS as MECHANISMS
+    from bench.measurements.trees import measured
+
+    if not plan.pinocchio or pinocchio_includes() is None or toolchain.cxx is None:
+        _leave_out(results, "trees, floating bases and closed loops: no Pinocchio to compare with")
+        return
+    for name in MECHANISMS[-1:] if plan.quick else MECHANISMS:
+        say(f"{name}: compiling and measuring (Pinocchio's headers take minutes, once)")
+        results.mechanisms += measured(name, toolchain)
 
 
 def _leave_out(results: Results, text: str) -> None:

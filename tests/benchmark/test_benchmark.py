@@ -35,6 +35,7 @@ from bench.measurements.inverse_kinematics import IKScore, ik_scores
 from bench.measurements.path_timing import path_timings
 from bench.measurements.python_calls import BOUND_RUN, PIN, CallTime, turns
 from bench.measurements.race import Effort, Score, race
+from bench.measurements.trees import TreeTime
 from bench.page import page
 from bench.results import Results
 from bench.targets import verdicts
@@ -233,6 +234,12 @@ def test_the_timing_of_a_path_is_timed():
     assert all(each.microseconds > 0.0 and each.duration > 0.0 for each in found)
     assert found[0].duration != found[1].duration
     assert "Timing of a path" in page(Results("m", "c", {}, "e", paths=found))
+
+
+def test_trees_and_loops_stand_on_the_page_beside_pinocchio():
+    times = [TreeTime("torso", "mass_matrix", 744, 200.0, 1000.0)]
+    text = page(Results("m", "c", {}, "e", mechanisms=times))
+    assert "| torso | mass matrix | 744 | 200 | 1000 | 0.20 |" in text
 
 
 @needs_gcc

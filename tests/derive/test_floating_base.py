@@ -10,12 +10,14 @@ import pytest
 
 import rrrgen
 from derive.trees import PLACED_TREE
+from oracles.free_base import FreeMujoco, FreePinocchio
 from rrrgen.base.errors import InputError
-from rrrgen.derive import prepare, record
-from rrrgen.derive.functions.table import FUNCTIONS, functions_for
+from rrrgen.derive import parametrized, prepare, record
+from rrrgen.derive.functions.table import FUNCTIONS, functions_for, recorders
 from rrrgen.derive.optimizer import Optimizer
 from rrrgen.exporting import export_robot
 from rrrgen.program import count_operations
+from rrrgen.program.evaluation import evaluate
 from rrrgen.robot.file import dumps, load_spec, loads_spec
 from rrrgen.runtime.floating_base import (
     FloatingState,
@@ -28,9 +30,8 @@ from rrrgen.runtime.floating_base import (
 )
 from rrrgen.runtime.floating_base import difference as displacement
 from rrrgen.verify import verify
-from rrrgen.verify.references.libraries import MujocoReference
 from rrrgen.verify.references.newton_euler import BaseState, NewtonEuler
-from rrrgen.verify.references.numeric_robot import centre_and_tensor, chain_of, nominal_parameters
+from rrrgen.verify.references.numeric_robot import chain_of, nominal_parameters
 from rrrgen.verify.report import rate
 
 TREES = Path(__file__).resolve().parents[2] / "examples" / "trees"
@@ -140,57 +141,17 @@ def difference(found, expected) -> float:
     return float(np.max(np.abs(found - expected)) / np.max(np.abs(expected)))
 
 
-class FreePinocchio:
-    """The robot on a free flyer, with a joint for every row; ``S`` takes [twist; dq] to the velocities of all rows."""
-
-    def __init__(self, spec) -> None:
-        self.pin = pin = pytest.importorskip("pinocchio")
-        self.chain, phi = chain_of(spec), nominal_parameters(spec)
-        chain, around = self.chain, self.chain.around_joints()
-        self.model = free = pin.Model()
-        free.gravity.linear = chain.gravity
-        behind, joints = (
-            [after for _, after in around],
-            {0: free.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")},
-        )
-        for i in chain.depth_first():
-            before, after = around[i]
-            if i:
-                kind = pin.JointModelRZ() if chain.revolute[i] else pin.JointModelPZ()
-                place = pin.SE3(chain.behind(behind, i) @ before)
-                joints[i] = free.addJoint(joints[chain.parents[i]], kind, place, f"joint{i}")
-            centre, tensor = centre_and_tensor(phi[i])
-            free.appendBodyToJoint(joints[i], pin.Inertia(float(phi[i, 0]), centre, tensor), pin.SE3(after))
-        self.tips = {}
-        for name in ("", *spec.tips):
-            one = chain_of(spec.at_tip(name)) if name else chain
-            place = pin.SE3(around[one.tip][1] @ one.tool)
-            self.tips[name] = free.addFrame(pin.Frame(f"tip {name}", joints[one.tip], place, pin.FrameType.OP_FRAME))
-        self.data = free.createData()
-        self.S = np.zeros((free.nv, 6 + chain.n))
-        self.S[:6, :6] = np.eye(6)
-        for i in range(1, chain.links):
-            self.S[free.joints[joints[i]].idx_v, 6:] = chain.coupling[i]
-
-    def rows(self, q) -> np.ndarray:
-        """The positions of all rows for those of Pinocchio's convention (7 + n)."""
-        return np.concatenate([q[:7], self.S[6:, 6:] @ q[7:]])
-
-
 @pytest.fixture(scope="module")
 def free(model):
     return FreePinocchio(model.spec)
 
 
 def test_torques_and_mass_matrix_of_pinocchio_with_a_free_flyer(model, free):
-    pin, S = free.pin, free.S
     for seed in range(3):
         s = draw(model.n, seed)
         q, v, a = to_pinocchio(s)
-        rows = free.rows(q)
-        assert difference(ask(model, s), S.T @ pin.rnea(free.model, free.data, rows, S @ v, S @ a)) < 1e-13
-        upper = np.triu(pin.crba(free.model, free.data, rows))
-        assert difference(model.floating_mass_matrix(s.q), S.T @ (upper + np.triu(upper, 1).T) @ S) < 1e-13
+        assert difference(ask(model, s), free.inverse_dynamics(q, v, a)) < 1e-13
+        assert difference(model.floating_mass_matrix(s.q), free.mass_matrix(q)) < 1e-13
         for one, other in zip(from_pinocchio(q, v, a), s, strict=True):
             np.testing.assert_array_equal(one, other)
 
@@ -367,26 +328,6 @@ def test_an_orientation_that_is_no_unit_quaternion_is_refused(model, off, expect
             model.floating_bias(s.q, s.dq, orientation, s.twist)
 
 
-class FreeMujoco(MujocoReference):
-    """The robot on a free joint."""
-
-    def _mjcf(self, chain, phi):
-        return re.sub(r"(<worldbody><body [^>]*>)", r"\1<freejoint/>", super()._mjcf(chain, phi))
-
-    def forces(self, qpos, qvel, qacc):
-        self._data.qpos[:7], self._data.qvel[:6], self._data.qacc[:6] = qpos[:7], qvel[:6], qacc[:6]
-        places = np.array(self._places)
-        for store, shift, values in (
-            (self._data.qpos, 1, qpos[7:]),
-            (self._data.qvel, 0, qvel[6:]),
-            (self._data.qacc, 0, qacc[6:]),
-        ):
-            store[places + shift] = self._coupling @ values
-        self._mujoco.mj_inverse(self._model, self._data)
-        forces = np.array(self._data.qfrc_inverse)
-        return np.concatenate([forces[:6], forces[places] @ self._coupling])
-
-
 def test_torques_of_mujoco_with_a_free_joint(model):
     pytest.importorskip("mujoco")
     free = FreeMujoco(chain_of(model.spec), nominal_parameters(model.spec))
@@ -423,6 +364,24 @@ def test_the_wrench_alone_identifies_all_base_parameters_and_flight_all_but_thei
     rows = np.stack(flying)
     assert np.max(np.abs(rows @ beta)) < 1e-11 * np.max(np.abs(rows))
     assert rank(rows) <= b - 1
+
+
+def test_the_mass_of_a_prismatic_joint_counts_in_the_first_moments_of_the_whole_robot():
+    """It is no part of the link before it, so the composite of a leg that stands beside the base origin has a mass."""
+    rows = (
+        "  - {name: hip, type: revolute, parent: base, gamma: 90, alpha: 90, a: 0.05, d: 0.19, theta: 0}\n"
+        "  - {name: leg, type: prismatic, alpha: 90, a: 0.1, theta: 0}\n"
+    )
+    head = (
+        "schema: rrrgen/1\nname: slides\nconvention: modified\nunits: {angle: deg, length: m}\ngravity: [0, 0, -9.81]\n"
+    )
+    spec = loads_spec(f"{head}{TRUNK}joints:\n{rows}tip: leg\nlinks:\n{LINK.format(1, 2)}{LINK.format(2, 3)}")
+    derivation = prepare(spec)
+    beta = [float(v) for v in parametrized(derivation).beta_nominal]
+    q = np.array([0.4, 0.3])
+    (M,) = evaluate(recorders("floating_mass_matrix")[0](derivation.recording()), q, beta)
+    free = FreePinocchio(spec)
+    assert difference(np.array(M), free.mass_matrix(np.concatenate([np.zeros(3), [0, 0, 0, 1], q]))) < 1e-13
 
 
 def test_the_file_is_written_as_it_is_read():

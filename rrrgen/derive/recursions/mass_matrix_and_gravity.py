@@ -165,6 +165,8 @@ def _whole_body(chain: Chain, own: PseudoInertia, bodies: Sequence[PseudoInertia
                     size = twice * abs(p[a])
                     sums[r, c, size] = sums.get((r, c, size), 0) + (h[b] if p[a] > 0 else -h[b])
             T[r][c] = T[r][c] + turned.m * (p[r] * p[c])
+        for r in range(3):
+            T[r][3] = T[r][3] + turned.m * p[r]
         J = _added(J, T)
     for (r, c, size), total in sums.items():
         J[r][c] = J[r][c] + size * total
