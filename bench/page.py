@@ -176,11 +176,11 @@ def _mechanisms(results: Results) -> str:
     if not rows:
         return ""
     text = (
-        "Trees (hand, torso), a floating base (quadruped), and closed loops (the palletiser without its wrist), "
-        "with the numbers of the robot file folded, by `python -m bench --only mechanisms`. Pinocchio: `rnea`, `crba`, `aba`. It has no inverse dynamics "
-        "of a closed loop: it is given positions of the passive joints that close it, and carries rates and torques "
-        "over to the drives by its Jacobians, while rrrgen solves the loop as well. Results agree to 1e-10 of their "
-        "size.\n\n"
+        "Trees (hand, torso), a floating base (quadruped), and closed loops (the palletiser without its wrist), with "
+        "the numbers of the robot file folded, by `python -m bench --only mechanisms`. Pinocchio: `rnea`, `crba`, "
+        "`aba`. It has no inverse dynamics of a closed loop: it is given positions of the passive joints that close "
+        "it, and carries rates and torques over to the drives by its Jacobians, while rrrgen solves the loop as well. "
+        "Results agree to 1e-10 of their size.\n\n"
     )
     head = ["robot", "function", "operations", "rrrgen, ns", "Pinocchio, ns", "/ Pinocchio"]
     return "## Trees, floating bases and closed loops\n\n" + text + _table(head, rows)
