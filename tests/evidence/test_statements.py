@@ -105,6 +105,15 @@ def test_the_compiled_code_keeps_its_bounds_and_bounds_that_are_too_small_are_no
     assert not next(row for row in rows if row.function == "inverse_dynamics").ok
 
 
+@pytest.mark.parametrize("real", ["double", pytest.param("float", marks=pytest.mark.sweep)])
+def test_compiled_control_laws_keep_their_bounds(real):
+    """With tanh and exp of this machine's C library."""
+    laws = load.compile("pendulum", "c", real)._with("pd_gravity")
+    rows, _ = rounding_rows(laws, Ranges(), 500, 2)
+    assert {"pd_gravity", "computed_torque_nominal", "slotine_li", "momentum_terms"} <= {row.function for row in rows}
+    assert all(row.ok for row in rows), [row for row in rows if not row.ok]
+
+
 def test_verify_compares_with_the_bounds_and_the_page_shows_them(tmp_path):
     page = tmp_path / "pendulum.html"
     done = invoke(verify, "pendulum", "--samples", 20, "--no-libraries", "--bounds", "--json", "--html", page)

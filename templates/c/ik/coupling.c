@@ -56,8 +56,10 @@ LOCAL int ik_place(REAL q[JOINTS], const REAL *ref)
         if (period > (REAL)0) {
             const REAL middle = (ref != NULL) ? ref[i] : (REAL)0;
             const REAL near = q[i] - (period * CEIL(((q[i] - middle) / period) - (REAL)0.5));
-            const REAL below = (near < low) ? (low - near) : (REAL)0;
-            const REAL above = (near > high) ? (near - high) : (REAL)0;
+            const REAL under = low - near;
+            const REAL over = near - high;
+            const REAL below = (near < low) ? under : (REAL)0;
+            const REAL above = (near > high) ? over : (REAL)0;
             const REAL x = near + (period * (CEIL(below / period) - CEIL(above / period)));
             q[i] = ((low <= x) && (x <= high)) ? x : near;
         }
