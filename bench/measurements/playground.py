@@ -3,8 +3,9 @@
     python -m bench.measurements.playground
 
 It needs Chromium, node, and the npm packages pyodide and playwright-core, which ``make playground`` fetches into
-build/npm; the variable RRRGEN_NPM names another folder. Two arms are typed in by clicks, each on a page that was just
-opened, while the compiler loads, and again with the compiler loaded.
+build/npm; the variable RRRGEN_NPM names another folder. The time to the picture is the median of five browsers that
+have not seen the page. Two arms are typed in by clicks, each on a page that was just opened, while the compiler loads,
+and again with the compiler loaded.
 """
 
 from __future__ import annotations
