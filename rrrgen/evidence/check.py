@@ -144,6 +144,8 @@ def _entry_faults(stated: dict[str, Any], entry: dict[str, Any]) -> list[str]:
     if "none" in entry:
         return []
     faults = []
+    if any(stated.get(key) != entry.get(key) for key in ("conditional", "assumption")):
+        faults.append("the bounds suppose something else")
     for precision in ("double", "float"):
         old, new = stated[precision], entry[precision]
         if old["box"] != new["box"]:

@@ -73,6 +73,9 @@ def test_again_proves_the_bounds_anew(copy):
     content = content_of(copy)
     content["functions"]["gravity"]["rounding"]["double"]["bounds"]["g"][0] *= 0.5
     assert bounds_that_differ(content, load_spec("pendulum")) == ["gravity: the bounds in double are others"]
+    content = content_of(copy)
+    del content["functions"]["smooth_friction"]["rounding"]["assumption"]
+    assert bounds_that_differ(content, load_spec("pendulum")) == ["smooth_friction: the bounds suppose something else"]
     content = content_of(copy) | {"templates": "0" * 64}
     assert bounds_that_differ(content, load_spec("pendulum")) == [
         "the templates of the C code are not those of this version of rrrgen"
