@@ -13,6 +13,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.kalman import KalmanSmoother
 from rrrgen.lab.data.preprocessing import KALMAN, Processing, reconstruction_reach
+from rrrgen.lab.data.reconstruction import Reconstruction
 from rrrgen.lab.estimate.identifiability import Restriction, Structure, fix_standard, structure_of
 from rrrgen.lab.estimate.tsqr import JointFactors
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns
@@ -88,6 +89,16 @@ class FullRegressor:
         columns = np.concatenate([rigid, drives], axis=-1)
         load = columns @ np.array(self.load) if self.load else None
         return np.concatenate([columns, law_columns(self.surfaces, np.asarray(dq, float), s, load)], axis=-1)
+
+    def law_torque(self, theta: Array, motion: Reconstruction) -> Array:
+        """Torque (N, n) of the friction laws of ``surfaces`` along one stretch of ``motion``, with ``theta`` (p,)."""
+        count = sum(len(surface.columns()) for surface in self.surfaces)
+        s = None if self.sliding is None else self.sliding.states(motion.q, motion.dq, self.sliding.start())
+        if self.load:
+            W = self(motion.q, motion.dq, motion.ddq, s)[..., len(theta) - count :]
+        else:
+            W = law_columns(self.surfaces, motion.dq, s)
+        return np.asarray(W @ theta[len(theta) - count :])
 
 
 STICKING = 3.0

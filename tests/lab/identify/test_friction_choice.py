@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -15,6 +16,7 @@ from rrrgen.cli.main import cli
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.identify import friction_choice
+from rrrgen.lab.identify.diagnosis.report import diagnose_fit
 from rrrgen.lab.identify.friction_choice import CANDIDATES, LawChoice
 from rrrgen.lab.identify.friction_columns import FrictionSurface
 from rrrgen.lab.identify.held_out_data import Split
@@ -119,6 +121,15 @@ def test_the_law_of_every_joint_is_found_with_its_shapes(chosen):
         assert values[name] == pytest.approx(value, rel=0.02), name
     assert values["off1"] == pytest.approx(0.3, abs=0.01)
     assert chosen.consistent_held_out["relative_error"] < 0.002
+
+
+@pytest.mark.parametrize("late", [0.0, 0.02])
+def test_a_reversal_over_a_distance_is_not_taken_for_late_torques(arm, log, late):
+    """Linear friction stands for the laws in the diagnosis, where such a reversal looks like a delay."""
+    tau = np.column_stack([np.interp(log.t - late, log.t, column) for column in log.tau.T])
+    recorded = replace(log, tau=tau)
+    causes = diagnose_fit(arm, [recorded], fitted(arm, recorded, "a=dahl_exponential", "b=stribeck"))
+    assert [cause.cause for cause in causes] == (["the torques are recorded too late"] if late else [])
 
 
 def test_bristles_are_found_and_chosen(arm, monkeypatch):

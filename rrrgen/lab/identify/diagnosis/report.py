@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,14 @@ from rrrgen.lab.identify.diagnosis.rules import (
     recorded_speed,
     unexplained,
 )
-from rrrgen.lab.identify.diagnosis.trial_fits import FLOOR, AllTerms, Sample, linear_stand_ins, sample_of
+from rrrgen.lab.identify.diagnosis.trial_fits import (
+    FLOOR,
+    AllTerms,
+    Sample,
+    beyond_linear,
+    linear_stand_ins,
+    sample_of,
+)
 from rrrgen.lab.identify.diagnosis.units_and_wiring import SCORE, CorrectedSample, corrected, magnitude, uncorrected
 from rrrgen.lab.identify.observations import Recording
 from rrrgen.lab.identify.regressor import RigidModel
@@ -58,7 +66,9 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
     """Diagnose recordings by their torques: signs, exchanged columns, units, clock, missing terms, unexplained errors.
 
     ``found`` is the identification of ``model`` from these recordings. Friction is linear here, whatever its law, and
-    slow motion is left out as for linear friction: what that does not describe there looks like other faults.
+    slow motion is left out as for linear friction. What that does not describe looks like other faults, a reversal over
+    some distance like torques that are recorded late: faults are only named if they also explain torques from which the
+    estimated laws were taken. These torques alone would not do, since a fault bends the laws that are fitted to them.
     """
     regressor = AllTerms(model, linear_stand_ins(found.columns))
     causes: list[Cause] = []
@@ -71,15 +81,21 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
             words = wording(model.spec, recording)
             # a clock that is already known to be wrong is corrected, so that it does not hide other faults
             sample = sample.slowed(clock_factor(RecordedStretch.of(model.spec, words, recording)))
-            causes += _of_sample(regressor, sample, words, found)
+            laws = None
+            if found.regressor is not None and found.regressor.surfaces:
+                laws = sample_of(recording, found.linear_processing, partial(found.regressor.law_torque, found.theta))
+            causes += _of_sample(regressor, sample, words, found, laws)
     return merged(causes)
 
 
-def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Identification) -> list[Cause]:
+def _of_sample(
+    regressor: AllTerms, sample: Sample, words: Wording, found: Identification, laws: Sample | None
+) -> list[Cause]:
     """Causes found in one sample, by what their repair leaves unexplained.
 
     Signs, units, columns and the clock are corrected first, as far as that explains the torques; then errors that
-    change them by little are compared with each other. If these alone explain as much, nothing is corrected.
+    change them by little are compared with each other. If these alone explain as much, nothing is corrected. ``laws``
+    is the sample with the torques of the estimated friction laws alone, None without any.
     """
     names = regressor.names
     estimated = [column.name for column in linear_stand_ins(found.columns)]
@@ -106,10 +122,16 @@ def _of_sample(regressor: AllTerms, sample: Sample, words: Wording, found: Ident
         sides = Comparison(regressor, uncorrected(sample, regressor).sample, inside).gear_sides(words)
         if sides is not None and score_of(sides[1]) < plainly.score - SCORE:
             return [sides[0]]
+    findings, errors = plainly.findings, plainly.joint_errors
+    if laws is not None and findings and not plainly.state.causes:  # else the laws were fitted to other torques
+        known = sample.without(beyond_linear(laws, regressor.estimated))
+        beside = Comparison(regressor, uncorrected(known, regressor).sample, inside)
+        findings = [finding for finding in findings if beside.findings([finding.outcome.hypothesis])]
+        errors = errors if findings else beside.joint_errors({})
     causes = [*plainly.state.causes, *impossible(plainly.state)]
     if len(causes) == len(plainly.state.causes):
-        causes += [plainly.comparison.cause(finding, words) for finding in by_joint(plainly.findings)]
-    return causes or list(unexplained(plainly.joint_errors, found.whiteness, words))
+        causes += [plainly.comparison.cause(finding, words) for finding in by_joint(findings)]
+    return causes or list(unexplained(errors, found.whiteness, words))
 
 
 def by_joint(findings: Sequence[Finding]) -> list[Finding]:

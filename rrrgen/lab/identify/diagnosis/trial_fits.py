@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.lab.data.preprocessing import Decimator, Processing
-from rrrgen.lab.identify.observations import Recording, RowMaker, kept_of, reconstruct, windows
+from rrrgen.lab.identify.observations import KnownTorque, Recording, RowMaker, kept_of, reconstruct, windows
 from rrrgen.lab.identify.parameters import Column, DriveTerms
 from rrrgen.lab.identify.regressor import RigidModel
 from rrrgen.runtime.regressor_columns import drive_columns
@@ -127,8 +127,11 @@ def _changed(curve: Any, slower: float, mix: Array) -> Any:
     return PPoly((curve.c * powers[:, None, None]) @ mix, curve.x * slower)
 
 
-def sample_of(recording: Recording, processing: Processing) -> Sample | None:
-    """Sample of a recording, filtered as for the estimation; None if it has no torques or no usable sample."""
+def sample_of(recording: Recording, processing: Processing, torque: KnownTorque | None = None) -> Sample | None:
+    """Sample of a recording, filtered as for the estimation; None if it has no torques or no usable sample.
+
+    If ``torque`` is given, it stands in place of the recorded one.
+    """
     decimate = Decimator(processing.decimate or 1)
     memory = RowMaker(lambda q, dq, ddq: q, processing, 1).memory(recording.period)
     found: dict[int, list[tuple[Any, ...]]] = {}
@@ -139,7 +142,8 @@ def sample_of(recording: Recording, processing: Processing) -> Sample | None:
             return None
         motion = reconstruct(part, processing)
         usable = decimate(part.valid.astype(float), part.first) > WHOLE
-        parts = [decimate(x, part.first) for x in (motion.q, motion.dq, motion.ddq, part.tau)]
+        tau = part.tau if torque is None else torque(motion)
+        parts = [decimate(x, part.first) for x in (motion.q, motion.dq, motion.ddq, tau)]
         use = usable & (np.abs(parts[1]) >= (np.asarray(processing.low_speed) if processing.low_speed else 0.0))
         # windows overlap by the memory of the filters, whose samples would count twice
         kept = kept_of(decimate, part.first, window.start, window.stop, len(part))
@@ -209,8 +213,7 @@ class AllTerms:
 def linear_stand_ins(columns: Sequence[Column]) -> tuple[Column, ...]:
     """Replace the columns of other friction laws by those of viscous and Coulomb friction.
 
-    A law with coefficients for each direction is also replaced by an offset, which it contains. The difference between
-    two laws does not matter here: a wrong sign or unit changes the torques far more.
+    A law with coefficients for each direction is also replaced by an offset, which it contains.
     """
     found = {column.name: column for column in columns if column.kind != "law"}
     for column in columns:
@@ -221,6 +224,18 @@ def linear_stand_ins(columns: Sequence[Column]) -> tuple[Column, ...]:
                 name = f"{symbol}{end.group() if end else ''}"
                 found.setdefault(name, Column(name, kind, column.direction))
     return tuple(found.values())
+
+
+def beyond_linear(friction: Sample, columns: Sequence[Column]) -> Array:
+    """What linear friction cannot stand for in the torques (N, n) of friction laws.
+
+    The torques of ``friction``, in the rows in use, less the nearest combination of the viscous, Coulomb and offset
+    terms among ``columns``.
+    """
+    linear = [column for column in columns if column.kind in ("viscous", "coulomb", "offset")]
+    W = drive_columns(linear, friction.dq, friction.ddq)
+    x = np.linalg.lstsq(W[friction.use], friction.tau[friction.use], rcond=None)[0]
+    return np.asarray(friction.tau - W @ x)
 
 
 @dataclass(frozen=True)
