@@ -319,14 +319,17 @@ class NuisanceFit:
             found.append(bool(left * unit**2 > LEAST**2 * torque))
         return found
 
-    def zeros(self, term: Term, values: Mapping[Term, float]) -> list[float]:
-        """The zeros on a grid around the circle from which a fit may start: those that explain most."""
+    def zeros(self, term: Term, values: Mapping[Term, float], below: float = np.inf) -> list[float]:
+        """The zeros on a grid around the circle from which a fit may start: those that explain most.
+
+        Only zeros whose objective is less than ``below``.
+        """
         grid = np.arange(GRID, 2.0 * np.pi - 0.5 * GRID, GRID)
         levels = []
         for zero in grid:
             W, tau = self.regressor_at({**values, term: float(zero)})
             levels.append(self.objective(self.solve(self.products(W, tau))[1]))
-        at = np.argsort(levels)[:BEST_OF_GRID]
+        at = [k for k in np.argsort(levels)[:BEST_OF_GRID] if levels[k] < below]
         return [float((grid[k] + np.pi) % (2.0 * np.pi) - np.pi) for k in at]
 
     def deviations(self, values: Mapping[Term, float]) -> tuple[Array, Array]:

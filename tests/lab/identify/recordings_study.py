@@ -169,7 +169,10 @@ MISTAKES = (
 
 
 def verdict(given: Case, mistake: str) -> tuple[str, float, str]:
-    """Whether a mistake is named, possible, silent or wrong, its gain, and the first cause in words."""
+    """Whether a mistake is named, possible, silent or wrong, its gain, and the first cause in words.
+
+    Drift of one joint where that of all was made is named in part.
+    """
     found = comparison(given)
     findings = found.findings()
     if not findings:
@@ -178,9 +181,11 @@ def verdict(given: Case, mistake: str) -> tuple[str, float, str]:
     kind, joint, _ = mistake.split()
     hypothesis = first.outcome.hypothesis
     right = hypothesis.subject == kind and (kind == "tilt" or hypothesis.joint == int(joint) - 1)
+    part = not right and hypothesis.subject == kind == "drift" and joint == "0"
     cause = found.cause(first, words_of(given))
     text = f"{cause.cause}: {cause.evidence[0]}"
-    what = ("named" if first.named else "possible") if right else f"WRONG {'named' if first.named else 'possible'}"
+    what = "named" if first.named else "possible"
+    what = what if right else f"{what} in part" if part else f"WRONG {what}"
     more = "" if len(findings) == 1 else f" (+ {len(findings) - 1})"
     return what, first.outcome.gain, text + more
 
@@ -219,7 +224,10 @@ def pairs(sets: int, robot: str, first: int) -> Iterator[str]:
             findings = comparison(mistaken(mistaken(given, pair[0]), pair[1])).findings()
             said = [(each.outcome.hypothesis.subject, each.outcome.hypothesis.joint, each.named) for each in findings]
             right = {(k, j) for k, j in true if any(k == a and (k == "tilt" or j == b) for a, b, _ in said)}
-            wrong = [each for each in said if not any(each[0] == k and (k == "tilt" or each[1] == j) for k, j in true)]
+            whole = {
+                k for k, j in true if k == "tilt" or (k == "drift" and j < 0)
+            }  # one joint's drift is a part of all
+            wrong = [each for each in said if each[0] not in whole and each[:2] not in true]
             for what in (f"{len(right)} of 2", *(f"WRONG {'named' if named else 'possible'}" for *_, named in wrong)):
                 counts[what] = counts.get(what, 0) + 1
             yield f"{' and '.join(pair)}: {len(right)} of 2{''.join(f', WRONG {a} {b + 1}' for a, b, _ in wrong)}"

@@ -29,7 +29,7 @@ FEWEST_BLOCKS = 15  # in shorter recordings the blocks are shorter
 MOST_SAMPLES = 4000  # times joints
 SCREENED = 0.02  # gain of one linear step, from which on a hypothesis is fitted until it converges
 WORTH = 0.005  # relative torque error below which nothing needs an explanation
-LARGE = 0.1  # relative torque error of a joint, from which on zeros are sought all around the circle
+LARGE = 0.1  # relative torque error of a joint, from which on every zero around the circle may be the right one
 RATIOS = np.geomspace(1.0 / 400.0, 400.0, 61)  # gear ratios common to all joints from which a fit may start
 BEST_OF_RATIOS = 3
 OTHER_SIDE = 3.0  # median ratio beyond which data are from the other side of the gears; sound recordings have 1 to 2.4
@@ -252,7 +252,8 @@ class Comparison(NuisanceFit):
         determined = self.determined(total, own, [UNIT.get(term.kind, 1.0) for term in every[len(given) :]])
         sound = dict(zip(every[len(given) :], determined, strict=True))
         found = []
-        around = bool(np.any(sigma > LARGE * self.size))
+        # small errors are not worth a fit from every zero: only from those that explain more than the zero as it is
+        below = math.inf if np.any(sigma > LARGE * self.size) else self.objective(sigma)
         for each in hypotheses:
             at = [p + every.index(term) for term in each.terms]
             if not all(sound[term] for term in each.terms):
@@ -262,8 +263,8 @@ class Comparison(NuisanceFit):
             outcome = Outcome(each, values, errors, before, squares)
             nonlinear = not all(term.is_linear for term in each.terms)
             starts = [values] if nonlinear and outcome.gain >= SCREENED else []
-            if each.subject == "zero" and around:
-                starts += [values | {each.terms[0]: zero} for zero in self.zeros(each.terms[0], values)]
+            if each.subject == "zero":
+                starts += [values | {each.terms[0]: zero} for zero in self.zeros(each.terms[0], values, below)]
             if starts:
                 fits = [self.converged(list(values), start) for start in starts]
                 values = min(fits, key=lambda fit: self.objective(self.fitted(list(fit), fit)[1]))

@@ -26,6 +26,7 @@ MOST_ROWS = 3000
 """Rows (samples times joints) of a sample: twenty to fifty per parameter, in a few hundredths of a second."""
 MOST_READ = 200_000  # samples that are read of a long recording
 SHORTEST_STRETCH = 4  # rows, which a cubic spline needs
+BESIDE_REVERSAL = 0.1  # difference of the filtered sign of a speed from the sign of the filtered speed
 WHOLE = 0.999  # gain of the filter below which a sample lies at a border or next to an invalid one
 
 
@@ -145,6 +146,8 @@ def sample_of(recording: Recording, processing: Processing, torque: KnownTorque 
         tau = part.tau if torque is None else torque(motion)
         parts = [decimate(x, part.first) for x in (motion.q, motion.dq, motion.ddq, tau)]
         use = usable & (np.abs(parts[1]) >= (np.asarray(processing.low_speed) if processing.low_speed else 0.0))
+        # the regressor knows the filtered speed alone, whose sign beside a reversal is not the filtered sign
+        use &= np.abs(decimate(np.sign(motion.dq), part.first) - np.sign(parts[1])) < BESIDE_REVERSAL
         # windows overlap by the memory of the filters, whose samples would count twice
         kept = kept_of(decimate, part.first, window.start, window.stop, len(part))
         row = (*parts, use, decimate.times(part.t, part.first))
