@@ -35,6 +35,7 @@ BEST_OF_RATIOS = 3
 OTHER_SIDE = 3.0  # median ratio beyond which data are from the other side of the gears; sound recordings have 1 to 2.4
 EXPLAINED_BY_SIDES = 0.10  # largest relative torque error that may remain
 UNCERTAIN_RATIO = 0.3  # standard deviation of a logarithm
+NOTHING = 0.1  # value in standard deviations that counts as zero
 UNDETERMINED = {"zero": 0.5 * math.pi, "gain": 1.0}
 """Standard deviations (rad, of the logarithm) from which on a zero or a gain could be anything."""
 MOST = 4  # largest number of faults in one recording
@@ -210,12 +211,16 @@ class Comparison(NuisanceFit):
         """Whether the torques tell the parameters of a hypothesis.
 
         Torques of a joint whose gain falls to zero, and with it all that couples them to the others, are explained by
-        terms of their own, whatever the fault is.
+        terms of their own, whatever the fault is. A parameter that stays at zero explains nothing; only its derivative
+        does, which stands for another fault.
         """
         if all(term.is_linear for term in outcome.hypothesis.terms):
             return True
         std = dict(zip(outcome.values, self.deviations(outcome.values)[0], strict=True))
-        return all(std[term] < UNDETERMINED.get(term.kind, math.inf) for term in outcome.hypothesis.terms)
+        return all(
+            NOTHING * std[term] < abs(outcome.values[term]) and std[term] < UNDETERMINED.get(term.kind, math.inf)
+            for term in outcome.hypothesis.terms
+        )
 
     def _rivals(self, best: Outcome, rivals: list[Outcome], after: Sequence[Outcome]) -> list[Outcome]:
         """The ``rivals`` of an accepted hypothesis that explain little once it is repaired; others are faults too."""
