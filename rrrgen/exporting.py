@@ -78,11 +78,7 @@ def export_robot(
     """
     exporter, options = exporter_of(target), options or ExportOptions()
     _refuse_words(exporter, options.further)
-    if spec.mechanism is not None and not exporter.mechanisms:
-        targets_of = ", ".join(name for name, each in exporters().items() if each.mechanisms)
-        raise DerivationError(
-            f"{spec.name}: joints that follow others and branches are not exported to {target}, but to {targets_of}"
-        )
+    _refuse_mechanism(exporter, spec)
     _refuse_unused(exporter, options)
     wanted = {*spec.emit, *options.further}
     held = exporter.further
@@ -104,6 +100,15 @@ def export_robot(
         options = replace(options, unit=unit_code(spec, options.real, options.further, options.chosen))
     found = exporter.write(spec, options)
     return replace(found, notes=(*notes, *found.notes))
+
+
+def _refuse_mechanism(exporter: Exporter, spec: RobotSpec) -> None:
+    """Raise DerivationError if the rows of the robot form no chain of joints and ``exporter`` takes nothing else."""
+    able = {name: each.loops if spec.loops else each.mechanisms for name, each in exporters().items()}
+    if spec.mechanism is not None and not (exporter.loops if spec.loops else exporter.mechanisms):
+        what = "closed loops" if spec.loops else "joints that follow others and branches"
+        others = ", ".join(name for name in able if able[name])
+        raise DerivationError(f"{spec.name}: {what} are not exported to {exporter.name}, but to {others}")
 
 
 def _refuse_unused(exporter: Exporter, options: ExportOptions) -> None:

@@ -174,6 +174,7 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     mechanisms=True,
+    loops=True,
     options=("real",),
     further=("control", "elastic", "gravity", "hessian", "observer", "points", "tensors", "timing", "trajectory"),
 )

@@ -207,6 +207,7 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     mechanisms=True,
+    loops=True,
     options=("platforms",),
     further=("controller", "timing", "trajectory"),
 )

@@ -59,8 +59,8 @@ class Exporter:
     represent the robot. If ``one_file``, the result is one file, which the user may name; otherwise a folder. If
     ``needs_bodies``, every link must be a rigid body of positive mass; links that are not are replaced by physical ones
     with the same base parameters. ``options`` names the fields of :class:`ExportOptions` that the target uses.
-    ``mechanisms`` says whether it supports joints coupled to others and branching chains. ``further`` are the words of
-    :data:`rrrgen.robot.file.fields.EMIT` that the package can hold.
+    ``mechanisms`` says whether it supports joints coupled to others and branching chains, ``loops`` whether it supports
+    closed loops too. ``further`` are the words of :data:`rrrgen.robot.file.fields.EMIT` that the package can hold.
     """
 
     name: str
@@ -70,4 +70,5 @@ class Exporter:
     needs_bodies: bool = False
     options: tuple[str, ...] = ()
     mechanisms: bool = False
+    loops: bool = False
     further: tuple[str, ...] = ()

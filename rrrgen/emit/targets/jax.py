@@ -177,5 +177,6 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     mechanisms=True,
+    loops=True,
     further=("control", "elastic", "gravity", "hessian", "observer", "points", "tensors", "timing", "trajectory"),
 )

@@ -108,5 +108,6 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     mechanisms=True,
+    loops=True,
     further=FURTHER,
 )

@@ -95,6 +95,7 @@ EXPORTER = Exporter(
     _write,
     one_file=False,
     mechanisms=True,
+    loops=True,
     options=("real", "platforms"),
     further=FURTHER,
 )

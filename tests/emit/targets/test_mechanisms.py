@@ -139,3 +139,20 @@ def test_what_a_format_cannot_say_is_refused():
     own = loads_spec(MIMIC.replace("follows: {swing: -3/2}", "follows: {twin: 1, swing: -3/2}"))
     with pytest.raises(DerivationError, match="has a drive and a coupling"):
         export_robot(own, "mjcf")
+
+
+@pytest.mark.parametrize("target", ["embedded", "mjcf", "par", "ros2", "urdf"])
+def test_targets_that_take_no_closed_loops_name_those_that_do(target):
+    spec = load_spec(PALLETISER.with_name("unequal.yaml"))
+    with pytest.raises(
+        DerivationError, match=f"closed loops are not exported to {target}, but to cuda, fmu, jax, matlab, wheel"
+    ):
+        export_robot(spec, target)
+
+
+def test_a_simulation_does_not_hold_loops_that_are_solved_by_newtons_method():
+    spec = load_spec(PALLETISER.parents[1] / "linkages" / "six_bar.yaml")
+    with pytest.raises(
+        DerivationError, match="a plant for simulation does not exist with loops solved by Newton's method"
+    ):
+        export_robot(spec, "fmu")
