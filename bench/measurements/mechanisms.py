@@ -197,15 +197,14 @@ def of_hessians() -> Iterator[Row]:
             yield Row(name, f"{function}_nominal / CasADi", count / theirs, share)
         for function in OF_HESSIANS[1:3]:
             yield Row(name, f"{function}, s CPU to derive", functions.seconds(function), 3)
-        yield Row(name, "inverse_dynamics_hessian, s CPU of gcc -O2", _compiled(functions), 20)
+        for function in ("inverse_dynamics_hessian", "forward_dynamics_hessian"):
+            seconds = _compiled(functions.programs(function)[function])
+            yield Row(name, f"{function}, s CPU of gcc -O2", seconds, 20)
 
 
-def _compiled(functions: Functions) -> float:
-    """CPU time of the compiler for the file with the weighted Hessian and its specialization."""
-    programs = [
-        program for name, program in functions.programs("inverse_dynamics_hessian").items() if "_hessian" in name
-    ]
-    files = function_files("robot", "Hessians", programs, "double")
+def _compiled(program: Program) -> float:
+    """CPU time of the compiler for the file that holds ``program`` alone, as long functions have files of their own."""
+    files = function_files("robot", program.summary, [program], "double")
     with TemporaryDirectory() as folder:
         for name, text in files.items():
             (Path(folder) / name).write_text(text, encoding="utf-8", newline="\n")

@@ -73,7 +73,7 @@ def placement(rng, right: float) -> str:
 def tree(seed: int, trunk: bool = False) -> str:
     """A stem with two to four branches of mixed joints, each perhaps behind a fixed row, and a tip on each of them.
 
-    On a trunk all angles are right: base parameters of others take minutes there, and tests/derive has some.
+    Most angles are right, on a trunk all of them: base parameters of odd ones take minutes, and tests/derive has some.
     """
     rng = np.random.default_rng(seed)
     rows, links, tips = [], [], []
@@ -83,7 +83,7 @@ def tree(seed: int, trunk: bool = False) -> str:
         kind = "prismatic" if rng.random() < 0.3 else "revolute"
         held = ", follows: {}" if fixed else ""
         rows.append(
-            f"  - {{name: {name}, type: {kind}, parent: {parent}, {placement(rng, 1.0 if trunk else 0.5)}{held}}}\n"
+            f"  - {{name: {name}, type: {kind}, parent: {parent}, {placement(rng, 1.0 if trunk else 0.85)}{held}}}\n"
         )
         if with_links or not fixed:
             links.append(f"  - {{{inertia(rng)}}}\n")
