@@ -84,18 +84,19 @@ def diagnose_fit(model: RigidModel, recordings: Sequence[Recording], found: Iden
             laws = None
             if found.regressor is not None and found.regressor.surfaces:
                 laws = sample_of(recording, found.linear_processing, partial(found.regressor.law_torque, found.theta))
-            causes += _of_sample(regressor, sample, words, found, laws)
+            causes += _of_sample(regressor, sample, words, found, laws, recording.period)
     return merged(causes)
 
 
 def _of_sample(
-    regressor: AllTerms, sample: Sample, words: Wording, found: Identification, laws: Sample | None
+    regressor: AllTerms, sample: Sample, words: Wording, found: Identification, laws: Sample | None, period: float
 ) -> list[Cause]:
     """Causes found in one sample, by what their repair leaves unexplained.
 
     Signs, units, columns and the clock are corrected first, as far as that explains the torques; then errors that
     change them by little are compared with each other. If these alone explain as much, nothing is corrected. ``laws``
-    is the sample with the torques of the estimated friction laws alone, None without any.
+    is the sample with the torques of the estimated friction laws alone, None without any; ``period`` is that of the
+    recording, s.
     """
     names = regressor.names
     estimated = [column.name for column in linear_stand_ins(found.columns)]
@@ -128,10 +129,17 @@ def _of_sample(
         beside = Comparison(regressor, uncorrected(known, regressor).sample, inside)
         findings = [finding for finding in findings if beside.findings([finding.outcome.hypothesis])]
         errors = errors if findings else beside.joint_errors({})
+    findings = [finding for finding in findings if not is_held(finding, period)]
     causes = [*plainly.state.causes, *impossible(plainly.state)]
     if len(causes) == len(plainly.state.causes):
         causes += [plainly.comparison.cause(finding, words) for finding in by_joint(findings)]
     return causes or list(unexplained(errors, found.whiteness, words))
+
+
+def is_held(finding: Finding, period: float) -> bool:
+    """Whether torques are early by less than a sample: those of a command that is held until the next one."""
+    hypothesis, values = finding.outcome.hypothesis, finding.outcome.values
+    return hypothesis.subject == "delay" and -period < values[hypothesis.terms[0]] < 0.0
 
 
 def by_joint(findings: Sequence[Finding]) -> list[Finding]:
