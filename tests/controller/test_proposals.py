@@ -44,7 +44,7 @@ def test_gains_of_the_filter_are_those_of_the_tuning_and_the_period(rrr, tmp_pat
 
 
 @pytest.mark.parametrize(
-    "robot", [*ARMS[:2], pytest.param(ARMS[2], marks=pytest.mark.sweep)], ids=["rrr", "Own6", "panda"]
+    "robot", [ARMS[0], *(pytest.param(arm, marks=pytest.mark.sweep) for arm in ARMS[1:])], ids=["rrr", "Own6", "panda"]
 )
 def test_proposed_dampings_are_stable_when_sampled(robot):
     from rrrgen.controller.proposals import proposals

@@ -111,6 +111,7 @@ def test_torques_of_coupled_loops_agree_with_the_tree_and_its_numerical_constrai
     assert np.abs(found - tau).max() < 1e-12 * np.abs(tau).max()
 
 
+@pytest.mark.sweep  # half a minute; loops that share no body are in test_loops.py
 def test_the_number_of_base_parameters_of_coupled_loops_is_the_rank_of_the_regressor():
     assert len(derivation(COUPLED).compiler_basis.names) == rank(loads_spec(COUPLED)) == 13
 

@@ -70,7 +70,7 @@ def test_no_rule_is_broken_without_a_recorded_deviation(everything):
 
 
 @pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
-@pytest.mark.parametrize("robot", ["stanford", "xarm6"])  # with a slide; with the general solver of six joints
+@pytest.mark.parametrize("robot", ["stanford", pytest.param("xarm6", marks=pytest.mark.sweep)])  # a slide; general 6R
 def test_inverse_kinematics_breaks_no_rule_without_a_recorded_deviation(tmp_path, robot):
     generate(tmp_path, robot)
     unaccepted = [each for each in findings(tmp_path, [f"{robot}_ik.c"]) if each.rule not in DEVIATIONS]
@@ -159,7 +159,7 @@ def test_cppcheck_itself_finds_nothing_in_inverse_kinematics(tmp_path, robot):
 
 @pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.sweep(but=["closed loop"])
+@pytest.mark.sweep  # 15 s for the smallest
 def test_cppcheck_itself_finds_nothing_in_code_of_further_kinds(kinds, kind):
     folder = kinds(kind)
     sources = sorted(path.name for path in folder.glob("*.c") if "selftest" not in path.name)

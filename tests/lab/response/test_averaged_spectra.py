@@ -19,7 +19,7 @@ def test_indirect_method_needs_the_controller_as_implemented(periodic):
         estimate_one(periodic, method="indirect")
 
 
-@pytest.mark.parametrize("kind", ["periodic", "noisy"])
+@pytest.mark.parametrize("kind", ["periodic", pytest.param("noisy", marks=pytest.mark.sweep)])
 def test_instrumental_estimate_is_unbiased_where_the_direct_one_is_not(kind, request):
     rng = np.random.default_rng(5)
     n = multisine(rng, SAMPLES) if kind == "periodic" else 7.0 * rng.standard_normal(SAMPLES)
