@@ -7,7 +7,7 @@ import shutil
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -117,6 +117,7 @@ def playground(folder: Path, runtime: Path | None, robots: tuple[str, ...], port
 
 def server(folder: Path, port: int) -> ThreadingHTTPServer:
     """A server of the files in ``folder`` on the loopback address, with the content security policy of the page."""
+    from contextlib import suppress
     from functools import partial
     from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
@@ -132,6 +133,10 @@ def server(folder: Path, port: int) -> ThreadingHTTPServer:
             self.send_header("X-Content-Type-Options", "nosniff")
             self.send_header("Cache-Control", "no-cache")
             super().end_headers()
+
+        def copyfile(self, source: Any, outputfile: Any) -> None:
+            with suppress(ConnectionError):  # a visitor who leaves while the compiler loads
+                super().copyfile(source, outputfile)
 
         def log_message(self, format: str, *arguments: object) -> None:
             pass

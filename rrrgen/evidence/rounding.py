@@ -274,7 +274,12 @@ class _Extremum(NamedTuple):
 
 
 class _Choice(NamedTuple):
-    """A choice over a batch of boxes: its range, what keeps rounding from turning it over, the nodes that it takes."""
+    """What is known of a choice over a batch of boxes.
+
+    ``enclosure`` is its range. ``decided``: its comparison comes out the same in all of the boxes; ``continuous``: its
+    branches are equal where it switches. Either keeps rounding from changing the result by more than its operands.
+    ``followed`` are the nodes of the branches that it takes.
+    """
 
     enclosure: Interval
     decided: bool
@@ -406,8 +411,9 @@ class _Ranges:
         return ways
 
     def _extremum(self, node: Node) -> _Extremum | None:
-        """Minimum or maximum that a choice is, also of a value that is limited to a range from both sides.
+        """Recognise a choice ``p > m ? x : y`` that computes a minimum or maximum; None if it computes something else.
 
+        These are ``p > m ? m : p``, the same with the branches exchanged, and a value limited from both sides:
         ``p > m ? m : max(p, l)`` with ``l <= m`` is ``min(m, max(p, l))``: where p = m both branches are m. Likewise
         ``p > m ? p : min(m, u)`` with ``u >= p`` is ``max(p, min(m, u))``.
         """

@@ -86,7 +86,10 @@ Rows = Callable[[list[Parameter], int, int], list[list[int]]]
 
 
 def loop_dependencies(model: RobotModel, candidates: list[Parameter], rows: Rows, seed: int) -> list[Dependency]:
-    """Find the ``candidates`` whose column depends linearly on the columns before it, with the relation.
+    """Find the parameters among ``candidates`` that the torques cannot tell, since loops make their columns dependent.
+
+    A column of the regressor is dependent if it is a linear combination of the columns before it; the combination is
+    returned with it.
 
     Raises DerivationError if a loop cannot be assembled anywhere.
     """

@@ -320,9 +320,10 @@ class NuisanceFit:
         return found
 
     def zeros(self, term: Term, values: Mapping[Term, float], below: float = np.inf) -> list[float]:
-        """The zeros on a grid around the circle from which a fit may start: those that explain most.
+        """Find up to three encoder zeros (rad) of the joint of ``term`` from which a fit may start.
 
-        Only zeros whose objective is less than ``below``.
+        The model is fitted with zeros on a grid around the circle. Those with the smallest objective are returned, as
+        far as it is below ``below``; ``values`` are those of the other nuisance parameters.
         """
         grid = np.arange(GRID, 2.0 * np.pi - 0.5 * GRID, GRID)
         levels = []

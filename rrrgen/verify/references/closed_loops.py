@@ -65,7 +65,11 @@ class ClosedLoops:
         return np.asarray(x[0])
 
     def _followed(self, q: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Positions x (N, n + p) followed from the start, and which states (N,) were reached on its side."""
+        """Follow the loops in small steps from the start to the drive positions ``q`` (N, n).
+
+        Returns the positions x (N, n + p) of all rows, rad or m, and a mask (N,) of the states that were reached
+        without passing a dead point, that is in the assembly mode of the start.
+        """
         home, x = self._start[: self._n], np.tile(self._start, (len(q), 1))
         parts = max(1, int(np.ceil(np.abs(q - home).max(initial=0.0) / PART)))
         solved = np.ones(len(q), dtype=bool)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import socket
 import subprocess
 import threading
 import zipfile
@@ -55,6 +56,18 @@ def test_faults_have_their_places() -> None:
     assert check("")["faults"]
     assert check("[" * 50)["faults"]
     assert check("x" * (LARGEST + 1))["faults"][0]["message"] == f"the text is longer than {LARGEST} characters"
+
+
+def test_a_visitor_who_leaves_during_an_answer_is_no_error(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "large").write_bytes(bytes(20_000_000))
+    with server(tmp_path, 0) as service:
+        service.daemon_threads = False  # the end waits for the answer
+        threading.Thread(target=service.serve_forever).start()
+        with socket.create_connection(service.server_address[:2]) as visitor:
+            visitor.sendall(b"GET /large HTTP/1.0\r\n\r\n")
+            visitor.recv(100)
+        service.shutdown()
+    assert capfd.readouterr().err == ""
 
 
 def test_text_of_a_strangers_file_is_escaped() -> None:
