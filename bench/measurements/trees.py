@@ -27,7 +27,7 @@ from rrrgen.derive.functions.table import functions_for
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.program import Program, count_operations
 from rrrgen.robot.spec import RobotSpec
-from rrrgen.verify.references.closed_loops import ClosedLoops
+from rrrgen.verify.references.closed_loops import LoopSolver
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, NumericRobot, centre_and_tensor, chain_of, nominal_parameters
 from rrrgen.verify.subject import draw_states
@@ -127,7 +127,7 @@ def _loop(chain: NumericRobot) -> tuple[dict[str, list[int]], dict[str, list[Arr
     """
     (loop,) = chain.loops
     tree = NewtonEuler(chain.opened(), np.zeros((chain.links, 10)))
-    x, solved = ClosedLoops(chain, tree).solve(draw_states(chain, STATES, np.random.default_rng(1)).q)
+    x, solved = LoopSolver(chain, tree).solve(draw_states(chain, STATES, np.random.default_rng(1)).q)
     assert solved.all()
     frames = tree.link_frames(x[:1])[0]
     after = [behind for _, behind in chain.around_joints()]

@@ -19,7 +19,7 @@ import sympy as sp
 
 from rrrgen.base.errors import DerivationError
 from rrrgen.derive.derived_model import Derivation
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.functions.table import TABLE, find, recorders
 from rrrgen.derive.recursions.link_frames import exact_constants, joint_symbols
 from rrrgen.program import Op, Program, Role, Value
@@ -407,7 +407,7 @@ def closed_forms(derivation: Derivation, function: str) -> dict[str, ClosedForm]
     further = [v for row in parametrization.inverse or () for v in row]
     free, pairs, roots = exact_constants(model, further)
     generators = [*free, *(g for pair in pairs for g in pair), *roots]
-    recording = Recording(model, parametrization, generators or [sp.Symbol("one")])
+    recording = FunctionBuilder(model, parametrization, generators or [sp.Symbol("one")])
     program = recorders(name)[0](recording)
     drives = [term.name for term in inertia_terms(model.spec)]
     parameters = {Role.BASE_PARAMETERS: [*parametrization.names, *drives]}

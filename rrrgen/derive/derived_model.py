@@ -16,7 +16,7 @@ from rrrgen.base.cache import compiler_hash, digest, keep
 from rrrgen.base.cache import recall as recall_bytes
 from rrrgen.base.errors import StorageError
 from rrrgen.derive.functions.model_function import ModelFunction
-from rrrgen.derive.functions.recording import Parametrization, Recording
+from rrrgen.derive.functions.recording import FunctionBuilder, Parametrization
 from rrrgen.derive.parameters.base_parameters import BaseParameter, BaseSet, Regrouping
 from rrrgen.derive.parameters.user_basis import BasisChange
 from rrrgen.program import OperationCount, Port, Program, Role, nominal_name
@@ -45,9 +45,9 @@ class Derivation:
     basis_change: BasisChange | None
     parametrization: Parametrization
 
-    def recording(self) -> Recording:
+    def recording(self) -> FunctionBuilder:
         """A new, empty recording of a function at nominal geometry."""
-        return Recording(self.model, self.parametrization)
+        return FunctionBuilder(self.model, self.parametrization)
 
 
 @dataclass(frozen=True)

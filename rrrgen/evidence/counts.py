@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Target:
+class Processor:
     """A processor with the compiler and the disassembler for it; ``single_only`` if it computes double by calls."""
 
     name: str
@@ -45,9 +45,9 @@ class Target:
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-reorder-blocks-and-partition", "-fno-jump-tables")
 """Flags of every compilation; the certificate states them."""
 
-TARGETS = (
-    Target("x86-64", ("gcc", "-march=x86-64"), "objdump"),
-    Target(
+PROCESSORS = (
+    Processor("x86-64", ("gcc", "-march=x86-64"), "objdump"),
+    Processor(
         "Cortex-M4F",
         ("arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"),
         "arm-none-eabi-objdump",
@@ -84,9 +84,9 @@ _RETURN_ARM = re.compile(
 _BRANCH_ARM = re.compile(rf"^b({_CONDITION})?(\.n|\.w)?$")
 
 
-def disassembled(target: Target, file: Path) -> dict[str, dict[int, Instruction]]:
+def disassembled(processor: Processor, file: Path) -> dict[str, dict[int, Instruction]]:
     """The functions of an object file: name -> address -> instruction."""
-    command = [target.objdump, "-dr", "--no-show-raw-insn", file.name]
+    command = [processor.objdump, "-dr", "--no-show-raw-insn", file.name]
     text = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, check=True).stdout
     functions: dict[str, list[tuple[int, str, str, str | None]]] = {}
     name = ""
@@ -206,8 +206,8 @@ class Count(NamedTuple):
     stack: int
 
 
-def counted(target: Target, files: Mapping[str, Contents], directory: Path) -> dict[str, Count]:
-    """Compile the C sources among ``files`` in ``directory`` for a target; counts by the name of the C function."""
+def counted(processor: Processor, files: Mapping[str, Contents], directory: Path) -> dict[str, Count]:
+    """Compile the C sources among ``files`` in ``directory`` for a processor; counts by the name of the C function."""
     functions: dict[str, dict[int, Instruction]] = {}
     frames: dict[str, int] = {}
     for path, text in files.items():
@@ -217,9 +217,9 @@ def counted(target: Target, files: Mapping[str, Contents], directory: Path) -> d
         if "/" in path or not path.endswith(".c") or "selftest" in path:
             continue
         stem = Path(path).stem
-        command = [*target.compiler, *FLAGS, "-fstack-usage", "-c", path, "-o", f"{stem}.o"]
+        command = [*processor.compiler, *FLAGS, "-fstack-usage", "-c", path, "-o", f"{stem}.o"]
         subprocess.run(command, cwd=directory, check=True, capture_output=True)
-        functions |= disassembled(target, directory / f"{stem}.o")
+        functions |= disassembled(processor, directory / f"{stem}.o")
         for line in (directory / f"{stem}.su").read_text(encoding="utf-8").splitlines():
             place, size, _ = line.split("\t")
             frames[place.split(":")[-1]] = int(size)
@@ -240,7 +240,7 @@ def not_applicable(real: Real) -> list[tuple[str, str]]:
         "it has no arithmetic in double: every operation is a call of the compiler's library, whose division loops, so "
         "that no path is longest; `--real float` has the counts"
     )
-    return [(f"instructions on {t.name}", reason) for t in TARGETS if t.single_only and real == "double"]
+    return [(f"instructions on {t.name}", reason) for t in PROCESSORS if t.single_only and real == "double"]
 
 
 def counts_entry(
@@ -248,19 +248,19 @@ def counts_entry(
 ) -> tuple[dict[str, Any], list[tuple[str, str]]]:
     """The certificate's entry about instructions and stack of the model ``functions``; what was not counted and why."""
     skipped: list[tuple[str, str]] = []
-    by_target: dict[str, dict[str, Count]] = {}
-    for target in (each for each in TARGETS if not (each.single_only and real == "double")):
-        if target.missing:
-            skipped.append((f"instructions on {target.name}", f"not installed: {', '.join(target.missing)}"))
+    by_processor: dict[str, dict[str, Count]] = {}
+    for processor in (each for each in PROCESSORS if not (each.single_only and real == "double")):
+        if processor.missing:
+            skipped.append((f"instructions on {processor.name}", f"not installed: {', '.join(processor.missing)}"))
         else:
             with tempfile.TemporaryDirectory(prefix="rrrgen-counts-") as folder:
-                by_target[target.name] = counted(target, files, Path(folder))
-    if not by_target:
+                by_processor[processor.name] = counted(processor, files, Path(folder))
+    if not by_processor:
         return {}, skipped
     rows = []
     for function in functions:
         row: list[Any] = [function]
-        for counts in by_target.values():
+        for counts in by_processor.values():
             count = counts[f"{robot}_{function}"]
             row += [count.instructions if isinstance(count.instructions, int) else f"none: {count.instructions}"]
             row += [count.stack]
@@ -269,7 +269,7 @@ def counts_entry(
         "summary": f"Longest path through the machine code of gcc {' '.join(FLAGS)}, without paths that call the C "
         "library (angles beyond the range of the sine kernel), and bytes of stack of the deepest chain of calls. These "
         "are instructions, not cycles.",
-        "headings": ["function", *(f"{what}, {name}" for name in by_target for what in ("instructions", "stack"))],
+        "headings": ["function", *(f"{what}, {name}" for name in by_processor for what in ("instructions", "stack"))],
         "rows": rows,
     }
     return {"instructions": entry}, skipped

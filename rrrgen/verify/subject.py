@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.verify.references.closed_loops import ClosedLoops
+from rrrgen.verify.references.closed_loops import LoopSolver
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, NumericRobot, is_physical, nominal_parameters
 
@@ -102,7 +102,7 @@ positions have the slope of a square root. Halved while few positions reach it."
 
 def _assembled(chain: NumericRobot, q: Array, span: Array, rng: np.random.Generator) -> Array:
     """Replace the positions ``q`` (N, n) at which a loop is open or near a dead point by others in ``span`` (n,)."""
-    loops = ClosedLoops(chain, NewtonEuler(chain.opened(), np.zeros((chain.links, 10))))
+    loops = LoopSolver(chain, NewtonEuler(chain.opened(), np.zeros((chain.links, 10))))
     kept, count, least = np.empty((0, chain.n)), len(q), SINE
     for _ in range(60):
         x, solved = loops.solve(q)

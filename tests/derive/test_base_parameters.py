@@ -22,7 +22,7 @@ from oracles import newton_euler as oracle
 from oracles.newton_euler import Robot
 from oracles.numeric_rank import base_parameter_count, matrix_rank
 from oracles.random_robots import random_link, random_robot, random_state, robots, to_yaml
-from rrrgen.derive.functions.recording import Recording, parametrize
+from rrrgen.derive.functions.recording import FunctionBuilder, parametrize
 from rrrgen.derive.functions.table import recorders
 from rrrgen.derive.parameters.base_parameters import base_set, standard_symbols
 from rrrgen.program import evaluate
@@ -46,7 +46,7 @@ def regressor_values(text: str, states: int = STATES, seed: int = 3):
     """The compiler's base regressor at random states, and those states."""
     spec = loads_spec(text)
     model = build_model(spec)
-    program = recorders("regressor")[0](Recording(model, parametrize(base_set(model), None)))
+    program = recorders("regressor")[0](FunctionBuilder(model, parametrize(base_set(model), None)))
     rng = np.random.default_rng(seed)
     q = rng.uniform(-np.pi, np.pi, (states, spec.n))
     dq, ddq = rng.uniform(-2, 2, (2, states, spec.n))
@@ -106,7 +106,7 @@ def test_symbolic_lengths(robot):
 def check_torques(robot: Robot, spec, own) -> None:
     """tau = Y beta with beta from the expressions in link symbols, at the numbers of the robot."""
     model = build_model(spec)
-    program = recorders("regressor")[0](Recording(model, parametrize(own, None)))
+    program = recorders("regressor")[0](FunctionBuilder(model, parametrize(own, None)))
     beta = np.array(sp.lambdify(standard_symbols(spec.n), [spec.nominal(e) for e in own.expressions()])(*robot.phi))
     rng = np.random.default_rng(11)
     states = [random_state(robot, rng) for _ in range(3)]

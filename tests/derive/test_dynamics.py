@@ -12,7 +12,7 @@ from derive.comparison import Reference
 from oracles.random_robots import arbitrary_link, robots, to_yaml
 from rrrgen.base.parallel import without_collection
 from rrrgen.derive.functions.dynamics import forward_dynamics
-from rrrgen.derive.functions.recording import Recording, parametrize
+from rrrgen.derive.functions.recording import FunctionBuilder, parametrize
 from rrrgen.derive.functions.table import functions_of, recorders
 from rrrgen.derive.parameters.base_parameters import base_set
 from rrrgen.derive.recursions.link_frames import rational
@@ -30,11 +30,11 @@ def derived(robot) -> tuple[np.ndarray, dict[str, tuple[Program, ...]]]:
     own = base_set(model)
     parametrization = parametrize(own, None)
     programs = {
-        name: tuple(record(Recording(model, parametrization)) for record in recorders(name))
+        name: tuple(record(FunctionBuilder(model, parametrization)) for record in recorders(name))
         for name in functions_of("model", robot.n)
         if name != "forward_dynamics"
     }
-    recording = Recording(model, parametrization)
+    recording = FunctionBuilder(model, parametrization)
     programs["forward_dynamics"] = (forward_dynamics(recording, programs["mass_matrix"][0], programs["bias"][0]),)
     K = np.array([[float(rational(v)) for v in row] for row in own.projection]).reshape(-1, 10 * robot.n)
     return K, programs

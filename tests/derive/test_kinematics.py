@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import Phase, given, settings
 
 from oracles.random_robots import robots, to_yaml
-from rrrgen.derive.functions.recording import Recording, parametrize
+from rrrgen.derive.functions.recording import FunctionBuilder, parametrize
 from rrrgen.derive.functions.table import recorders
 from rrrgen.derive.parameters.base_parameters import base_set
 from rrrgen.program import evaluate
@@ -23,7 +23,7 @@ NAMES_OF_FRAMES = ("link_frames", "link_jacobians")
 def test_link_jacobians_are_the_differences_of_the_link_frames(robot):
     model = build_model(loads_spec(to_yaml(robot)))
     parametrization = parametrize(base_set(model), None)
-    frames, jacobians = (recorders(name)[0](Recording(model, parametrization)) for name in NAMES_OF_FRAMES)
+    frames, jacobians = (recorders(name)[0](FunctionBuilder(model, parametrization)) for name in NAMES_OF_FRAMES)
     rng, h = np.random.default_rng(robot.n), 1e-5
     q, dq = rng.uniform(-2, 2, (2, 5, robot.n))
     (T,), (ahead,), (behind,), (J,) = (

@@ -11,9 +11,9 @@ import pytest
 from pipeline.optimized import bundled
 from rrrgen.emit.c.function_files import function_files
 from rrrgen.emit.c.language import InlineSinCos
-from rrrgen.evidence.counts import FLAGS, TARGETS, counted, counts_entry, not_applicable
+from rrrgen.evidence.counts import FLAGS, PROCESSORS, counted, counts_entry, not_applicable
 
-X86, CORTEX = TARGETS
+X86, CORTEX = PROCESSORS
 installed = pytest.mark.skipif(bool(X86.missing), reason=f"not installed: {X86.missing}")
 
 SOURCE = """#include <math.h>
@@ -27,14 +27,14 @@ int deep(int n) { return n < 2 ? 1 : deep(n - 1) * n + deep(n - 2); }
 
 
 @installed
-@pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)
-def test_loops_recursion_and_the_c_library_have_no_figure(target, tmp_path):
-    if target.missing:
-        pytest.skip(f"not installed: {target.missing}")
+@pytest.mark.parametrize("processor", PROCESSORS, ids=lambda processor: processor.name)
+def test_loops_recursion_and_the_c_library_have_no_figure(processor, tmp_path):
+    if processor.missing:
+        pytest.skip(f"not installed: {processor.missing}")
     text = SOURCE
-    if target.single_only:
+    if processor.single_only:
         text = re.sub(r"(\d\.\d|1e6)", r"(float)\1", text.replace("double", "float").replace("tan(", "tanf("))
-    count = counted(target, {"functions.c": text}, tmp_path)
+    count = counted(processor, {"functions.c": text}, tmp_path)
     reasons = {name: value.instructions for name, value in count.items() if isinstance(value.instructions, str)}
     assert reasons == {
         "summed": "a loop",

@@ -21,7 +21,7 @@ from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.functions.friction import RunTimeFriction
-from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.derive.functions.recording import FunctionBuilder, Recorder
 from rrrgen.derive.recursions import energy_and_momentum as momentum
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions.linear_algebra import Matrix, add, dot, factorize, flat, subtract, times
@@ -31,7 +31,7 @@ TINY = Fraction(1, 10**20)
 """Added to thresholds (N m), so that the ratio is finite for a threshold of zero."""
 
 
-def contact(r: Recording) -> Program:
+def contact(r: FunctionBuilder) -> Program:
     """Record one tick of contact detection by the external torques r and their changes h.
 
     Outputs are the ratios max(|r_i|/threshold_i, |h_i|/change_threshold_i) (n,), 1 if one of them exceeds 1, and the
@@ -103,7 +103,7 @@ def external_load(load: _Load) -> Recorder:
     The function's outputs are the estimate, its covariance and its condition number.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         b, count = r.builder, load.rows
         J = r.take("J")
         estimate = r.take("r")
@@ -142,7 +142,7 @@ def external_load(load: _Load) -> Recorder:
     return record
 
 
-def _condition(r: Recording, G: Matrix, P: Matrix) -> Any:
+def _condition(r: FunctionBuilder, G: Matrix, P: Matrix) -> Any:
     """Condition number of G, from G and its inverse P, after scaling.
 
     The linear and the angular rows and columns are each scaled so that the mean of their diagonal entries is one.
@@ -176,7 +176,7 @@ STATE = (
 )
 
 
-def _momentum_and_torques(r: Recording, further: tuple[str, ...] = ()) -> tuple[list[Any], list[Any]]:
+def _momentum_and_torques(r: FunctionBuilder, further: tuple[str, ...] = ()) -> tuple[list[Any], list[Any]]:
     """Record p (n,) and u (n,) of the module's docstring at the present state, whose inputs are declared."""
     chain = r.chain_in_gravity("dq", *further)
     dq = r.joints("dq")
@@ -190,13 +190,13 @@ def _momentum_and_torques(r: Recording, further: tuple[str, ...] = ()) -> tuple[
     return drives.added_to_momentum(p, dq), u
 
 
-def _ports(r: Recording, following: str) -> list[Port]:
+def _ports(r: FunctionBuilder, following: str) -> list[Port]:
     return [
         Port(name, (r.n,), r.unit(unit), "", f"{meaning}{following}", state=last) for name, last, meaning, unit in STATE
     ]
 
 
-def momentum_observer_start(r: Recording) -> Program:
+def momentum_observer_start(r: FunctionBuilder) -> Program:
     """Record the state p, u (n,) of the momentum observer at its first tick."""
     values = _momentum_and_torques(r)
     return r.builder.program(
@@ -207,7 +207,7 @@ def momentum_observer_start(r: Recording) -> Program:
     )
 
 
-def momentum_observer(r: Recording) -> Program:
+def momentum_observer(r: FunctionBuilder) -> Program:
     """Record one tick of the momentum observer: the external torques r (n,), and the state for the next tick."""
     p, u = _momentum_and_torques(r, ("tau",))
     tau = r.joints("tau")

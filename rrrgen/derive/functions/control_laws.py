@@ -29,7 +29,7 @@ from typing import Any
 from rrrgen.derive.functions.dynamics import Frames, block_frames_first, inverse_dynamics, link_frames_only, torque_port
 from rrrgen.derive.functions.friction import RunTimeFriction
 from rrrgen.derive.functions.operational_space import limited, rotation_error
-from rrrgen.derive.functions.recording import JOINT_ROLES, Recorder, Recording
+from rrrgen.derive.functions.recording import JOINT_ROLES, FunctionBuilder, Recorder
 from rrrgen.derive.functions.regressors import regressor_transpose
 from rrrgen.derive.recursions import energy_and_momentum as momentum
 from rrrgen.derive.recursions import kinematics, newton_euler
@@ -52,7 +52,7 @@ from rrrgen.program.differentiation import Tangent, is_zero, record, tangents
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def momentum_terms(r: Recording) -> Program:
+def momentum_terms(r: FunctionBuilder) -> Program:
     """Record p = M dq, C' dq and g, (n,) each, the terms of momentum observers: dp/dt = tau + C' dq - g."""
     chain = r.chain_in_gravity("dq")
     dq, inertias = r.joints("dq"), r.inertias()
@@ -78,7 +78,7 @@ def reference_torque(frames: Frames) -> Recorder:
     C is the matrix from the Christoffel symbols. ``frames`` chooses the frame in which each link is computed.
     """
 
-    def record_torque(r: Recording) -> Program:
+    def record_torque(r: FunctionBuilder) -> Program:
         _declared(r, "q", "dq")
         (tau,) = along_reference(r, inverse_dynamics(frames), _declared(r, "v", "a"))
         return r.builder.program(
@@ -91,7 +91,7 @@ def reference_torque(frames: Frames) -> Recorder:
     return record_torque
 
 
-def reference_regressor_transpose(r: Recording) -> Program:
+def reference_regressor_transpose(r: FunctionBuilder) -> Program:
     """Record r = Y(q, dq, v, a)' e (b,) for tau = Y beta = M a + C(q, dq) v + g."""
     _declared(r, "q", "dq")
     (found,) = along_reference(r, regressor_transpose, _declared(r, "v", "a", "e"))
@@ -104,7 +104,9 @@ def reference_regressor_transpose(r: Recording) -> Program:
     )
 
 
-def along_reference(r: Recording, recorder: Recorder, reference: Mapping[Role, Sequence[Value]]) -> list[list[Value]]:
+def along_reference(
+    r: FunctionBuilder, recorder: Recorder, reference: Mapping[Role, Sequence[Value]]
+) -> list[list[Value]]:
     """Evaluate a function of (q, dq, ddq) with ``M a + C(q, dq) v + g`` in place of the torques tau.
 
     It is the directional derivative of the function of ``recorder`` along dq: v/2, ddq: a and gravity, at ddq = 0 and
@@ -128,13 +130,16 @@ def along_reference(r: Recording, recorder: Recorder, reference: Mapping[Role, S
     return _derivative(r, program, given, direction)
 
 
-def _declared(r: Recording, *names: str) -> dict[Role, Sequence[Value]]:
+def _declared(r: FunctionBuilder, *names: str) -> dict[Role, Sequence[Value]]:
     """Declare the joint vectors ``names`` as inputs and return them by role."""
     return {JOINT_ROLES[name]: r.joints(name) for name in names}
 
 
 def _derivative(
-    r: Recording, program: Program, given: Mapping[Role, Sequence[Value]], direction: Mapping[Role, Sequence[Value]]
+    r: FunctionBuilder,
+    program: Program,
+    given: Mapping[Role, Sequence[Value]],
+    direction: Mapping[Role, Sequence[Value]],
 ) -> list[list[Value]]:
     """The directional derivative of all outputs of ``program`` at ``given`` along ``direction``, both by role."""
     seeds: list[list[Tangent]] = []
@@ -160,7 +165,7 @@ DESIRED = ("q_d", "dq_d", "ddq_d")
 class _TrackingLaw:
     """The common part of the tracking laws: inputs, errors e and e', PID feedback, integral action, torque limits."""
 
-    def __init__(self, r: Recording, gains: Sequence[str], further: Sequence[str] = ()) -> None:
+    def __init__(self, r: FunctionBuilder, gains: Sequence[str], further: Sequence[str] = ()) -> None:
         self.r = r
         self.q, self.dq, self.q_d, self.dq_d, self.ddq_d, *_ = (r.joints(n) for n in ("q", "dq", *DESIRED, *further))
         self.gains = {name: r.take(name) for name in gains}
@@ -210,7 +215,7 @@ class _TrackingLaw:
 PID = ("kp", "kd", "ki")
 
 
-def pd_gravity(r: Recording) -> Program:
+def pd_gravity(r: FunctionBuilder) -> Program:
     """Record one tick of PID control with compensation of gravity and friction.
 
     ``tau = kp e + kd e' + ki z + g(q) + f(dq_d)``, (n,), limited to ``tau_max``; also returned is the state z (n,) of
@@ -226,7 +231,7 @@ def pd_gravity(r: Recording) -> Program:
     )  # fmt: skip
 
 
-def feedforward(r: Recording) -> Program:
+def feedforward(r: FunctionBuilder) -> Program:
     """Record one tick of PID control with the torques of the desired motion as feed-forward.
 
     ``tau = M(q_d) ddq_d + c(q_d, dq_d) + g(q_d) + kp e + kd e' + ki z + f(dq_d)``, (n,), limited to ``tau_max``; also
@@ -243,7 +248,7 @@ def feedforward(r: Recording) -> Program:
     )  # fmt: skip
 
 
-def computed_torque(r: Recording) -> Program:
+def computed_torque(r: FunctionBuilder) -> Program:
     """Record one tick of computed-torque control (inverse dynamics in the loop). (14.34)
 
     ``tau = M(q) (ddq_d + kp e + kd e' + ki z) + c(q, dq) + g(q) + f(dq_d)``, (n,), limited to ``tau_max``; also
@@ -260,7 +265,7 @@ def computed_torque(r: Recording) -> Program:
     )  # fmt: skip
 
 
-def slotine_li(r: Recording) -> Program:
+def slotine_li(r: FunctionBuilder) -> Program:
     """Record one tick of the adaptive passivity-based law of Slotine and Li (1987).
 
     ``tau = M(q) a + C(q, dq) v + g(q) - k s + f(dq_d)`` with ``v = dq_d + lam e``, ``a = ddq_d + lam e'``,
@@ -303,7 +308,7 @@ def slotine_li(r: Recording) -> Program:
     )
 
 
-def impedance(r: Recording) -> Program:
+def impedance(r: FunctionBuilder) -> Program:
     """Record impedance control of the tip: the torques (n,) of a spring and a damper towards a desired pose.
 
     ``tau = J' (stiffness e_x + damping (V_d - J dq)) + g(q)``, limited to ``tau_max``, with e_x (6,) the error of the

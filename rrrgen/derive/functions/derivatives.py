@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions.coriolis import CompositeBody, Composition, compose, joint_force, passed_down, turning
 from rrrgen.derive.recursions.linear_algebra import (
@@ -58,7 +58,7 @@ TWICE = 2
 ``2 z' x rho'``."""
 
 
-def inverse_dynamics_derivatives(r: Recording) -> Program:
+def inverse_dynamics_derivatives(r: FunctionBuilder) -> Program:
     """Record the joint torques tau and their derivatives dtau/dq, dtau/d(dq) and M, (n, n) each, in SI units."""
     chain = r.chain_in_gravity("dq", "ddq")
     dq, ddq = r.joints("dq"), r.joints("ddq")
@@ -76,7 +76,7 @@ def inverse_dynamics_derivatives(r: Recording) -> Program:
     )
 
 
-def _derivative_ports(r: Recording) -> tuple[Port, ...]:
+def _derivative_ports(r: FunctionBuilder) -> tuple[Port, ...]:
     """The outputs of ``inverse_dynamics_derivatives``."""
     return (
         Port("tau", (r.n,), r.torque_unit, "", "joint torques, friction not included", Role.TORQUE),
@@ -90,7 +90,7 @@ SUMMARY = "Joint torques of the rigid body with drive inertia, and their derivat
 FORMULA = "tau = M(q) ddq + c(q, dq) + g(q),  d tau = dtau_dq d q + dtau_dv d dq + M d ddq"
 
 
-def forward_dynamics_derivatives(r: Recording) -> Program:
+def forward_dynamics_derivatives(r: FunctionBuilder) -> Program:
     """Record the joint accelerations ddq and their derivatives by q, dq and tau, (n, n) each, in SI units."""
     b, chain = r.builder, r.chain_in_gravity("dq", "tau")
     dq, tau = r.joints("dq"), r.joints("tau")
@@ -109,7 +109,7 @@ def forward_dynamics_derivatives(r: Recording) -> Program:
 
 
 def forward_program(
-    r: Recording, status: Any, ddq: list[Any], inverse: Matrix, dtau_dq: Matrix, dtau_dv: Matrix
+    r: FunctionBuilder, status: Any, ddq: list[Any], inverse: Matrix, dtau_dq: Matrix, dtau_dv: Matrix
 ) -> Program:
     """Finish the program ``forward_dynamics_derivatives``, whose outputs are ddq, its derivatives and the status.
 
@@ -136,7 +136,7 @@ def forward_program(
     )
 
 
-def differentiated(r: Recording, inverse_dynamics: Program) -> Program:
+def differentiated(r: FunctionBuilder, inverse_dynamics: Program) -> Program:
     """Derive ``inverse_dynamics_derivatives`` by automatic differentiation of a program of inverse dynamics.
 
     Cheaper than the recursion if that program is short.
@@ -150,7 +150,7 @@ def differentiated(r: Recording, inverse_dynamics: Program) -> Program:
     )
 
 
-def _through_newton(r: Recording, derivatives: Program, outputs: Sequence[Port]) -> Program:
+def _through_newton(r: FunctionBuilder, derivatives: Program, outputs: Sequence[Port]) -> Program:
     """Add the motion ``loop_q' = W q'`` of the passive joints to derivatives by q that hold them."""
     loops = r.chain_in_gravity("dq", "ddq").loops
     assert loops is not None
@@ -169,7 +169,7 @@ def _through_newton(r: Recording, derivatives: Program, outputs: Sequence[Port])
     return r.builder.program("inverse_dynamics_derivatives", results, SUMMARY, FORMULA)
 
 
-def from_inverse_dynamics(r: Recording, derivatives: Program) -> Program:
+def from_inverse_dynamics(r: FunctionBuilder, derivatives: Program) -> Program:
     """Derive ``forward_dynamics_derivatives`` from a program of ``inverse_dynamics_derivatives``.
 
     That program is evaluated at ddq = 0, for M and the bias torques, and at the solution ddq, for the derivatives.
@@ -289,5 +289,5 @@ def _derivative_wrench(
     return add([-F[1], F[0], 0], force), add([-N[1], N[0], 0], moment)
 
 
-def _matrix(r: Recording, name: str, meaning: str) -> Port:
+def _matrix(r: FunctionBuilder, name: str, meaning: str) -> Port:
     return Port(name, (r.n, r.n), "SI", "", meaning)

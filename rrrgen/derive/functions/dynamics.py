@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.recursions import energy_and_momentum as momentum
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions import newton_euler
@@ -25,7 +25,7 @@ def _weightless(chain: Chain) -> Chain:
     return replace(chain, gravity=[0, 0, 0])
 
 
-def mass_matrix(r: Recording) -> Program:
+def mass_matrix(r: FunctionBuilder) -> Program:
     """Record M(q), shape (n, n), kg m^2 (kg, kg m for prismatic joints), drive inertia included. (14.6)"""
     M = composite.mass_matrix(r.chain(), r.inertias())
     M = r.drive_inertia().added_to_mass(M)
@@ -34,11 +34,11 @@ def mass_matrix(r: Recording) -> Program:
     )
 
 
-def _mass_port(r: Recording) -> Port:
+def _mass_port(r: FunctionBuilder) -> Port:
     return Port("M", (r.n, r.n), "SI", "", "symmetric mass matrix, drive inertia included")
 
 
-def coriolis_matrix(r: Recording) -> Program:
+def coriolis_matrix(r: FunctionBuilder) -> Program:
     """Record C(q, dq), shape (n, n), from the Christoffel symbols: c = C dq, and dM/dt - 2 C is skew-symmetric."""
     chain = r.chain()
     dq = r.joints("dq")
@@ -49,16 +49,16 @@ def coriolis_matrix(r: Recording) -> Program:
     )
 
 
-def torque_port(r: Recording, name: str, meaning: str) -> Port:
+def torque_port(r: FunctionBuilder, name: str, meaning: str) -> Port:
     """Make the output port ``name`` of joint torques (n,); ``meaning`` describes it in emitted files."""
     return Port(name, (r.n,), r.torque_unit, "", meaning, Role.TORQUE)
 
 
-def _coriolis_port(r: Recording) -> Port:
+def _coriolis_port(r: FunctionBuilder) -> Port:
     return torque_port(r, "c", "Coriolis and centrifugal torques")
 
 
-def _gravity_port(r: Recording) -> Port:
+def _gravity_port(r: FunctionBuilder) -> Port:
     return torque_port(r, "g", "torques that hold the arm against gravity")
 
 
@@ -80,13 +80,13 @@ def block_frames_but_last(chain: Chain) -> list[bool]:
 Frames = Callable[[Chain], list[bool]]
 
 
-def coriolis(frames: Frames) -> Callable[[Recording], Program]:
+def coriolis(frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of the Coriolis and centrifugal torques c = C(q, dq) dq, shape (n,), N m or N.
 
     ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         chain = _weightless(r.chain())
         dq = r.joints("dq")
         c = newton_euler.inverse_dynamics(chain, dq, [0] * r.n, r.inertias(), frames(chain))
@@ -97,13 +97,13 @@ def coriolis(frames: Frames) -> Callable[[Recording], Program]:
     return record
 
 
-def bias(frames: Frames) -> Callable[[Recording], Program]:
+def bias(frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of the bias torques h = c(q, dq) + g(q), shape (n,), N m or N.
 
     ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         chain = r.chain_in_gravity("dq")
         dq = r.joints("dq")
         torques = newton_euler.inverse_dynamics(chain, dq, [0] * r.n, r.inertias(), frames(chain))
@@ -115,7 +115,7 @@ def bias(frames: Frames) -> Callable[[Recording], Program]:
     return record
 
 
-def coriolis_transpose(r: Recording) -> Program:
+def coriolis_transpose(r: FunctionBuilder) -> Program:
     """Record C(q, dq)' dq, shape (n,), for momentum observers: d(M dq)/dt = tau + C' dq - g."""
     chain = r.chain()
     dq = r.joints("dq")
@@ -129,20 +129,20 @@ def coriolis_transpose(r: Recording) -> Program:
     )
 
 
-def gravity(r: Recording) -> Program:
+def gravity(r: FunctionBuilder) -> Program:
     """Record the gravity torques g = dU/dq, shape (n,), N m or N."""
     chain = r.chain_in_gravity()
     g = composite.gravity(chain, r.inertias())
     return r.builder.program("gravity", [(_gravity_port(r), g)], "Gravity torques.", "g = dU/dq")
 
 
-def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
+def dynamics_terms(frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of M (n, n), c (n,) and g (n,) in one program, so that they share subexpressions.
 
     ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         chain, dq, inertias = r.chain_in_gravity("dq"), r.joints("dq"), r.inertias()
         M = composite.mass_matrix(chain, inertias)
         M = r.drive_inertia().added_to_mass(M)  # here, because ports are printed in the order of declaration
@@ -159,13 +159,13 @@ def dynamics_terms(frames: Frames) -> Callable[[Recording], Program]:
     return record
 
 
-def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
+def inverse_dynamics(frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of tau = M ddq + c + g, shape (n,), N m or N, without friction. (14.6)
 
     ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         chain = r.chain_in_gravity("dq", "ddq")
         dq, ddq = r.joints("dq"), r.joints("ddq")
         tau = newton_euler.inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
@@ -181,7 +181,7 @@ def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
     return record
 
 
-def forward_dynamics(r: Recording, mass: Program, torques: Program) -> Program:
+def forward_dynamics(r: FunctionBuilder, mass: Program, torques: Program) -> Program:
     """Record ddq (n,) with M ddq = tau - h by M = L D L', from the programs of the mass matrix and the bias torques h.
 
     The parameter ports are those of the two programs. The status is 1 if M is not positive definite; ddq then is 0.
@@ -223,7 +223,7 @@ INVERSE_DYNAMICS = (inverse_dynamics(block_frames_first), inverse_dynamics(link_
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def energy(r: Recording) -> Program:
+def energy(r: FunctionBuilder) -> Program:
     """Record the kinetic energy dq' M dq / 2 and the potential energy U with dU/dq = g, both scalars, J."""
     chain = r.chain_in_gravity("dq")
     dq = r.joints("dq")

@@ -19,7 +19,7 @@ from typing import Any
 from rrrgen.derive.functions.dynamics import Frames, block_frames_first, link_frames_only, torque_port
 from rrrgen.derive.functions.friction import RunTimeFriction
 from rrrgen.derive.functions.operational_space import limited
-from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.derive.functions.recording import FunctionBuilder, Recorder
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions import newton_euler
 from rrrgen.derive.recursions.linear_algebra import LDLFactors, Vector, add, elementwise, factorize, status_at, subtract
@@ -35,18 +35,18 @@ def _over(x: Sequence[Any], y: Sequence[Any]) -> Vector:
     return [u / v for u, v in zip(x, y, strict=True)]
 
 
-def _rotors(r: Recording) -> tuple[Vector, Vector]:
+def _rotors(r: FunctionBuilder) -> tuple[Vector, Vector]:
     """Rotor inertias J and stiffnesses K (n,), declared as inputs."""
     J = r.take("rotor_inertia")
     return list(J), list(r.take("stiffness"))
 
 
-def _links(r: Recording, frames: Frames) -> Program:
+def _links(r: FunctionBuilder, frames: Frames) -> Program:
     """Record a program of the torques tau_l (n,) that the links alone need, without rotors and springs.
 
     ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
     """
-    alone = Recording(r.model, r.parametrization)
+    alone = FunctionBuilder(r.model, r.parametrization)
     chain = alone.chain_in_gravity("dq", "ddq")
     tau = newton_euler.inverse_dynamics(chain, alone.joints("dq"), alone.joints("ddq"), alone.inertias(), frames(chain))
     return alone.builder.program("links", [(torque_port(alone, "tau", ""), tau)])
@@ -77,7 +77,7 @@ def along_time(program: Program, motion: Sequence[str]) -> Program:
     return builder.program(program.name, outputs)
 
 
-def _link_torques(r: Recording, links: Program, motion: Sequence[Vector]) -> list[Vector]:
+def _link_torques(r: FunctionBuilder, links: Program, motion: Sequence[Vector]) -> list[Vector]:
     """The torques tau_l of the links and their time derivatives along a ``motion`` q, q', q'' and further derivatives.
 
     ``links`` gives the torques of the links; drive inertia that it takes is left out.
@@ -98,7 +98,7 @@ def _link_torques(r: Recording, links: Program, motion: Sequence[Vector]) -> lis
     return [[values[index] for index in row] for row in program.results]
 
 
-def _rotor_motion(r: Recording, links: Program, motion: Sequence[Vector]) -> tuple[Vector, Vector, Vector]:
+def _rotor_motion(r: FunctionBuilder, links: Program, motion: Sequence[Vector]) -> tuple[Vector, Vector, Vector]:
     """Torques tau, positions theta and velocities theta' of the rotors for the ``motion`` q .. d4q of the links."""
     torques = _link_torques(r, links, motion)
     J, K = _rotors(r)
@@ -106,7 +106,7 @@ def _rotor_motion(r: Recording, links: Program, motion: Sequence[Vector]) -> tup
     return add(elementwise(J, ddtheta), torques[0]), theta, dtheta
 
 
-def elastic_inverse_dynamics(r: Recording, links: Program) -> Program:
+def elastic_inverse_dynamics(r: FunctionBuilder, links: Program) -> Program:
     """Record the rotor torques tau and motion theta, theta', (n,) each, that produce a given motion of the links.
 
     ``links`` is a program of the torques tau_l of the links alone; ``tau = J theta'' + tau_l``, ``theta = q +
@@ -131,7 +131,7 @@ def elastic_inverse_dynamics(r: Recording, links: Program) -> Program:
     )
 
 
-def _solver(r: Recording, links: Program, q: Vector, dq: Vector) -> tuple[LDLFactors, Vector]:
+def _solver(r: FunctionBuilder, links: Program, q: Vector, dq: Vector) -> tuple[LDLFactors, Vector]:
     """The factors of the mass matrix M of the links, and the torques h = c + g (n,) of the links."""
     chain = r.chain_in_gravity("dq")
     factors = factorize(r.builder, composite.mass_matrix(chain, r.inertias()), tips_first=r.branches)
@@ -139,7 +139,7 @@ def _solver(r: Recording, links: Program, q: Vector, dq: Vector) -> tuple[LDLFac
     return factors, h
 
 
-def elastic_forward_dynamics(r: Recording) -> Program:
+def elastic_forward_dynamics(r: FunctionBuilder) -> Program:
     """Record the accelerations of links and rotors (n,) with elastic joints, and the status."""
     q, dq = list(r.joints("q")), list(r.joints("dq"))
     theta = list(r.take("theta"))
@@ -166,7 +166,7 @@ def elastic_forward_dynamics(r: Recording) -> Program:
     )
 
 
-def _desired(r: Recording) -> list[Vector]:
+def _desired(r: FunctionBuilder) -> list[Vector]:
     """Declare the desired motion of the links as inputs: q_d and its first four time derivatives, (n,) each."""
     motion = [list(r.joints(name)) for name in DESIRED[:3]]
     motion.append(list(r.take("d3q_d")))
@@ -175,7 +175,7 @@ def _desired(r: Recording) -> list[Vector]:
 
 
 def _law(
-    r: Recording, name: str, tau: Vector, summary: str, formula: str, notes: Sequence[str], status: Any
+    r: FunctionBuilder, name: str, tau: Vector, summary: str, formula: str, notes: Sequence[str], status: Any
 ) -> Program:
     """Finish the control law ``name``: add friction at the desired speed to ``tau``, and limit the torques."""
     friction = RunTimeFriction.declared(r, smooth=True)
@@ -189,7 +189,7 @@ def _law(
     return r.builder.program(name, outputs, summary, formula, [*notes, *friction.laws], code)
 
 
-def elastic_feedforward(r: Recording, links: Program) -> Program:
+def elastic_feedforward(r: FunctionBuilder, links: Program) -> Program:
     """Record feed-forward of a motion of the links, with PD control of the rotors, which the encoders measure.
 
     ``tau = J theta_d'' + tau_l + kp (theta_d - theta) + kd (theta_d' - theta') + f(dq_d)``, (n,), limited to
@@ -214,7 +214,7 @@ def elastic_feedforward(r: Recording, links: Program) -> Program:
     )
 
 
-def elastic_feedback_linearization(r: Recording, links: Program) -> Program:
+def elastic_feedback_linearization(r: FunctionBuilder, links: Program) -> Program:
     """Record Spong's feedback linearisation: the error e = q_d - q of every link decays with four poles at -w.
 
     The input w (n,), rad/s, is the bandwidth of each joint: ``d4e + 4 w d3e + 6 w^2 dde + 4 w^3 de + w^4 e = 0``.
@@ -250,7 +250,7 @@ def elastic_feedback_linearization(r: Recording, links: Program) -> Program:
     )
 
 
-def _recorders(function: Callable[[Recording, Program], Program]) -> tuple[Recorder, ...]:
+def _recorders(function: Callable[[FunctionBuilder, Program], Program]) -> tuple[Recorder, ...]:
     """Two recorders of ``function``, one for each choice of frames in :func:`_links`; the cheaper program is kept."""
 
     def recorder(frames: Frames) -> Recorder:

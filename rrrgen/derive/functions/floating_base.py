@@ -25,7 +25,7 @@ from rrrgen.derive.functions.dynamics import (
     link_frames_only,
     torque_port,
 )
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.functions.regressors import regressor_rows
 from rrrgen.derive.recursions import energy_and_momentum as momentum
 from rrrgen.derive.recursions import kinematics, newton_euler
@@ -84,7 +84,7 @@ NO_UNIT = Failure(
 """The failure of an orientation that is no rotation; the results are then those of the formulas for it."""
 
 
-def status_of(r: Recording) -> Value:
+def status_of(r: FunctionBuilder) -> Value:
     """The status of the input ``orientation``: 0, or 2 if it is no unit quaternion or not a number."""
     b, orientation = r.builder, r.on_base("orientation")
     excess = b.sub(dot(orientation, orientation), 1)
@@ -94,7 +94,7 @@ def status_of(r: Recording) -> Value:
 STATUS = Port("status", (), "1")
 
 
-def moving_chain(r: Recording, *rates: str, accelerated: bool) -> Chain:
+def moving_chain(r: FunctionBuilder, *rates: str, accelerated: bool) -> Chain:
     """The chain at q on the moving base; the twist rates are zero unless the base is ``accelerated``."""
     chain = r.chain_in_gravity(*rates)
     orientation, twist = r.on_base("orientation"), r.on_base("twist")
@@ -111,7 +111,7 @@ def wrench_port() -> Port:
     return Port("wrench", (6,), "N, N m", "base", meaning, Role.WRENCH)
 
 
-def _chain_of_sensors(r: Recording) -> Chain:
+def _chain_of_sensors(r: FunctionBuilder) -> Chain:
     """The chain at q on a base whose motion an inertial measurement unit measures."""
     chain = r.chain()
     r.joints("dq")
@@ -120,7 +120,7 @@ def _chain_of_sensors(r: Recording) -> Chain:
     return replace(chain, base=BaseMotion(gyro, gyro_rate, accelerometer))
 
 
-def _forces(r: Recording, chain: Chain, frames: Frames) -> list[tuple[Port, list[Any]]]:
+def _forces(r: FunctionBuilder, chain: Chain, frames: Frames) -> list[tuple[Port, list[Any]]]:
     """The outputs wrench (6,) and tau (n,) of inverse dynamics, without friction."""
     dq, ddq = r.joints("dq"), r.joints("ddq")
     forces = newton_euler.inverse_dynamics(chain, dq, ddq, r.inertias(), frames(chain))
@@ -131,13 +131,13 @@ def _forces(r: Recording, chain: Chain, frames: Frames) -> list[tuple[Port, list
     ]
 
 
-def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
+def inverse_dynamics(frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of the wrench (6,) on the base and the joint torques tau (n,), without friction.
 
     ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         chain = moving_chain(r, "dq", "ddq", accelerated=True)
         ports = [*_forces(r, chain, frames), (STATUS, [status_of(r)])]
         summary = "Wrench on the floating base and joint torques."
@@ -148,13 +148,13 @@ def inverse_dynamics(frames: Frames) -> Callable[[Recording], Program]:
     return record
 
 
-def inverse_dynamics_from_imu(frames: Frames) -> Callable[[Recording], Program]:
+def inverse_dynamics_from_imu(frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of the wrench (6,) and tau (n,), without friction, from the sensors of the base.
 
     ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         return r.builder.program(
             "floating_inverse_dynamics_from_imu",
             _forces(r, _chain_of_sensors(r), frames),
@@ -165,13 +165,13 @@ def inverse_dynamics_from_imu(frames: Frames) -> Callable[[Recording], Program]:
     return record
 
 
-def bias(frames: Frames) -> Callable[[Recording], Program]:
+def bias(frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of h (6 + n,): wrench and torques where neither the twist nor dq changes.
 
     ``frames`` chooses for each link the frame in which it is computed: its link frame or that of its block.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         chain = moving_chain(r, "dq", accelerated=False)
         h = newton_euler.inverse_dynamics(chain, r.joints("dq"), [0] * r.n, r.inertias(), frames(chain))
         meaning = "force and moment on the base, then joint torques, for twist_rate = 0 and ddq = 0"
@@ -183,7 +183,7 @@ def bias(frames: Frames) -> Callable[[Recording], Program]:
     return record
 
 
-def mass_matrix(r: Recording) -> Program:
+def mass_matrix(r: FunctionBuilder) -> Program:
     """Record M (6 + n, 6 + n) over the twist of the base and dq; its first six rows give the momentum."""
     M = composite.floating_mass_matrix(r.chain(), r.inertias())
     joints = r.drive_inertia().added_to_mass([row[6:] for row in M[6:]])
@@ -193,14 +193,14 @@ def mass_matrix(r: Recording) -> Program:
     return r.builder.program("floating_mass_matrix", [(port, flat(M))], "Mass matrix on a floating base.", formula)
 
 
-def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
+def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of Y (6 + n, b + drives), rows of the wrench first.
 
     ``columns`` is the method that computes the columns of Y for canonical parameters; ``frames`` chooses the frame in
     which each link is computed.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         chain = moving_chain(r, "dq", "ddq", accelerated=True)
         ports = [_regressor(r, chain, columns, frames), (STATUS, [status_of(r)])]
         return r.builder.program(
@@ -210,13 +210,13 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
     return record
 
 
-def regressor_from_imu(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
+def regressor_from_imu(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of Y (6 + n, b + drives), rows of the wrench first, from the sensors of the base.
 
     ``columns`` and ``frames`` are those of :func:`regressor`.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         ports = [_regressor(r, _chain_of_sensors(r), columns, frames)]
         summary = "Regressor on a floating base, from gyroscope and accelerometer of the base."
         return r.builder.program("floating_regressor_from_imu", ports, summary, f"{Y_BETA},  {OF_SENSORS}")
@@ -225,7 +225,7 @@ def regressor_from_imu(columns: Callable[..., list[list[Any]]], frames: Frames) 
 
 
 def _regressor(
-    r: Recording, chain: Chain, columns: Callable[..., list[list[Any]]], frames: Frames
+    r: FunctionBuilder, chain: Chain, columns: Callable[..., list[list[Any]]], frames: Frames
 ) -> tuple[Port, list[Any]]:
     """The output Y (6 + n, b + drives) of the regressor."""
     dq, ddq = r.joints("dq"), r.joints("ddq")
@@ -241,7 +241,7 @@ MOMENTUM_IS = "[p; L] = A(q) [twist; dq], A = M(q)[0:6]"
 """The momentum of the whole robot about the base origin, in base axes; the matrix A has the first six rows of M."""
 
 
-def momentum_matrix(r: Recording) -> Program:
+def momentum_matrix(r: FunctionBuilder) -> Program:
     """Record A (6, 6 + n), the first six rows of M, which give the momentum about the base origin in base axes."""
     A = composite.floating_mass_matrix(r.chain(), r.inertias())[:6]
     meaning = "rows 1-3 linear, rows 4-6 angular momentum, over [twist; dq]"
@@ -255,26 +255,26 @@ def momentum_matrix(r: Recording) -> Program:
     )
 
 
-def _momentum_program(r: Recording, values: list[Any]) -> Program:
+def _momentum_program(r: FunctionBuilder, values: list[Any]) -> Program:
     meaning = "linear, then angular momentum about the base origin, in base axes"
     port = Port("momentum", (6,), "N s, N m s", "base", meaning)
     return r.builder.program("floating_momentum", [(port, values)], "Momentum on a floating base.", MOMENTUM_IS)
 
 
-def momentum_by_links(r: Recording) -> Program:
+def momentum_by_links(r: FunctionBuilder) -> Program:
     """Record the momentum (6,) of the whole robot about the base origin as the sum of that of its links."""
     chain, dq, twist = r.chain(), r.joints("dq"), r.on_base("twist")
     return _momentum_program(r, momentum.floating_momentum(chain, dq, (twist[:3], twist[3:]), r.inertias()))
 
 
-def momentum_by_matrix(r: Recording) -> Program:
+def momentum_by_matrix(r: FunctionBuilder) -> Program:
     """Record the momentum (6,) of the whole robot about the base origin by the first six rows of M."""
     chain, dq, twist = r.chain(), r.joints("dq"), r.on_base("twist")
     A = composite.floating_mass_matrix(chain, r.inertias())[:6]
     return _momentum_program(r, [dot(row, [*twist, *dq]) for row in A])
 
 
-def jacobian(r: Recording) -> Program:
+def jacobian(r: FunctionBuilder) -> Program:
     """Record J (6, 6 + n) of the tip over the twist of the base and dq, in base axes."""
     J = kinematics.floating_jacobian(r.chain())
     meaning = "of the tip, rows 1-3 linear, rows 4-6 angular velocity; columns of the twist, then of dq"
@@ -287,7 +287,7 @@ def jacobian(r: Recording) -> Program:
     )
 
 
-def jacobian_dot_dq(r: Recording) -> Program:
+def jacobian_dot_dq(r: FunctionBuilder) -> Program:
     """Record the acceleration (6,) of the tip where neither the twist nor dq changes, in base axes."""
     chain, dq, twist = r.chain(), r.joints("dq"), r.on_base("twist")
     a = kinematics.floating_jacobian_dot_dq(chain, dq, twist[:3], twist[3:])
@@ -301,7 +301,7 @@ def jacobian_dot_dq(r: Recording) -> Program:
     )
 
 
-def forward_dynamics(r: Recording, mass: Program, forces: Program) -> Program:
+def forward_dynamics(r: FunctionBuilder, mass: Program, forces: Program) -> Program:
     """Record twist_rate (6,) and ddq (n,) by M = L D L', from the programs of the mass matrix and of h.
 
     The status is 1 if M is not positive definite; the accelerations then are 0. It is 2 for an orientation that is no

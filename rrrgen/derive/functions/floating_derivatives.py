@@ -35,7 +35,7 @@ from rrrgen.derive.functions.floating_base import (
     status_of,
     wrench_port,
 )
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.recursions.coriolis import CompositeBody, Composition, compose, joint_force
 from rrrgen.derive.recursions.linear_algebra import Matrix, Vector, add, cross, flat, scale, times, transpose
 from rrrgen.program import Port, Program, Status
@@ -43,7 +43,7 @@ from rrrgen.program import Port, Program, Status
 AXES: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 
-def inverse_dynamics_derivatives(r: Recording) -> Program:
+def inverse_dynamics_derivatives(r: FunctionBuilder) -> Program:
     """Record wrench (6,), tau (n,), and the derivatives of f = [wrench; tau], (6 + n, 6 + n) each.
 
     They are those by the pose of the base and q, by the twist and dq, and by twist_rate and ddq, which is M.
@@ -76,7 +76,7 @@ def inverse_dynamics_derivatives(r: Recording) -> Program:
     )
 
 
-def _ports(r: Recording) -> list[Port]:
+def _ports(r: FunctionBuilder) -> list[Port]:
     shape = (6 + r.n, 6 + r.n)
     return [
         wrench_port(),

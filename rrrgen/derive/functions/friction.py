@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.recursions.linear_algebra import dot
 from rrrgen.derive.recursions.link_frames import rational, rational_float
 from rrrgen.program import Builder, Port, Program, Role
@@ -67,7 +67,7 @@ def friction_of(spec: RobotSpec) -> tuple[Surface, ...]:
     return tuple(found)
 
 
-def friction(r: Recording) -> Program:
+def friction(r: FunctionBuilder) -> Program:
     """Record the friction torques (n,) with the laws and parameters of the robot file. (14.11)-(14.14)
 
     A law with a state, the deflection of bristles, has its value at steady sliding.
@@ -87,7 +87,7 @@ def friction(r: Recording) -> Program:
     return r.builder.program("friction", [(_port(r), torques)], "Joint friction.", formula, notes)
 
 
-def friction_step(r: Recording) -> Program:
+def friction_step(r: FunctionBuilder) -> Program:
     """Record one period of friction: from dq, the states z and the period Ts to the next z and the torques (n,)."""
     dq, surfaces = r.joints("dq"), friction_of(r.model.spec)
     moved = [surface for surface in surfaces if surface.has_state]
@@ -127,12 +127,12 @@ class RunTimeFriction:
     function replaces the jump of sgn; None for the exact sgn.
     """
 
-    recording: Recording
+    recording: FunctionBuilder
     values: dict[Surface, list[Any]]
     widths: Sequence[Any] | None
 
     @staticmethod
-    def declared(r: Recording, smooth: bool) -> RunTimeFriction:
+    def declared(r: FunctionBuilder, smooth: bool) -> RunTimeFriction:
         """The friction of a function, with its inputs declared: ``friction``, and ``width`` if ``smooth``."""
         surfaces = surfaces_of(r.model.spec)
         names = [name for name, _ in friction_parameters(r.model.spec)]
@@ -172,7 +172,7 @@ def _listed(names: Sequence[str]) -> str:
     return "friction parameters " + ", ".join(names)
 
 
-def friction_with(r: Recording) -> Program:
+def friction_with(r: FunctionBuilder) -> Program:
     """Record the friction torques (n,) under the laws of the robot file, with their parameters as an input."""
     dq = r.joints("dq")
     friction = RunTimeFriction.declared(r, smooth=False)
@@ -185,7 +185,7 @@ def friction_with(r: Recording) -> Program:
     )
 
 
-def smooth_friction(r: Recording) -> Program:
+def smooth_friction(r: FunctionBuilder) -> Program:
     """Record smooth friction torques (n,): sgn(s) in the friction laws is replaced by tanh(s / width).
 
     The parameters of the laws are an input. Meant for controllers and optimisation, which need derivatives.
@@ -244,7 +244,7 @@ def surfaces_of(spec: RobotSpec) -> tuple[Surface, ...]:
     )
 
 
-def _loads(r: Recording, surfaces: Sequence[Surface], load: Sequence[Any] | None = None) -> dict[Surface, Any]:
+def _loads(r: FunctionBuilder, surfaces: Sequence[Surface], load: Sequence[Any] | None = None) -> dict[Surface, Any]:
     """Magnitude of the load of every surface whose law depends on the load, from the joint torques ``load`` (n,).
 
     Where ``load`` is None, the joint torques are declared as an input.
@@ -267,7 +267,7 @@ def _given(ops: Any, surface: Surface, speed: Any, values: Sequence[Any], load: 
     return surface.law.torque(ops, speed, surface.law.under_load(own, load)) + offset
 
 
-def _sliding(r: Recording, surface: Surface, speed: Any, load: Any) -> Any:
+def _sliding(r: FunctionBuilder, surface: Surface, speed: Any, load: Any) -> Any:
     """Friction of one joint or motor at its ``speed``, under a load whose torque has the magnitude ``load``."""
     if surface.law is None:
         given = surface.friction
@@ -284,7 +284,7 @@ def _numbers(surface: Surface) -> tuple[FrictionLaw, list[Any], Any]:
     return LAWS[surface.friction.law.name], values, rational_float(surface.friction.offset)
 
 
-def _at_joints(r: Recording, surfaces: Sequence[Surface], torque: Callable[[Surface], Any]) -> list[Any]:
+def _at_joints(r: FunctionBuilder, surfaces: Sequence[Surface], torque: Callable[[Surface], Any]) -> list[Any]:
     """The joint torques ``sum of w f`` over all surfaces."""
     total: list[Any] = [0] * r.n
     for surface in surfaces:
@@ -301,5 +301,5 @@ def _laws(surfaces: Sequence[Surface]) -> list[str]:
     return [f"{', '.join(names)}: {formula}" for formula, names in owners.items()]
 
 
-def _port(r: Recording) -> Port:
+def _port(r: FunctionBuilder) -> Port:
     return Port("tau_f", (r.n,), r.torque_unit, "", "friction torques, added to the rigid body's", Role.TORQUE)

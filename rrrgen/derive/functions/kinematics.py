@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.recursions import kinematics as poses
 from rrrgen.derive.recursions.linear_algebra import flat
 from rrrgen.program import Port, Program
@@ -14,17 +14,17 @@ PRODUCT = "T = T_base A_1(q_1) ... A_n(q_n) T_tool   (14.5)"
 VELOCITY = "[v; omega] = J(q) dq"
 
 
-def forward_kinematics(r: Recording) -> Program:
+def forward_kinematics(r: FunctionBuilder) -> Program:
     """Record T(q) (4, 4), the tip in the base frame, by products of transforms from the base outwards. (14.5)"""
     return _pose(r, poses.forward_kinematics(r.chain()))
 
 
-def forward_kinematics_inwards(r: Recording) -> Program:
+def forward_kinematics_inwards(r: FunctionBuilder) -> Program:
     """Record T(q) (4, 4), the tip in the base frame, by moving its axes and position from the tip inwards. (14.5)"""
     return _pose(r, poses.forward_kinematics_inwards(r.chain()))
 
 
-def _pose(r: Recording, T: list[list[Any]]) -> Program:
+def _pose(r: FunctionBuilder, T: list[list[Any]]) -> Program:
     return r.builder.program("forward_kinematics", [(pose_port(), flat(T))], "Pose of the tip.", PRODUCT)
 
 
@@ -33,12 +33,12 @@ def pose_port() -> Port:
     return Port("T", (4, 4), "1, m", BASE, "homogeneous transform of the tip")
 
 
-def jacobian_port(r: Recording) -> Port:
+def jacobian_port(r: FunctionBuilder) -> Port:
     """The output port J (6, n): the geometric Jacobian of the tip in the base frame."""
     return Port("J", (6, r.n), "m, 1", BASE, "rows 1-3 linear, rows 4-6 angular velocity of the tip")
 
 
-def link_frames(r: Recording) -> Program:
+def link_frames(r: FunctionBuilder) -> Program:
     """Record the poses (n, 4, 4) of the link frames 1..n in the base frame."""
     frames = poses.link_frames(r.chain())
     port = Port("T", (r.model.links, 4, 4), "1, m", BASE, "homogeneous transforms of the link frames 1..n")
@@ -48,13 +48,13 @@ def link_frames(r: Recording) -> Program:
     )
 
 
-def jacobian(r: Recording) -> Program:
+def jacobian(r: FunctionBuilder) -> Program:
     """Record J(q) (6, n), base frame: [v; omega] = J dq of the tip, in m/s and rad/s."""
     J = poses.jacobian(r.chain())
     return r.builder.program("jacobian", [(jacobian_port(r), flat(J))], "Geometric Jacobian at the tip.", VELOCITY)
 
 
-def link_jacobians(r: Recording) -> Program:
+def link_jacobians(r: FunctionBuilder) -> Program:
     """Record the geometric Jacobians (n, 6, n) of all link frames in the base frame, linear rows first."""
     chain = r.chain()
     frames = poses.joint_frames(chain)
@@ -69,7 +69,7 @@ def link_jacobians(r: Recording) -> Program:
     )
 
 
-def kinematics(r: Recording) -> Program:
+def kinematics(r: FunctionBuilder) -> Program:
     """Record T (4, 4) and J (6, n) of the tip in one program, so that they share subexpressions."""
     chain = r.chain()
     T, J = poses.forward_kinematics(chain), poses.jacobian(chain)
@@ -81,7 +81,7 @@ def kinematics(r: Recording) -> Program:
     )
 
 
-def jacobian_dot_dq(r: Recording) -> Program:
+def jacobian_dot_dq(r: FunctionBuilder) -> Program:
     """Record (dJ/dt) dq (6,), base frame: the acceleration of the tip for ddq = 0, in m/s^2 and rad/s^2."""
     chain = r.chain()
     a = poses.jacobian_dot_dq(chain, r.joints("dq"))

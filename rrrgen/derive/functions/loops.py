@@ -6,7 +6,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from rrrgen.derive.functions.recording import Recording, loop_port
+from rrrgen.derive.functions.recording import FunctionBuilder, loop_port
 from rrrgen.derive.recursions.linear_algebra import dot, flat
 from rrrgen.derive.recursions.link_frames import Chain, program_loops
 from rrrgen.derive.recursions.loops import NewtonLoops, SolvedLoops
@@ -37,7 +37,7 @@ STEPS = 2
 """Steps of Newton's method: from a prediction by rates the first leaves an error below 1e-11 at 1 kHz and 5 rad/s."""
 
 
-def solve_loops(r: Recording) -> Program:
+def solve_loops(r: FunctionBuilder) -> Program:
     """Record the positions loop_q (p,) at q by two steps of Newton's method, the largest gap left, and the status.
 
     The steps begin at a prediction, from the positions at ``q_last`` by the rates there.
@@ -72,7 +72,7 @@ def solve_loops(r: Recording) -> Program:
 SINE_BELOW = "the determinant of the loops, over the lengths of its columns, is below 1e-3 times the sign that"
 
 
-def _newton_status(r: Recording, loops: NewtonLoops, sine: Value, gap: Value) -> Value:
+def _newton_status(r: FunctionBuilder, loops: NewtonLoops, sine: Value, gap: Value) -> Value:
     """The status of loops with this relative determinant ``sine`` and this largest ``gap``, m."""
     b = r.builder
     closed = b.sub(b.mul(SOLVED, b.sqrt(loops.scale)), gap)
@@ -80,7 +80,7 @@ def _newton_status(r: Recording, loops: NewtonLoops, sine: Value, gap: Value) ->
     return b.select(closed, code, NOT_SOLVED.code)
 
 
-def _largest_gap(r: Recording, loops: NewtonLoops) -> Value:
+def _largest_gap(r: FunctionBuilder, loops: NewtonLoops) -> Value:
     b = r.builder
     least, *others = (b.neg(b.abs(gap)) for gap in loops.gaps)
     for other in others:
@@ -88,7 +88,7 @@ def _largest_gap(r: Recording, loops: NewtonLoops) -> Value:
     return b.neg(least)
 
 
-def loop_margins(r: Recording) -> Program:
+def loop_margins(r: FunctionBuilder) -> Program:
     """Record the squared sine between the bars of each loop (loops,): negative where it cannot be assembled."""
     b, loops = r.builder, r.chain().loops
     assert loops is not None
@@ -97,7 +97,7 @@ def loop_margins(r: Recording) -> Program:
     return b.program("loop_margins", [(port, margins)], "How far closed loops are from their dead points.", "")
 
 
-def closed_loops(r: Recording) -> Program:
+def closed_loops(r: FunctionBuilder) -> Program:
     """Record the passive joints (p, 2), W (p, n), the sines between the bars of each loop (loops,), and the status.
 
     A passive joint has the cosine and sine of its angle, a prismatic one its displacement (m) and 0.
@@ -143,7 +143,7 @@ def closed_loops(r: Recording) -> Program:
     )
 
 
-def _sines(r: Recording, loops: SolvedLoops) -> tuple[list[Value], Value]:
+def _sines(r: FunctionBuilder, loops: SolvedLoops) -> tuple[list[Value], Value]:
     """The sines between the bars of all dyads, in the order of the file, and their status."""
     b, sines, status = r.builder, [], [(dyad.margin, dyad.discriminant) for dyad in loops.dyads]
     for loop in r.model.spec.loops:
@@ -156,7 +156,7 @@ def _sines(r: Recording, loops: SolvedLoops) -> tuple[list[Value], Value]:
     return sines, b.select(margin, 0, b.select(discriminant, DEAD_POINT.code, NOT_ASSEMBLED.code))
 
 
-def _displacement(r: Recording, chain: Chain, i: int, sign: int) -> tuple[Any, Any]:
+def _displacement(r: FunctionBuilder, chain: Chain, i: int, sign: int) -> tuple[Any, Any]:
     """Cosine and sine of ``sign`` times the angle of joint ``i`` against the link before it, without theta.
 
     Of a prismatic joint, ``sign`` times its displacement, and 0.

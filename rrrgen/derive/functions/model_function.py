@@ -46,15 +46,16 @@ class ModelFunction:
     which Python cuts off. ``by_hand``: its method in Python is not made from the table.
 
     ``record`` names the recorder as "module:NAME", which is loaded when the function is derived: a function that takes
-    a :class:`Recording` and returns a :class:`Program`, or a tuple of such functions, whose programs are equivalent;
-    the cheapest is emitted. ``combine`` names, likewise, a function that takes a :class:`Recording` and the optimized
-    programs of the functions ``of``: its program is another alternative, or, without ``record``, the only one. A
-    function with ``of`` thus follows those in the table. ``differentiated``: its program is made of derivatives of the
-    others, so that the numbers of the robot file are also tried in its general program instead of in theirs.
-    ``more_joints_than``, ``most_joints`` (0 for any number) and ``needs`` say for which robots the function exists, and
-    ``absent`` why it does not; with ``closed_loops`` False it does not for robots with such loops. ``of_tip``: it is
-    about the tip, and a robot with named tips has one for each of them too (:meth:`at_tip`); ``tip`` is the name of
-    that tip. ``on_demand``: it takes long to derive and few programs call it, so Python compiles it when it is called.
+    a :class:`FunctionBuilder` and returns a :class:`Program`, or a tuple of such functions, whose programs are
+    equivalent; the cheapest is emitted. ``combine`` names, likewise, a function that takes a :class:`FunctionBuilder`
+    and the optimized programs of the functions ``of``: its program is another alternative, or, without ``record``, the
+    only one. A function with ``of`` thus follows those in the table. ``differentiated``: its program is made of
+    derivatives of the others, so that the numbers of the robot file are also tried in its general program instead of
+    in theirs. ``more_joints_than``, ``most_joints`` (0 for any number) and ``needs`` say for which robots the function
+    exists, and ``absent`` why it does not; with ``closed_loops`` False it does not for robots with such loops.
+    ``of_tip``: it is about the tip, and a robot with named tips has one for each of them too (:meth:`at_tip`); ``tip``
+    is the name of that tip. ``on_demand``: it takes long to derive and few programs call it, so Python compiles it
+    when it is called.
     """
 
     name: str

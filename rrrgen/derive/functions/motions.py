@@ -7,21 +7,21 @@ from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.functions.dynamics import inverse_dynamics, link_frames_only, torque_port
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.program import Builder, Port, Program, Role, Value
 from rrrgen.program.builder import replay
 
 MOTION = ("q_d", "dq_d", "ddq_d")
 
 
-def _outputs(r: Recording) -> list[Port]:
+def _outputs(r: FunctionBuilder) -> list[Port]:
     """Make the output ports q_d, dq_d and ddq_d (n,): the desired motion at one point in time."""
     units = [" | ".join(part + per for part in r.position_unit.split(" | ")) for per in ("", "/s", "/s^2")]
     meanings = ("desired positions", "desired velocities", "desired accelerations")
     return [Port(name, (r.n,), unit, "", meaning) for name, unit, meaning in zip(MOTION, units, meanings, strict=True)]
 
 
-def quintic(r: Recording) -> Program:
+def quintic(r: FunctionBuilder) -> Program:
     """Record the motion q_d, dq_d, ddq_d (n,) at time t along the quintic polynomial between two states."""
     b, half = r.builder, Fraction(1, 2)
     (t,) = r.take("t")
@@ -55,7 +55,7 @@ def _clamped(b: Builder, x: Value) -> Value:
     return b.select(b.sub(x, 1), 1, b.select(x, x, 0))
 
 
-def trapezoidal(r: Recording) -> Program:
+def trapezoidal(r: FunctionBuilder) -> Program:
     """Record the fastest straight motion in joint space with trapezoidal speed, with all joints in phase.
 
     Outputs are q_d, dq_d, ddq_d (n,) at time t; no joint exceeds its largest speed and acceleration.
@@ -116,7 +116,7 @@ def _largest(b: Builder, values: list[Value]) -> Value:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def path_dynamics(r: Recording) -> Program:
+def path_dynamics(r: FunctionBuilder) -> Program:
     """Record the joint torques along a path q(s), which are linear in u = d2s/dt2 and x = (ds/dt)^2.
 
     ``tau = a u + b x + g`` with a = M q', b = M q'' + c(q, q') and g, (n,) each; q' and q'' are derivatives by s.

@@ -27,7 +27,7 @@ from fractions import Fraction
 from typing import Any
 
 from rrrgen.derive.functions.dynamics import block_frames_first, torque_port
-from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.derive.functions.recording import FunctionBuilder, Recorder
 from rrrgen.derive.recursions import kinematics, newton_euler
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions.linear_algebra import (
@@ -90,7 +90,7 @@ class _ControlledTask:
     integral: str
     """Unit of the integral of its error."""
 
-    def error(self, r: Recording, T: Matrix) -> Vector:
+    def error(self, r: FunctionBuilder, T: Matrix) -> Vector:
         """The error e_x of the tip (rows,) at the pose ``T``; declares the desired pose or position."""
         if self.rows == 3:
             p_d = r.take("p_d")
@@ -123,7 +123,7 @@ def operational_space(task: _ControlledTask) -> Recorder:
     status, 1 where the tip is damped near a singular configuration.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         b, count = r.builder, task.rows
         chain, dq = r.chain_in_gravity("dq"), r.joints("dq")
         T, J = kinematics.forward_kinematics(chain), kinematics.jacobian(chain)[:count]

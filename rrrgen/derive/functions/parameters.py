@@ -15,7 +15,7 @@ from typing import Any
 
 import sympy as sp
 
-from rrrgen.derive.functions.recording import Recorder, Recording, drive_inertia_meaning
+from rrrgen.derive.functions.recording import FunctionBuilder, Recorder, drive_inertia_meaning
 from rrrgen.derive.parameters.base_parameters import regroup
 from rrrgen.derive.parameters.listing import TENSOR
 from rrrgen.derive.parameters.user_basis import BasisChange
@@ -29,13 +29,13 @@ from rrrgen.robot.model.inertial_parameters import STANDARD
 Parameters = Sequence[Sequence[Any]]
 
 
-def through_projection(r: Recording, phi: Parameters) -> list[Any]:
+def through_projection(r: FunctionBuilder, phi: Parameters) -> list[Any]:
     """The base parameters ``K phi`` (b,) as the product of the matrix K, at nominal geometry, and phi."""
     flat = [value for link in phi for value in link]
     return [dot([r.constant(factor) for factor in row], flat) for row in r.parametrization.projection]
 
 
-def by_regrouping(r: Recording, phi: Parameters) -> list[Any]:
+def by_regrouping(r: FunctionBuilder, phi: Parameters) -> list[Any]:
     """The base parameters ``K phi`` (b,) by moving each link's inertia to the previous link, from tip to base."""
     basis, change = r.parametrization.basis, r.parametrization.change
 
@@ -51,7 +51,7 @@ def by_regrouping(r: Recording, phi: Parameters) -> list[Any]:
     return compiler if change is None else through(r, change, compiler)
 
 
-def through(r: Recording, change: BasisChange, compiler: Sequence[Any]) -> list[Any]:
+def through(r: FunctionBuilder, change: BasisChange, compiler: Sequence[Any]) -> list[Any]:
     """Convert base parameters ``compiler`` (b,), in the set that the compiler chose, to the user's set."""
     return [dot([r.constant(sp.S(to_expression(v))) for v in row], compiler) for row in change.forward]
 
@@ -65,7 +65,7 @@ def base_parameters(project: Projection) -> Recorder:
     ``project`` is the method that computes K phi: :func:`through_projection` or :func:`by_regrouping`.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         meaning, links = "per link: " + ", ".join(STANDARD), r.model.links
         if r.drives:
             meaning += f"; then {drive_inertia_meaning(r.model.spec)}"
@@ -89,7 +89,7 @@ def add_payload(project: Projection) -> Recorder:
     ``project`` is the method that computes K phi: :func:`through_projection` or :func:`by_regrouping`.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         mass, com, inertia = _payload_inputs(r, "the last link frame")
         beta = r.builder.input(r.beta_port("base parameters without the payload"))
         delta = [*project(r, _at_tip(r, _standard(mass, com, inertia))), *[0] * r.drives]
@@ -110,7 +110,7 @@ def add_payload_at(project: Projection) -> Recorder:
     ``project`` is the method that computes K phi: :func:`through_projection` or :func:`by_regrouping`.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         mass, com, inertia = _payload_inputs(r, "the payload's frame")
         meaning = "pose of the payload's frame, a homogeneous transform"
         T = r.builder.input(Port("frame", (4, 4), "1, m", "last link frame", meaning, Role.PAYLOAD))
@@ -135,7 +135,7 @@ _SYMMETRIC = "The inertia tensor is symmetric: only its upper triangle is read."
 _NEGATIVE = "A payload is taken off again by the same call with negative mass and inertia and the same centre of mass."
 
 
-def _payload_inputs(r: Recording, frame: str) -> tuple[Any, list[Any], Matrix]:
+def _payload_inputs(r: FunctionBuilder, frame: str) -> tuple[Any, list[Any], Matrix]:
     (mass,) = r.builder.input(Port("mass", (), "kg", "", "mass of the payload", Role.PAYLOAD))
     com = r.builder.input(Port("com", (3,), "m", frame, "centre of mass of the payload", Role.PAYLOAD))
     meaning = "inertia tensor about the centre of mass"
@@ -143,7 +143,7 @@ def _payload_inputs(r: Recording, frame: str) -> tuple[Any, list[Any], Matrix]:
     return mass, list(com), [list(flat[3 * i : 3 * i + 3]) for i in range(3)]
 
 
-def _at_tip(r: Recording, phi: list[Any]) -> list[list[Any]]:
+def _at_tip(r: FunctionBuilder, phi: list[Any]) -> list[list[Any]]:
     """The standard parameters of all links, with ``phi`` (10,) for the link that carries the tip, zero for others."""
     return [phi if i == r.model.tip_link else [0] * 10 for i in range(r.model.links)]
 

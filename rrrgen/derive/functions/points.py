@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rrrgen.derive.functions.kinematics import BASE, jacobian_port, pose_port
-from rrrgen.derive.functions.recording import Recorder, Recording
+from rrrgen.derive.functions.recording import FunctionBuilder, Recorder
 from rrrgen.derive.recursions import kinematics
 from rrrgen.derive.recursions.linear_algebra import (
     LDLFactors,
@@ -44,7 +44,7 @@ from rrrgen.robot.model.mechanism import tip_arm
 SPATIAL = "linear, then angular"
 
 
-def link_velocities(r: Recording) -> Program:
+def link_velocities(r: FunctionBuilder) -> Program:
     """Record the velocities V (n, 6) of all link frames in the base frame, linear rows first."""
     chain = r.chain()
     dq = r.joints("dq")
@@ -66,7 +66,7 @@ def link_velocities(r: Recording) -> Program:
     )
 
 
-def link_jacobians_dot_dq(r: Recording) -> Program:
+def link_jacobians_dot_dq(r: FunctionBuilder) -> Program:
     """Record (dJ_i/dt) dq (n, 6) of all link frames: their accelerations in the base frame for ddq = 0."""
     chain = replace(r.chain(), gravity=[0, 0, 0])
     motions = forward(chain, r.joints("dq"), [0] * r.n, [True] * chain.n)
@@ -89,7 +89,7 @@ def link_jacobians_dot_dq(r: Recording) -> Program:
     )
 
 
-def _frame_inputs(r: Recording) -> tuple[Matrix, Matrix]:
+def _frame_inputs(r: FunctionBuilder) -> tuple[Matrix, Matrix]:
     """Pose T (4, 4) and Jacobian J (6, n) of a frame, declared as inputs."""
     T = r.builder.input(Port("T", (4, 4), "1, m", BASE, "pose of a frame, such as element i of link_frames"))
     J = r.builder.input(Port("J", (6, r.n), "m, 1", BASE, "its Jacobian, such as element i of link_jacobians"))
@@ -101,13 +101,13 @@ def _matrix(columns: int, entries: Sequence[Any]) -> Matrix:
     return [list(entries[k : k + columns]) for k in range(0, len(entries), columns)]
 
 
-def _point(r: Recording, T: Matrix) -> Vector:
+def _point(r: FunctionBuilder, T: Matrix) -> Vector:
     """The vector from the origin of the frame ``T`` to a point, which is declared as an input, in base axes."""
     point = list(r.builder.input(Port("point", (3,), "m", "frame T", "a point that moves with the frame")))
     return [dot(row[:3], point) for row in T[:3]]
 
 
-def point_jacobian(r: Recording) -> Program:
+def point_jacobian(r: FunctionBuilder) -> Program:
     """Record the Jacobian J_p (6, n) of a point that is fixed to a frame, from pose and Jacobian of the frame."""
     T, J = _frame_inputs(r)
     at_point = _shifted(J, _point(r, T))
@@ -127,7 +127,7 @@ def _shifted(J: Matrix, arm: Vector) -> Matrix:
     return transpose(moved)
 
 
-def point_motion(r: Recording) -> Program:
+def point_motion(r: FunctionBuilder) -> Program:
     """Record velocity and (dJ/dt) dq of a point, (6,) each, from pose, velocity and (dJ/dt) dq of its frame."""
     T = _matrix(4, r.builder.input(Port("T", (4, 4), "1, m", BASE, "pose of a frame")))
     V = list(r.builder.input(Port("V", (6,), "m/s, rad/s", BASE, f"its velocity, {SPATIAL}")))
@@ -148,7 +148,7 @@ def point_motion(r: Recording) -> Program:
     )
 
 
-def wrench_torques(r: Recording) -> Program:
+def wrench_torques(r: FunctionBuilder) -> Program:
     """Record tau = J' F (n,): the joint torques that hold a wrench F (6,) at the frame of the Jacobian J."""
     J = _matrix(r.n, r.builder.input(Port("J", (6, r.n), "m, 1", BASE, "Jacobian of a frame or point")))
     F = list(r.builder.input(Port("F", (6,), "N, N m", BASE, "force and moment that act there, in base axes")))
@@ -161,7 +161,7 @@ def wrench_torques(r: Recording) -> Program:
     )
 
 
-def tool_kinematics(r: Recording) -> Program:
+def tool_kinematics(r: FunctionBuilder) -> Program:
     """Record pose T (4, 4) and Jacobian J (6, n) of a tool whose pose in the last link frame is an input."""
     chain = r.chain()
     tool = _matrix(4, r.builder.input(_tool_port()))
@@ -186,7 +186,7 @@ def _tool_port() -> Port:
     return Port("tool", (4, 4), "1, m", "last link frame", "pose of the tool, a homogeneous transform")
 
 
-def tool_target(r: Recording) -> Program:
+def tool_target(r: FunctionBuilder) -> Program:
     """Record the target (4, 4) of the tip for which a tool chosen at run time has the pose T (4, 4)."""
     T = _matrix(4, r.builder.input(Port("T", (4, 4), "1, m", BASE, "wanted pose of the tool")))
     tool = _matrix(4, r.builder.input(_tool_port()))
@@ -205,7 +205,7 @@ def tool_target(r: Recording) -> Program:
     )
 
 
-def tip_target(r: Recording) -> Program:
+def tip_target(r: FunctionBuilder) -> Program:
     """Record the pose (4, 4) of a named tip in the frame of the link that carries its own joints, from T (4, 4)."""
     arm = tip_arm(r.model.spec, r.function.tip if r.function else "")
     T = _matrix(4, r.builder.input(Port("T", (4, 4), "1, m", BASE, "wanted pose of the tip")))
@@ -244,7 +244,7 @@ def _singular(output: int) -> Status:
     return Status.of(output, "singular", "the configuration is singular", "the rows of the Jacobian lose rank")
 
 
-def _gram(r: Recording, J: Matrix, damping: Any = 0) -> LDLFactors:
+def _gram(r: FunctionBuilder, J: Matrix, damping: Any = 0) -> LDLFactors:
     """The factors of ``J J' + damping^2 1``, or of ``J' J`` for fewer columns than rows."""
     A = J if len(J) <= r.n else transpose(J)
     square = damping * damping
@@ -255,7 +255,7 @@ def _gram(r: Recording, J: Matrix, damping: Any = 0) -> LDLFactors:
 def manipulability(task: _PrescribedTask) -> Recorder:
     """Make a recorder of the manipulability w and its gradient (n,); the status is 1, both 0, where J loses rank."""
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         b = r.builder
         chain = r.chain()
         whole = kinematics.jacobian(chain)
@@ -311,7 +311,7 @@ def nullspace(task: _PrescribedTask) -> Recorder:
     For damping = 0, N maps joint velocities to those that do not move the tip.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         J = kinematics.jacobian(r.chain())[: task.rows]
         (damping,) = r.take("damping")
         factors = _gram(r, J, damping)

@@ -113,7 +113,7 @@ def parametrize(basis: BaseSet, change: BasisChange | None) -> Parametrization:
     return Parametrization(basis, change.names, change.units, change)
 
 
-class Recording:
+class FunctionBuilder:
     """A function being recorded, with the geometry as nominal numbers or, for closed forms, as inputs ``symbols``."""
 
     def __init__(self, model: RobotModel, parametrization: Parametrization, symbols: Sequence[sp.Expr] = ()) -> None:
@@ -139,10 +139,10 @@ class Recording:
         """Whether the robot branches: its mass matrix is then factorized from the tips to the base."""
         return self.model.spec.parents != tuple(range(-1, self.model.links - 1))
 
-    def with_gravity_input(self) -> Recording:
+    def with_gravity_input(self) -> FunctionBuilder:
         """A new, empty recording of the same robot in which gravity is an input."""
         spec = replace(self.model.spec, gravity_input=True)
-        return Recording(replace(self.model, spec=spec), self.parametrization)
+        return FunctionBuilder(replace(self.model, spec=spec), self.parametrization)
 
     def _input(self, port: Port) -> list[Value]:
         self._declared[port.role] = values = list[Value](self.builder.input(port))
@@ -269,7 +269,7 @@ class Recording:
 LOOP_Q = "positions of the passive joints, which close the loops at q"
 
 
-def loop_port(r: Recording, name: str, meaning: str, role: Role = Role.OTHER) -> Port:
+def loop_port(r: FunctionBuilder, name: str, meaning: str, role: Role = Role.OTHER) -> Port:
     """A port of positions (p,) of the passive joints, in the order of the loops."""
     assert r.model.spec.mechanism is not None
     rows = [r.model.spec.rows[row] for row in r.model.spec.mechanism.passive]
@@ -285,6 +285,6 @@ def drive_inertia_meaning(spec: RobotSpec) -> str:
     return f"drive inertia seen {where}: {names}"
 
 
-Recorder: TypeAlias = Callable[[Recording], Program]
+Recorder: TypeAlias = Callable[[FunctionBuilder], Program]
 """A function that records one model function. Where a model function has several recorders, their programs are
 equivalent, and the cheapest is emitted."""

@@ -12,7 +12,7 @@ from typing import Any
 import sympy as sp
 
 from rrrgen.derive.functions.dynamics import Frames, block_frames_first, link_frames_only
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.parameters.listing import TENSOR
 from rrrgen.derive.recursions import mass_matrix_and_gravity as composite
 from rrrgen.derive.recursions.drive_inertia import inertia_columns, virtual_work
@@ -30,7 +30,7 @@ from rrrgen.program import Port, Program
 from rrrgen.robot.model.inertial_parameters import STANDARD
 
 
-def regressor_rows(r: Recording, columns: list[list[Any]], drives: list[list[Any]]) -> list[list[Any]]:
+def regressor_rows(r: FunctionBuilder, columns: list[list[Any]], drives: list[list[Any]]) -> list[list[Any]]:
     """Convert the columns of Y for the compiler's base parameters to the rows of Y, (n, b + drives), for beta.
 
     ``drives`` are the columns of the drive inertias. On a floating base there are 6 + n rows.
@@ -42,7 +42,7 @@ def regressor_rows(r: Recording, columns: list[list[Any]], drives: list[list[Any
     return [[*row, *(column[j] for column in drives)] for j, row in enumerate(rows)]
 
 
-def _through(r: Recording, inverse: tuple[tuple[sp.Expr, ...], ...], values: list[Any]) -> list[Any]:
+def _through(r: FunctionBuilder, inverse: tuple[tuple[sp.Expr, ...], ...], values: list[Any]) -> list[Any]:
     """The row vector ``values`` times the matrix ``inverse``."""
     result: list[Any] = [0] * len(inverse[0])
     for row, value in zip(inverse, values, strict=True):
@@ -52,20 +52,20 @@ def _through(r: Recording, inverse: tuple[tuple[sp.Expr, ...], ...], values: lis
     return result
 
 
-def _motions(r: Recording, *further: str) -> tuple[Chain, list[LinkMotion]]:
+def _motions(r: FunctionBuilder, *further: str) -> tuple[Chain, list[LinkMotion]]:
     chain = r.chain_in_gravity("dq", "ddq", *further)
     dq, ddq = r.joints("dq"), r.joints("ddq")
     return chain, forward(chain, dq, ddq, [True] * chain.n)
 
 
-def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[Recording], Program]:
+def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callable[[FunctionBuilder], Program]:
     """Make a recorder of Y (n, b + drives) with tau = Y(q, dq, ddq) beta. (14.10)
 
     ``columns`` is the method that computes the columns of Y for canonical parameters; ``frames`` chooses the frame in
     which each link is computed.
     """
 
-    def record(r: Recording) -> Program:
+    def record(r: FunctionBuilder) -> Program:
         chain = r.chain_in_gravity("dq", "ddq")
         dq, ddq = r.joints("dq"), r.joints("ddq")
         canonical = columns(chain, dq, ddq, frames(chain), r.parametrization.basis.parameters)
@@ -82,7 +82,7 @@ def regressor(columns: Callable[..., list[list[Any]]], frames: Frames) -> Callab
     return record
 
 
-def regressor_transpose(r: Recording) -> Program:
+def regressor_transpose(r: FunctionBuilder) -> Program:
     """Record r = Y(q, dq, ddq)' e, shape (b + drives,), for a vector e (n,), without forming Y. (14.23)"""
     chain, motions = _motions(r, "e")
     e = r.joints("e")
@@ -102,7 +102,7 @@ def regressor_transpose(r: Recording) -> Program:
     )
 
 
-def standard_regressor(r: Recording) -> Program:
+def standard_regressor(r: FunctionBuilder) -> Program:
     """Record Y (n, 10 n + drives) with tau = Y(q, dq, ddq) phi, for standard parameters about the link frames."""
     chain = r.chain_in_gravity("dq", "ddq")
     dq, ddq = r.joints("dq"), r.joints("ddq")

@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rrrgen.derive.functions.recording import Recording
+from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.recursions.linear_algebra import Matrix, dot, flat, rows, status_at
 from rrrgen.program import Builder, Port, Program, Role, Value, count_operations
 from rrrgen.program.builder import replay
@@ -52,7 +52,7 @@ def packed(n: int) -> list[tuple[int, int]]:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def mass_matrix_derivatives(r: Recording, mass: Program) -> Program:
+def mass_matrix_derivatives(r: FunctionBuilder, mass: Program) -> Program:
     """Derive dM/dq (n, n, n) from a program of the mass matrix, by a direction along each joint."""
     b, inputs = _with_inputs_of(mass)
     (M,) = _along(mass, b, inputs, record(mass, b, inputs), STATE[:1])
@@ -62,17 +62,17 @@ def mass_matrix_derivatives(r: Recording, mass: Program) -> Program:
     return _cheapest(b.program("mass_matrix_derivatives", [(port, slopes)], summary, "dM_ij/dq_k"))
 
 
-def inverse_dynamics_hessian(r: Recording, torques: Program) -> Program:
+def inverse_dynamics_hessian(r: FunctionBuilder, torques: Program) -> Program:
     """Derive gradient and Hessian of ``weights' tau`` from a program of inverse dynamics."""
     return _cheapest(*(_hessian(r, gradient) for gradient in _gradients(r, torques)))
 
 
-def inverse_dynamics_hessian_product(r: Recording, torques: Program) -> Program:
+def inverse_dynamics_hessian_product(r: FunctionBuilder, torques: Program) -> Program:
     """Derive the product of the Hessian of ``weights' tau`` with a direction from a program of inverse dynamics."""
     return _cheapest(*(_product(r, gradient) for gradient in _gradients(r, torques)))
 
 
-def inverse_dynamics_second_derivatives(r: Recording, derivatives: Program) -> Program:
+def inverse_dynamics_second_derivatives(r: FunctionBuilder, derivatives: Program) -> Program:
     """Derive all second derivatives of the joint torques from a program of their first derivatives."""
     b, inputs = _with_inputs_of(derivatives)
     _, by_q, by_v, M = _along(derivatives, b, inputs, record(derivatives, b, inputs), STATE[:1])
@@ -106,7 +106,7 @@ def inverse_dynamics_second_derivatives(r: Recording, derivatives: Program) -> P
     )
 
 
-def _gradients(r: Recording, torques: Program) -> list[Program]:
+def _gradients(r: FunctionBuilder, torques: Program) -> list[Program]:
     """Optimized programs of the gradient (3 n) of ``weights' tau`` with respect to q, dq and ddq, to start from."""
     b, inputs = _with_inputs_of(torques)
     weights = b.input(r.port("weights"))
@@ -123,11 +123,11 @@ def _gradients(r: Recording, torques: Program) -> list[Program]:
     return [_cheapest(way) for way in ways]
 
 
-def _gradient(r: Recording, b: Builder, slopes: Sequence[Value]) -> Program:
+def _gradient(r: FunctionBuilder, b: Builder, slopes: Sequence[Value]) -> Program:
     return b.program("gradient", [(_gradient_port(r, "tau", "(q, dq, ddq)"), slopes)])
 
 
-def _hessian(r: Recording, gradient: Program) -> Program:
+def _hessian(r: FunctionBuilder, gradient: Program) -> Program:
     """The program ``inverse_dynamics_hessian``, by a forward sweep over the ``gradient``."""
     b, inputs = _with_inputs_of(gradient)
     values, n = record(gradient, b, inputs), r.n
@@ -149,7 +149,7 @@ def _hessian(r: Recording, gradient: Program) -> Program:
     )
 
 
-def _product(r: Recording, gradient: Program) -> Program:
+def _product(r: FunctionBuilder, gradient: Program) -> Program:
     """The program ``inverse_dynamics_hessian_product``, by a forward sweep over the ``gradient``."""
     b, inputs = _with_inputs_of(gradient)
     direction = b.input(r.port("direction"))
@@ -168,7 +168,7 @@ def _product(r: Recording, gradient: Program) -> Program:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def forward_dynamics_hessian(r: Recording, hessian: Program, derivatives: Program) -> Program:
+def forward_dynamics_hessian(r: FunctionBuilder, hessian: Program, derivatives: Program) -> Program:
     """Record gradient and Hessian of ``weights' ddq`` from the programs that the module names.
 
     ``hessian`` is that of inverse dynamics, ``derivatives`` are the first derivatives of forward dynamics. All results
@@ -219,11 +219,11 @@ def forward_dynamics_hessian(r: Recording, hessian: Program, derivatives: Progra
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def _gradient_port(r: Recording, of: str, by: str) -> Port:
+def _gradient_port(r: FunctionBuilder, of: str, by: str) -> Port:
     return Port("gradient", (3 * r.n,), "SI", "", f"d(weights' {of}) / d{by}")
 
 
-def _blocks(r: Recording, of: str, last: str) -> tuple[Port, ...]:
+def _blocks(r: FunctionBuilder, of: str, last: str) -> tuple[Port, ...]:
     """The outputs with the blocks of the Hessian of ``weights' of``, whose third argument is ``last``."""
     n, half, letter = r.n, r.n * (r.n + 1) // 2, "a" if last == "ddq" else "t"
 

@@ -19,7 +19,7 @@ from rrrgen.derive.functions.quantities import ArgumentKind, like
 from rrrgen.program import Op, Program
 
 if TYPE_CHECKING:
-    from rrrgen.derive.functions.recording import Recorder, Recording
+    from rrrgen.derive.functions.recording import FunctionBuilder, Recorder
     from rrrgen.robot.spec import RobotSpec
 
 KINEMATICS = "rrrgen.derive.functions.kinematics"
@@ -1484,7 +1484,7 @@ def recorders(name: str) -> tuple[Recorder, ...]:
     return tuple(partial(_record, function, recorder) for recorder in every)
 
 
-def _record(function: ModelFunction, recorder: Recorder, recording: Recording) -> Program:
+def _record(function: ModelFunction, recorder: Recorder, recording: FunctionBuilder) -> Program:
     recording.function = function
     if not function.tip:
         return ordered(recorder(recording))
@@ -1497,7 +1497,7 @@ def _record(function: ModelFunction, recorder: Recorder, recording: Recording) -
     return program.described(name=function.name, summary=about(program.summary), inputs=inputs, outputs=outputs)
 
 
-def combine(name: str, recording: Recording, programs: Sequence[Program]) -> Program:
+def combine(name: str, recording: FunctionBuilder, programs: Sequence[Program]) -> Program:
     """Record a program of the function ``name`` from ``programs`` of the functions that it is made ``of``."""
     recording.function = named(name)
     return ordered(_load(recording.function.combine)(recording, *programs))

@@ -68,11 +68,11 @@ def _loop_margins(spec: Any) -> Any:
     """The squared sines between the bars of all closed loops at q as a CasADi function, negative for open loops."""
     from rrrgen.derive import prepare
     from rrrgen.derive.functions.loops import loop_margins
-    from rrrgen.derive.functions.recording import Recording
+    from rrrgen.derive.functions.recording import FunctionBuilder
     from rrrgen.emit.casadi import function
 
     derivation = prepare(spec)
-    return function(loop_margins(Recording(derivation.model, derivation.parametrization)), "loop_margins")
+    return function(loop_margins(FunctionBuilder(derivation.model, derivation.parametrization)), "loop_margins")
 
 
 def _friction(model: Any, limits: ExcitationLimits, dq: Any, load: Any) -> Any:

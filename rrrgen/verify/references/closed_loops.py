@@ -36,7 +36,7 @@ REMEMBERED = 64
 """Number of batches whose solutions are kept: every function of a reference asks for them again."""
 
 
-class ClosedLoops:
+class LoopSolver:
     """The loops of ``chain``; ``tree`` is the same robot without its pins, with a position for every passive row."""
 
     def __init__(self, chain: NumericRobot, tree: NewtonEuler) -> None:

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rrrgen.verify.references.closed_loops import ClosedLoops
+from rrrgen.verify.references.closed_loops import LoopSolver
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, NumericRobot, centre_and_tensor, without_mass
 
@@ -71,7 +71,7 @@ class ClosedReference:
     def __init__(self, library: Library, chain: NumericRobot, phi: Array) -> None:
         tree = chain.opened()
         self._tree, self._drive_inertia = library(tree, phi), chain.drive_inertia
-        self._loops = ClosedLoops(chain, NewtonEuler(tree, phi))
+        self._loops = LoopSolver(chain, NewtonEuler(tree, phi))
         self.name = self._tree.name
 
     def _at(self, q: Array) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rrrgen.verify.references.closed_loops import ClosedLoops
+from rrrgen.verify.references.closed_loops import LoopSolver
 from rrrgen.verify.references.numeric_robot import Array, NumericRobot, inertia_tensor
 
 FUNCTIONS_OF_POSITION = ("forward_kinematics", "link_frames", "jacobian", "link_jacobians")
@@ -111,9 +111,9 @@ class NewtonEuler:
         self._tensors = [inertia_tensor(row) for row in phi]
         self._around = chain.around_joints()
         self.axes = [self._axis(i) for i in range(chain.links)]
-        self.loops: ClosedLoops | None = None
+        self.loops: LoopSolver | None = None
         if chain.loops:
-            self.loops = ClosedLoops(chain, NewtonEuler(chain.opened(), phi))
+            self.loops = LoopSolver(chain, NewtonEuler(chain.opened(), phi))
 
     def _axis(self, i: int) -> tuple[Array, Array]:
         """Motion subspace of joint i in link frame i: (angular, linear), constant."""
