@@ -20,8 +20,10 @@ with H of inverse dynamics at the solution ddq, so that nothing is derived anew.
 blocks are, up to the sign, ``Hqq + Haq' Zq + Zq' Haq``, ``Hvq + Zv' Haq``, ``Htq = Zt' Haq`` and ``Hvv``; those of tau
 and dq, and of tau and tau, are zero.
 
-Since tau is quadratic in dq, its second derivatives by dq are sums of three elements of dM/dq, twice the Christoffel
-symbols of the first kind: ``d2tau_i/(d dq_j d dq_k) = dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i``.
+The cheaper of two ways gives dM/dq: a forward sweep over the mass matrix, or its own recursion
+(:mod:`rrrgen.derive.recursions.mass_matrix_derivatives`). Since tau is quadratic in dq, its second derivatives by dq
+are sums of three elements of dM/dq, twice the Christoffel symbols of the first kind:
+``d2tau_i/(d dq_j d dq_k) = dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i``.
 """
 
 from __future__ import annotations
@@ -29,11 +31,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rrrgen.derive.functions.recording import FunctionBuilder
+from rrrgen.derive.recursions import mass_matrix_derivatives as recursion
 from rrrgen.derive.recursions.linear_algebra import Matrix, dot, flat, rows, status_at
 from rrrgen.program import Builder, Port, Program, Role, Value, count_operations
 from rrrgen.program.builder import replay
 from rrrgen.program.differentiation import Tangent, jacobian, pull_back, record, tangents
-from rrrgen.program.passes.cheapest import Cheapest, PassLog
+from rrrgen.program.passes.cheapest import Cheapest, Choice, PassLog
+from rrrgen.program.passes.equal_values import ShareEqualValues
 
 STATE = (Role.POSITION, Role.VELOCITY, Role.ACCELERATION)
 """The inputs of inverse dynamics by which it is differentiated, in the order of the Hessian's blocks."""
@@ -53,13 +57,22 @@ def packed(n: int) -> list[tuple[int, int]]:
 
 
 def mass_matrix_derivatives(r: FunctionBuilder, mass: Program) -> Program:
-    """Derive dM/dq (n, n, n) from a program of the mass matrix, by a direction along each joint."""
+    """Derive dM/dq (n, n, n) from a program of the mass matrix, along every joint, or by a recursion."""
+
+    def finished(builder: Builder, slopes: Sequence[Value]) -> Program:
+        port = Port("dM_dq", (r.n, r.n, r.n), "SI", "", "d M_ij / d q_k at [i][j][k], symmetric in i and j")
+        summary = "Derivatives of the mass matrix, drive inertia included, with respect to the joint positions."
+        return builder.program("mass_matrix_derivatives", [(port, slopes)], summary, "dM_ij/dq_k")
+
     b, inputs = _with_inputs_of(mass)
     (M,) = _along(mass, b, inputs, record(mass, b, inputs), STATE[:1])
-    slopes = [element.get(k, 0) for element in M for k in range(r.n)]
-    port = Port("dM_dq", (r.n, r.n, r.n), "SI", "", "d M_ij / d q_k at [i][j][k], symmetric in i and j")
-    summary = "Derivatives of the mass matrix, drive inertia included, with respect to the joint positions."
-    return _cheapest(b.program("mass_matrix_derivatives", [(port, slopes)], summary, "dM_ij/dq_k"))
+    ways = [finished(b, [element.get(k, 0) for element in M for k in range(r.n)])]
+    if mass.takes(Role.BASE_PARAMETERS) and (chain := r.chain()).loops is None:
+        slopes = recursion.mass_matrix_derivatives(chain, r.inertias())
+        columns = [D[i][j] for i in range(r.n) for j in range(r.n) for D in slopes]
+        ways.append(finished(r.builder, columns))
+    share = ShareEqualValues(sums=True)
+    return _cheapest(*ways, *(share(way) for way in ways))
 
 
 def inverse_dynamics_hessian(r: FunctionBuilder, torques: Program) -> Program:
@@ -128,7 +141,10 @@ def _gradient(r: FunctionBuilder, b: Builder, slopes: Sequence[Value]) -> Progra
 
 
 def _hessian(r: FunctionBuilder, gradient: Program) -> Program:
-    """The program ``inverse_dynamics_hessian``, by a forward sweep over the ``gradient``."""
+    """The program ``inverse_dynamics_hessian``, by a forward sweep over the ``gradient``.
+
+    Of Hqq the upper triangle is computed, of Hvv the lower one: the other would take 7 % and 1 to 3 % more operations.
+    """
     b, inputs = _with_inputs_of(gradient)
     values, n = record(gradient, b, inputs), r.n
     (slopes,) = _along(gradient, b, inputs, values, STATE[:2])
@@ -137,7 +153,7 @@ def _hessian(r: FunctionBuilder, gradient: Program) -> Program:
         [slopes[i].get(j, 0) for i, j in packed(n)],
         [slopes[n + i].get(j, 0) for i, j in full],
         [slopes[2 * n + i].get(j, 0) for i, j in full],
-        [slopes[n + i].get(n + j, 0) for i, j in packed(n)],
+        [slopes[n + j].get(n + i, 0) for i, j in packed(n)],
     ]
     first = [values[index] for index in gradient.results[0]]
     return b.program(
@@ -247,7 +263,11 @@ def _storage(letter: str, last: str) -> str:
 
 
 def _cheapest(*ways: Program) -> Program:
-    return Cheapest()(ways, ways[0].name, PassLog())[0]
+    """The cheapest of equivalent programs, with equal values computed once."""
+    cheapest, log = Cheapest(), PassLog()
+    best, _ = cheapest(ways, ways[0].name, log)
+    shared = ShareEqualValues()(best)
+    return best if shared is best else cheapest([shared], best.name, log, [Choice(0, None)])[0]
 
 
 def _with_inputs_of(program: Program) -> tuple[Builder, list[Sequence[Value]]]:

@@ -70,6 +70,15 @@ def _rotated_z(J: PseudoInertia, c: Any, s: Any) -> PseudoInertia:
     return replace(turned, Jyy=(J.Jxx + J.Jyy) - turned.Jxx)
 
 
+def moved_to_joint_before(chain: Chain, k: int, J: PseudoInertia) -> PseudoInertia:
+    """The body ``J`` at joint k, taken at the origin of the joint before and in the frame of its block."""
+    joint = chain.joints[k]
+    if joint.parallel:
+        return J.moved(Placement([[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset(chain, k)))
+    before = chain.joints[joint.parent]
+    return _rotated_z(_at_joint_before(joint, J), before.c, before.s)
+
+
 def unit_wrench(revolute: bool, J: PseudoInertia) -> tuple[Vector, Vector]:
     """Force and moment (3,) about the joint's origin that give the composite body ``J`` unit joint acceleration."""
     if revolute:
