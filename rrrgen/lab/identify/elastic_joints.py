@@ -7,12 +7,12 @@ The encoders read the rotors, at theta; a spring and a damper drive the link of 
 with friction f at the rotors (viscous, Coulomb, offset) and the base parameters beta of the links. For given K, D, J
 and f the recording itself tells the torque tau_t that the spring transmits, hence the positions of the links,
 
-    q = theta - c (tau_t - T dtau_t + T^2 ddtau_t),           c = 1/K,  T = D/K,
+    q = theta - c (tau_t - T dtau_t + T^2 ddtau_t - T^3 dddtau_t),           c = 1/K,  T = D/K,
 
-to second order in the short time T, without a state to be estimated. What is left is linear in beta and is projected
-out (variable projection, Golub and Pereyra 1973); a damped search finds c, T, J and f. Theta is differentiated six
-times and tau_t four times: all signals pass one low-pass filter whose derivatives are exact, so that they are those of
-one and the same motion. The base parameters and J can only be told apart by frequencies near the antiresonance at
+to third order in the short time T, without a state to be estimated. What is left is linear in beta and is projected
+out (variable projection, Golub and Pereyra 1973); a damped search finds c, T, J and f. Theta is differentiated seven
+times and tau_t five times: all signals pass one low-pass filter whose derivatives are exact, so that they are those
+of one and the same motion. The base parameters and J can only be told apart by frequencies near the antiresonance at
 which the link moves against its spring.
 
 A drive holds its torque from one sample to the next. The record, the mean over a sample about its time (or the command,
@@ -42,7 +42,8 @@ from rrrgen.lab.estimate.search import Search, search
 from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
 
-ORDERS = 6  # of the derivatives of the positions
+DAMPER = 3  # order of the expansion in T = D/K; the odd orders hold the damping, which two made 1 % too small
+ORDERS = 4 + DAMPER  # of the derivatives of the positions: accelerations, of torques that accelerate rotors
 SHARPNESS = 4  # of the filter: its response is flat at zero up to the derivative of order 2 SHARPNESS - 1
 REACH = 9.0  # half the length of the filter in its own widths: beyond, it is zero to round-off
 LARGEST_BANDWIDTH = 1.0 / 6.0  # times the sampling rate
@@ -56,7 +57,7 @@ SHARES = (0.3, 0.6)  # and shares of the rotor in the inertia of a joint
 ROUGH_STEPS, STEPS, PASSES = 8, 40, 3
 WORSE = 2  # bandwidths in a row that tell the compliances less than the one before: the last to be tried
 SETTLED = 1e-5  # relative decrease of the squares at which the search ends
-LONG = 0.3  # angle by which the damper lags behind, rad, from which on the second order in T is doubtful
+LONG = 0.3  # angle by which the damper lags behind, rad, from which on the expansion in T is doubtful
 TELLING = 3.0  # standard deviations by which a compliance differs from zero
 FRICTION = ("viscous", "coulomb", "offset")
 PARAMETERS = ("stiffness", "damping", "rotor_inertia", *FRICTION)
@@ -134,9 +135,9 @@ class ElasticJoints:
 
 
 class Signals(NamedTuple):
-    """Filtered signals of N rows: derivatives of the positions ``theta`` (7, N, n) and torques ``tau`` (5, N, n).
+    """Filtered signals of N rows: derivatives of the positions ``theta`` (8, N, n) and torques ``tau`` (6, N, n).
 
-    ``friction`` (5, N, n, 3) are those of speed, its sign and 1. ``link`` (N, n) are positions of the links, or None.
+    ``friction`` (6, N, n, 3) are those of speed, its sign and 1. ``link`` (N, n) are positions of the links, or None.
     ``use`` (N, n) is False where the filter reaches a sample that is not valid, ``stretch`` (N,) numbers stretches.
     """
 
@@ -229,7 +230,7 @@ def _ladder(most: float, duration: float) -> list[float]:
 
 
 def kernels(bandwidth: float, period: float, held: bool = False) -> list[Array]:
-    """Symmetric FIR filters for the derivatives of order 0 to 6 of a signal below ``bandwidth`` (-3 dB, Hz).
+    """Symmetric FIR filters for the derivatives of order 0 to 7 of a signal below ``bandwidth`` (-3 dB, Hz).
 
     Their frequency responses are ``(i w)^k Q(4, x)`` with ``x = (w s)^2 / 2`` and the regularized incomplete gamma
     function Q: ``exp(-x) (1 + x + x^2/2 + x^3/6)``, a Gaussian that is flattened at low frequencies. Those for means
@@ -374,7 +375,7 @@ class _Fit:
     # -- torques that are transmitted, deflections, rows -----------------------------------------------------------
 
     def transmitted(self, x: Array) -> Array:
-        """The torque of the springs and dampers and its derivatives of order 1 to 4, (5, N, n)."""
+        """The torque of the springs and dampers and its derivatives of order 1 to 5, (6, N, n)."""
         s, (_, _, J, f) = self.signals, self._unknowns(x)
         return np.asarray(s.tau - J * s.theta[2:] - np.einsum("kNjp,jp->kNj", s.friction, f))
 
@@ -383,7 +384,7 @@ class _Fit:
         return x[:n], x[n : 2 * n], x[2 * n : 3 * n], x[3 * n :].reshape(n, len(FRICTION))
 
     def _motion(self, x: Array, u: Array) -> tuple[Array, Array, Array]:
-        """Positions, speeds and accelerations (N, n) of the links where the torques ``u`` (5, N, n) are transmitted."""
+        """Positions, speeds and accelerations (N, n) of the links where the torques ``u`` (6, N, n) are transmitted."""
         c, T, _, _ = self._unknowns(x)
         return tuple(self.signals.theta[:3] - c * _damped(u, T))
 
@@ -408,7 +409,7 @@ class _Fit:
             own = [-s.theta[2:, :, j], *(-s.friction[:, :, j, p] for p in range(len(FRICTION)))]
             places = [2 * n + j, *(3 * n + len(FRICTION) * j + p for p in range(len(FRICTION)))]
             mine = u[:, :, j]
-            bends = [(j, _damped(mine, T[j])), (n + j, c[j] * (2.0 * T[j] * mine[2:5] - mine[1:4]))]
+            bends = [(j, _damped(mine, T[j])), (n + j, c[j] * _damped_by_time(mine, T[j]))]
             bends += [(k, c[j] * _damped(v, T[j])) for k, v in zip(places, own, strict=True)]
             for k, v in zip(places, own, strict=True):
                 found[:, j, k] = v[0]
@@ -569,11 +570,16 @@ class _Fit:
 
 
 def _damped(u: Array, T: Array | float) -> Array:
-    """Deflection times stiffness and its first two derivatives, (3, ..), under torques ``u`` (5, ..) with derivatives.
+    """Deflection times stiffness and its first two derivatives, (3, ..), under torques ``u`` (6, ..) with derivatives.
 
-    ``(1 + T s)^-1 u`` to second order in the time T of the damper.
+    ``(1 + T s)^-1 u`` to the order :data:`DAMPER` in the time T of the damper.
     """
-    return np.asarray(u[:3] - T * u[1:4] + T * T * u[2:5])
+    return np.asarray(sum((-T) ** k * u[k : k + 3] for k in range(DAMPER + 1)))
+
+
+def _damped_by_time(u: Array, T: float) -> Array:
+    """Derivative (3, ..) of :func:`_damped` by the time ``T``."""
+    return np.asarray(sum(-k * (-T) ** (k - 1) * u[k : k + 3] for k in range(1, DAMPER + 1)))
 
 
 def _spread(x: Array, use: NDArray[np.bool_]) -> Array:
