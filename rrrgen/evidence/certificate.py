@@ -13,6 +13,8 @@ from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rrrgen.base.cache import digest
 from rrrgen.base.errors import installed
 from rrrgen.base.files import Contents, checksum
@@ -20,23 +22,23 @@ from rrrgen.base.templates import templates_digest
 from rrrgen.derive.functions.table import find
 from rrrgen.emit.c.language import ERROR_BOUND, RANGE, Trig
 from rrrgen.emit.c.stack import stack_bound
-from rrrgen.evidence.boxes import PortRange, Ranges, acceleration_range, box_of, nominal_beta
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
 from rrrgen.evidence.kernel_proof import scripts
-from rrrgen.evidence.residual import residual_bounds, solved_with
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, LIBRARY_UNITS, NoBoundError, Precision, rounding_bounds
-from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors, largest_residuals
+from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors, relative_errors
+from rrrgen.evidence.solutions import Solution, solution_of
 from rrrgen.evidence.vectors import test_vectors
-from rrrgen.program import Role, count_operations
+from rrrgen.program import count_operations
 from rrrgen.robot.identity import identify
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from rrrgen.base.parallel import Tell
     from rrrgen.derive.derived_model import DerivedModel
     from rrrgen.emit import Real
     from rrrgen.program import Program
+    from rrrgen.robot.spec import RobotSpec
     from rrrgen.verify.report import Report
 
 SCHEMA = "rrrgen-certificate/1"
@@ -47,7 +49,6 @@ PAGE = f"{FOLDER}/certificate.html"
 VECTORS = f"{FOLDER}/vectors.json"
 
 METHOD = "mean-value form over the roundings, outward rounding, angles split into equal parts"
-RESIDUAL = "residual M ddq - (tau - c - g), where the status is ok and ddq lies in the box, for any torques"
 RESIDUAL_METHOD = f"backward analysis of M = L D L'; its sums: {METHOD}"
 
 CONDITION = "every comparison of the function comes out as in exact arithmetic"
@@ -89,12 +90,17 @@ def rounding_entries(
             found[name] = {"none": "sines and cosines of the C library, which states no error bound"}
             continue
         box = box_of(program, model.spec, nominal_beta(model), ranges)
-        others = solved_with(model.programs, name)
-        if others is None:
-            found[name] = rounding_entry(program, box, samples, seed)
+        solution = solution_of(model.programs, name)
+        entries = [partial(rounding_entry, program, box, samples, seed)]
+        if solution is not None:
+            residuals = partial(residual_entry, solution, model.spec, box, ranges, samples, seed)
+            entries.insert(0 if solution.residual_first else 1, residuals)
+        for entry in entries:
+            found[name] = entry()
+            if "none" not in found[name]:
+                break
         else:
-            box["ddq"] = acceleration_range(model.spec, ranges)
-            found[name] = residual_entry(program, *others, box, samples, seed)
+            found[name] |= errors_without_bound(program, box, samples, seed)
     return found
 
 
@@ -122,26 +128,45 @@ def rounding_entry(program: Program, box: Mapping[str, PortRange], samples: int,
 
 
 def residual_entry(
-    program: Program, mass: Program, bias: Program, box: Mapping[str, PortRange], samples: int, seed: int
+    solution: Solution, spec: RobotSpec, box: Mapping[str, PortRange], ranges: Ranges, samples: int, seed: int
 ) -> dict[str, Any]:
-    """The entry ``rounding`` of forward dynamics: bounds of its residual, or the reason why there is no bound.
+    """The entry ``rounding`` of a function that solves with M: bounds of residuals, or the reason why there are none.
 
-    ``mass`` and ``bias`` are the programs of M and h; the range "ddq" of the ``box`` limits the result.
+    ``box`` has the ranges of its inputs.
     """
-    box = {name: each for name, each in box.items() if name == "ddq" or not _is_torque(program, name)}
     try:
-        bounds = residual_bounds(
-            program, mass, bias, {name: each.bounds for name, each in box.items()}, box["ddq"].upper
-        )
+        box = solution.box(box, spec, ranges)
+        found = solution.bounds(box)
     except NoBoundError as reason:
         return {"none": str(reason)}
-    values = {DOUBLE: {"ddq": list(bounds.double)}, FLOAT: {"ddq": list(bounds.single)}}
-    entry: dict[str, Any] = {"quantity": RESIDUAL, "parts_per_angle": bounds.parts, "method": RESIDUAL_METHOD}
-    return entry | _stated(values, box, samples, seed, partial(largest_residuals, program, mass, bias, box))
+    entry: dict[str, Any] = {"quantity": solution.quantity, "parts_per_angle": found.parts, "method": RESIDUAL_METHOD}
+    stated = _stated(found.bounds, box, samples, seed, partial(solution.largest, box))
+    for precision, least in found.least.items():
+        if least > 0.0:
+            stated[precision.name]["least_diagonal_of_M"] = least
+    return entry | stated
 
 
-def _is_torque(program: Program, name: str) -> bool:
-    return any(port.name == name and port.role is Role.TORQUE for port in program.inputs)
+def errors_without_bound(program: Program, box: Mapping[str, PortRange], samples: int, seed: int) -> dict[str, Any]:
+    """What stands in the place of a bound that cannot be proven: the relative errors at random states, by precision.
+
+    Nothing without ``samples``, or where an input has no range.
+    """
+    if not samples or any(port.name not in box for port in program.inputs):
+        return {}
+    found = {}
+    for precision in filter(has_wide_format, (DOUBLE, FLOAT)):
+        errors = relative_errors(program, box, precision, samples, seed)
+        found[precision.name] = {
+            "box": {name: _range(each) for name, each in box.items()},
+            "sampled": {
+                "states": samples,
+                "seed": seed,
+                "median_relative": _short(float(np.median(errors))),
+                "largest_relative": _short(float(np.max(errors))),
+            },
+        }
+    return found
 
 
 def _stated(
@@ -194,6 +219,7 @@ def certificate_files(
     further: Mapping[str, Any] | None = None,
     skipped: Sequence[tuple[str, str]] = (),
     not_applicable: Sequence[tuple[str, str]] = (),
+    without_bound: Sequence[tuple[str, str, str]] = (),
     tell: Tell | None = None,
 ) -> dict[str, Contents]:
     """The files of the folder ``evidence`` for the emitted ``files`` of ``model``: relative path -> contents.
@@ -210,19 +236,22 @@ def certificate_files(
         further: entries of the certificate about external tools, by name.
         skipped: what was not done, with the reason.
         not_applicable: what cannot be done for this code, with the reason.
+        without_bound: what has no bound of its errors, with the reason and with what was found in its place.
         tell: called as ``tell(done, total, message)`` as the work proceeds.
     """
     from rrrgen.evidence.page import html, markdown
 
     spec, identity = model.spec, identify(model.spec)
-    missing = list(skipped)
+    missing, instead = list(skipped), list(without_bound)
     functions: dict[str, Any] = {}
     vectors: dict[str, Any] = {}
     for done, (name, program) in enumerate(model.programs.items()):
         if tell is not None:
             tell(done, len(model.programs), f"test vectors of {name}")
         proven = rounding[name]
-        if "none" in proven:
+        if "none" in proven and real in proven:
+            instead.append((f"rounding of {name}", proven["none"], _relative(proven[real]["sampled"])))
+        elif "none" in proven:
             missing.append((f"rounding of {name}", proven["none"]))
         elif "quantity" not in proven:  # exact outputs with their bounds; a residual is no error of an output
             stated = proven[real]
@@ -265,6 +294,7 @@ def certificate_files(
         "verification": None if verification is None else verification.to_dict(),
         **dict(further or {}),
         "trace": _trace(functions),
+        "without_bound": [{"what": what, "reason": reason, "instead": found} for what, reason, found in instead],
         "skipped": [{"what": what, "reason": reason} for what, reason in missing],
         "not_applicable": [{"what": what, "reason": reason} for what, reason in not_applicable],
         "not_claimed": list(NOT_CLAIMED),
@@ -278,6 +308,13 @@ def certificate_files(
         PAGE: html(content),
         VECTORS: vector_text,
     }
+
+
+def _relative(sampled: Mapping[str, Any]) -> str:
+    return (
+        f"relative error of an output at {sampled['states']} random states: median {sampled['median_relative']:.2g}, "
+        f"largest {sampled['largest_relative']:.2g}"
+    )
 
 
 def _kernel(real: Real) -> dict[str, Any]:

@@ -121,6 +121,34 @@ def _searched(
     return np.asarray(best, dtype=np.float64)
 
 
+def relative_errors(
+    program: Program, box: Mapping[str, PortRange], precision: Precision, samples: int, seed: int
+) -> NDArray[np.float64]:
+    """The relative errors (samples,) at random states: of the outputs' the largest, in the maximum norm of an output.
+
+    States are those of :func:`largest_errors`. An output that is zero counts as right.
+    """
+    narrow = np.float64 if precision is DOUBLE else np.float32
+    rng = np.random.default_rng(seed)
+    most = max(_NEIGHBOURS, int(_TOGETHER / len(program.nodes)))
+    wide = np.longdouble if precision is DOUBLE else np.float64
+    found = []
+    for first in range(0, samples, most):
+        count = min(most, samples - first)
+        states = _states(program, box, count, rng, narrow)
+        values, exact = (_evaluated(program, states, precision, kind) for kind in (None, wide))
+        worst = np.zeros(count)
+        for row in program.results:
+            size = np.max([np.broadcast_to(np.abs(exact[index]), count) for index in row], axis=0)
+            difference = np.max(
+                [np.broadcast_to(np.abs(values[index].astype(wide) - exact[index]), count) for index in row], axis=0
+            )
+            share = np.divide(difference, size, out=np.zeros(count, dtype=wide), where=size > 0.0)
+            worst = np.maximum(worst, share.astype(np.float64))
+        found.append(worst)
+    return np.concatenate(found)
+
+
 def largest_residuals(
     program: Program,
     mass: Program,
@@ -168,6 +196,72 @@ def largest_residuals(
         return np.vstack([np.where(counts, residual, 0.0).astype(np.float64), of_status])
 
     return _searched(measure, program, ranges, precision, samples, seed, climbs)[: len(reach)]
+
+
+def largest_derivative_residuals(
+    program: Program,
+    derivatives: Program,
+    box: Mapping[str, PortRange],
+    inverse: Sequence[float],
+    precision: Precision,
+    samples: int,
+    seed: int,
+    climbs: int = 20,
+    compiled: Evaluator | None = None,
+) -> NDArray[np.float64]:
+    """The largest residuals found of ``program``, the derivatives of forward dynamics, one for every output element.
+
+    They are ``M ddq - (tau - h)``, ``M dddq_dq + dtau_dq``, ``M dddq_dv + dtau_dv`` and ``M dddq_dtau - 1``, with what
+    ``derivatives``, the program of those of inverse dynamics, returns at the ddq of the result. States do not count
+    where the status is not ok, torques or accelerations leave their ranges, or a diagonal entry of dddq_dtau exceeds
+    ``inverse``. The rest is as for :func:`largest_residuals`.
+    """
+    narrow = np.float64 if precision is DOUBLE else np.float32
+    wide = np.longdouble if precision is DOUBLE else np.float64
+    place = [port.role for port in program.inputs].index(Role.TORQUE)
+    lowest, highest = (np.array(each) for each in box[program.inputs[place].name].bounds)
+    reach = np.array(box["ddq"].upper)
+    n = len(reach)
+    ranges = {p.name: box["ddq"] if p.role is Role.TORQUE else box[p.name] for p in program.inputs}
+    names = [port.name for port in program.inputs]
+
+    def reference(states: Sequence[Array], ddq: Array) -> list[Array]:
+        """tau (n, states), then dtau_dq, dtau_dv and M (n, n, states), in the wider format."""
+        count = len(ddq)
+        given = [
+            ddq if port.role is Role.ACCELERATION else states[names.index(port.name)] for port in derivatives.inputs
+        ]
+        values = _evaluated(derivatives, given, precision, wide)
+        rows = [np.stack([np.broadcast_to(values[index], count) for index in row]) for row in derivatives.results]
+        return [rows[0], *(row.reshape(n, n, count) for row in rows[1:])]
+
+    def measure(states: Sequence[Array]) -> NDArray[np.float64]:
+        count = len(states[0])
+        tau = reference(states, states[place])[0].astype(narrow).T
+        given = [tau if k == place else state for k, state in enumerate(states)]
+        if compiled is None:
+            values = _evaluated(program, given, precision, None)
+            outputs = [np.stack([np.broadcast_to(values[e], count) for e in row], axis=1) for row in program.results]
+        else:
+            outputs = [np.asarray(output).reshape(count, -1) for output in compiled(given)]
+        solution, *matrices = [np.asarray(output.astype(wide).T) for output in outputs[:4]]
+        by_q, by_v, by_tau = (each.reshape(n, n, count) for each in matrices)
+        at_solution, dtau_dq, dtau_dv, M = reference(states, outputs[0])
+        identity = np.eye(n)[:, :, None]
+        residuals = [
+            at_solution - tau.astype(wide).T,
+            *(
+                np.einsum("ikc,kjc->ijc", M, found) + right
+                for found, right in ((by_q, dtau_dq), (by_v, dtau_dv), (by_tau, -identity))
+            ),
+        ]
+        counts = (np.abs(solution) <= reach[:, None]).all(axis=0) & (outputs[4].reshape(count) == 0)
+        counts &= ((lowest <= tau) & (tau <= highest)).all(axis=1)
+        counts &= (np.einsum("iic->ic", by_tau) <= np.array(inverse)[:, None]).all(axis=0)
+        rows = np.vstack([np.abs(each).reshape(-1, count) for each in residuals])
+        return np.vstack([np.where(counts, rows, 0.0).astype(np.float64), np.zeros((1, count))])
+
+    return _searched(measure, program, ranges, precision, samples, seed, climbs)[:-1]
 
 
 def _climbed(program: Program, errors: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -239,6 +333,11 @@ def _states(
         rounded = (lower + share * (upper - lower)).astype(narrow)
         states.append(np.clip(rounded, lower.astype(narrow), upper.astype(narrow)))
     return states
+
+
+def evaluated(program: Program, states: Sequence[Array], precision: Precision) -> list[Array]:
+    """The values (states,) of all nodes in the emitted precision, at values (states, size) of every input port."""
+    return [np.broadcast_to(value, len(states[0])) for value in _evaluated(program, states, precision, None)]
 
 
 def _evaluated(program: Program, states: Sequence[Array], precision: Precision, wide: type[Any] | None) -> list[Array]:

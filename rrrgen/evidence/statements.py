@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.emit.interface import RoundingStatement
-from rrrgen.evidence.boxes import Ranges, acceleration_range, box_of, nominal_beta
-from rrrgen.evidence.residual import residual_bounds, solved_with
-from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, rounding_bounds
-from rrrgen.evidence.sampling import RESOLUTION, has_wide_format, largest_errors, largest_residuals
+from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
+from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, Precision, rounding_bounds
+from rrrgen.evidence.sampling import RESOLUTION, Evaluator, has_wide_format, largest_errors
+from rrrgen.evidence.solutions import Solution, solution_of
 from rrrgen.program import Role
 from rrrgen.verify.report import Row
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rrrgen.base.parallel import Tell
     from rrrgen.emit import Real
     from rrrgen.program import Program
+    from rrrgen.robot.spec import RobotSpec
     from rrrgen.runtime.engines import Engine
     from rrrgen.runtime.model import Model
 
@@ -39,14 +40,9 @@ def statement(program: Program, entry: Mapping[str, Any], real: Real) -> Roundin
         return RoundingStatement(f"Rounding errors: no bound; {entry['none']}.", {"none": entry["none"]})
     stated = entry[real]
     if "quantity" in entry:
-        unit = next(port.unit for port in program.inputs if port.role is Role.TORQUE)
-        (bounds,) = stated["bounds"].values()
-        sentence = (
-            f"Residual |M ddq - (tau - c - g)| at most {rounded_up(max(bounds))} {unit}, with exact M, c and g; proven "
-            "where the status is ok, for any torques, and q, dq and ddq in the box that manifest.json states."
-        )
         return RoundingStatement(
-            sentence, {"quantity": entry["quantity"], "box": stated["box"], "bounds": stated["bounds"]}
+            _of_residuals(program, stated),
+            {"quantity": entry["quantity"], **{key: each for key, each in stated.items() if key in _OF_RESIDUALS}},
         )
     worst = {port.name: max(stated["bounds"][port.name], default=0.0) for port in program.outputs}
     errors = ", ".join(f"{name} {rounded_up(bound)}" for name, bound in worst.items())
@@ -60,6 +56,32 @@ def statement(program: Program, entry: Mapping[str, Any], real: Real) -> Roundin
         sentence += f" It is assumed that {entry['assumption']}."
         data["assumption"] = entry["assumption"]
     return RoundingStatement(sentence, data)
+
+
+_OF_RESIDUALS = ("box", "bounds", "least_diagonal_of_M")
+
+
+def _of_residuals(program: Program, stated: Mapping[str, Any]) -> str:
+    """The sentence about bounds of residuals."""
+    worst = {name: rounded_up(max(row)) for name, row in stated["bounds"].items()}
+    where = "q, dq and ddq in the box that manifest.json states."
+    if list(worst) == ["ddq"]:
+        unit = next(port.unit for port in program.inputs if port.role is Role.TORQUE)
+        return (
+            f"Residual |M ddq - (tau - c - g)| at most {worst['ddq']} {unit}, with exact M, c and g; proven where the "
+            f"status is ok, for any torques, and {where}"
+        )
+    least = (
+        f", no diagonal entry of M is below {rounded_up(stated['least_diagonal_of_M'])}"
+        if ("least_diagonal_of_M" in stated)
+        else ""
+    )
+    return (
+        f"Residuals at most: |M ddq - (tau - c - g)| {worst['ddq']}, |M dddq_dq + dtau_dq| {worst['dddq_dq']}, "
+        f"|M dddq_dv + dtau_dv| {worst['dddq_dv']}, |M dddq_dtau - 1| {worst['dddq_dtau']}, with exact M, c, g, and "
+        f"dtau_dq at the returned ddq; proven where the status is ok{least}, and the inputs, ddq and the diagonal of "
+        "dddq_dtau are in the box that manifest.json states."
+    )
 
 
 def statements(
@@ -92,31 +114,61 @@ def rounding_rows(
             tell(done, len(programs), f"rounding of {name}")
         box = box_of(program, model.spec, nominal_beta(model.derived), ranges)
         compiled = partial(_called, part.engine, program) if part.engine.name == "c" else None
-        others = solved_with(part.derived.programs, name)
-        reference = "proven rounding bound" if others is None else "proven bound of the residual"
-        try:
-            if others is None:
-                proven = rounding_bounds(program, {port: each.bounds for port, each in box.items()})
-                rows_of = proven.double if real == "double" else proven.single
-                bounds = np.array([bound for row in rows_of for bound in row])
-                found = largest_errors(
-                    program, box, precision, samples, seed, compiled=compiled, conditional=proven.conditional
-                )
-            else:
-                box["ddq"] = acceleration_range(model.spec, ranges)
-                residual = residual_bounds(
-                    program, *others, {port: each.bounds for port, each in box.items()}, box["ddq"].upper
-                )
-                bounds = np.array(residual.double if real == "double" else residual.single)
-                found = largest_residuals(program, *others, box, precision, samples, seed, compiled=compiled)
-        except NoBoundError as reason:
-            skipped.append((f"rounding of {name}", str(reason)))
-            continue
-        shares = np.divide(found, bounds, out=np.where(found > 0.0, np.inf, 0.0), where=bounds > 0.0)
-        note = f"error {found.max(initial=0.0):.2g}, bound {rounded_up(float(bounds.max(initial=0.0)))}"
-        share = float(shares.max(initial=0.0))
-        rows.append(Row(name, reference, "box of limits", samples, share, RESOLUTION, note))
+        search = partial(_of_rounding, program, box, real, samples, seed, compiled)
+        attempts = [("proven rounding bound", search)]
+        solution = solution_of(part.derived.programs, name)
+        if solution is not None:
+            search = partial(_of_solution, solution, model.spec, box, ranges, precision, samples, seed, compiled)
+            attempts.insert(0 if solution.residual_first else 1, ("proven bound of the residual", search))
+        reason = ""
+        for reference, search in attempts:
+            try:
+                bounds, found = search()
+            except NoBoundError as fault:
+                reason = str(fault)
+                continue
+            shares = np.divide(found, bounds, out=np.where(found > 0.0, np.inf, 0.0), where=bounds > 0.0)
+            note = f"error {found.max(initial=0.0):.2g}, bound {rounded_up(float(bounds.max(initial=0.0)))}"
+            share = float(shares.max(initial=0.0))
+            rows.append(Row(name, reference, "box of limits", samples, share, RESOLUTION, note))
+            break
+        else:
+            skipped.append((f"rounding of {name}", reason))
     return rows, skipped
+
+
+def _of_rounding(
+    program: Program,
+    box: Mapping[str, PortRange],
+    real: Real,
+    samples: int,
+    seed: int,
+    compiled: Evaluator | None,
+) -> tuple[Array, Array]:
+    """The bounds of the rounding errors and the largest ones found, one for every output element."""
+    proven = rounding_bounds(program, {port: each.bounds for port, each in box.items()})
+    bounds = np.array([bound for row in (proven.double if real == "double" else proven.single) for bound in row])
+    precision = DOUBLE if real == "double" else FLOAT
+    return bounds, largest_errors(
+        program, box, precision, samples, seed, compiled=compiled, conditional=proven.conditional
+    )
+
+
+def _of_solution(
+    solution: Solution,
+    spec: RobotSpec,
+    box: Mapping[str, PortRange],
+    ranges: Ranges,
+    precision: Precision,
+    samples: int,
+    seed: int,
+    compiled: Evaluator | None,
+) -> tuple[Array, Array]:
+    """The bounds of the residuals and the largest ones found, one for every element."""
+    box = solution.box(box, spec, ranges)
+    rows = solution.bounds(box).bounds[precision]
+    bounds = np.array([bound for row in rows.values() for bound in row])
+    return bounds, solution.largest(box, precision, samples, seed, compiled)
 
 
 def _called(engine: Engine, program: Program, states: Sequence[Array]) -> Sequence[Array]:

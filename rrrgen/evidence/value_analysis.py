@@ -9,8 +9,8 @@ a function stands in for each that writes any bits, so that what is shown does n
 
 Forward dynamics and its derivatives factorize M. That the entries of the factors are bounded follows from relations
 between them, so that for many joints EVA cannot exclude that a divisor is zero or that a number overflows. There it
-takes bounds of pivots and factors as they are, which :func:`rrrgen.evidence.residual.factorization_facts` proves where
-the status is ok and no pivot is below 2^-50 kg m^2 (kg), smaller than the inertia of any arm; the row says so.
+takes bounds of pivots and factors as they are, which :func:`rrrgen.evidence.factorization.factorization_facts` proves
+where the status is ok and no pivot is below 2^-50 kg m^2 (kg), smaller than the inertia of any arm; the row says so.
 
 EVA knows no relations between variables. Where the code relies on one, the analysed text says the same in another way:
 the bits that show whether numbers are finite are read as comparisons (a test holds that both agree), ``fabs`` as a
@@ -40,7 +40,7 @@ from rrrgen.emit.c.ik.files import sources
 from rrrgen.emit.c.language import RANGE, Dialect, InlineSinCos
 from rrrgen.emit.controller.differential_ik import declaration, differential_ik_files
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
-from rrrgen.evidence.residual import LEAST_PIVOT, Fact, factorization_facts
+from rrrgen.evidence.factorization import LEAST_PIVOT, Fact, factorization_facts
 from rrrgen.evidence.rounding import NoBoundError
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.program import Builder, Port

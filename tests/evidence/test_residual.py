@@ -11,9 +11,11 @@ from rrrgen.derive.functions.table import find
 from rrrgen.derive.optimizer import Optimizer
 from rrrgen.evidence.boxes import Ranges, acceleration_range, box_of, nominal_beta
 from rrrgen.evidence.certificate import residual_entry
-from rrrgen.evidence.residual import LEAST_PIVOT, factorization_facts, residual_bounds, solved_with
+from rrrgen.evidence.factorization import LEAST_PIVOT, factorization_facts
+from rrrgen.evidence.residual import residual_bounds
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError
 from rrrgen.evidence.sampling import _evaluated, _states, largest_residuals
+from rrrgen.evidence.solutions import ForwardDynamics, solution_of
 from rrrgen.evidence.vectors import DIGITS, exact_values
 from rrrgen.program.program import Op, Role
 from rrrgen.robot.file import load_spec
@@ -33,7 +35,8 @@ def solved(name, suffix):
     program = model.programs[f"forward_dynamics{suffix}"]
     box = box_of(program, model.spec, nominal_beta(model), Ranges())
     box["ddq"] = acceleration_range(model.spec, Ranges())
-    return program, *solved_with(model.programs, program.name), box
+    solution = solution_of(model.programs, program.name)
+    return program, solution.mass, solution.bias, box
 
 
 def bounds_of(program, mass, bias, box):
@@ -78,7 +81,8 @@ def test_residuals_in_exact_arithmetic_stay_below_their_bounds():
 
 def test_constant_pivots_of_one_joint_and_the_entry_of_the_certificate():
     program, mass, bias, box = solved("pendulum", "_nominal")
-    entry = residual_entry(program, mass, bias, box, 500, 1)
+    inputs = {name: each for name, each in box.items() if name != "ddq"}
+    entry = residual_entry(ForwardDynamics(program, mass, bias), load_spec("pendulum"), inputs, Ranges(), 500, 1)
     assert set(entry["double"]["box"]) == {"q", "dq", "ddq"}
     assert entry["double"]["bounds"] == {"ddq": list(bounds_of(program, mass, bias, box).double)}
     assert entry["double"]["sampled"]["within"]
@@ -144,8 +148,8 @@ def test_the_status_must_imply_that_pivots_are_positive():
 
 def test_other_functions_are_not_forward_dynamics():
     programs = model_of("pendulum").programs
-    assert solved_with(programs, "bias") is None
-    assert solved_with({"forward_dynamics": programs["forward_dynamics"]}, "forward_dynamics") is None
-    mass, bias = solved_with(programs, "forward_dynamics_nominal")
-    assert (mass.name, bias.name) == ("mass_matrix_nominal", "bias_nominal")
-    assert not any(port.role is Role.BASE_PARAMETERS for port in mass.inputs)
+    assert solution_of(programs, "bias") is None
+    assert solution_of({"forward_dynamics": programs["forward_dynamics"]}, "forward_dynamics") is None
+    solution = solution_of(programs, "forward_dynamics_nominal")
+    assert (solution.mass.name, solution.bias.name) == ("mass_matrix_nominal", "bias_nominal")
+    assert not any(port.role is Role.BASE_PARAMETERS for port in solution.mass.inputs)

@@ -14,7 +14,7 @@ from rrrgen.derive.optimizer import Optimizer
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.evidence import value_analysis
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
-from rrrgen.evidence.residual import Fact
+from rrrgen.evidence.factorization import Fact
 from rrrgen.evidence.value_analysis import (
     ENTRIES,
     controller_alarms,
