@@ -39,6 +39,7 @@ _KEYS = (
     "templates",
     "functions",
     "evidence",
+    "without_bound",
     "skipped",
     "not_claimed",
     "digest",
@@ -144,7 +145,7 @@ def _entry_faults(stated: dict[str, Any], entry: dict[str, Any]) -> list[str]:
     if "none" in entry:
         return []
     faults = []
-    if any(stated.get(key) != entry.get(key) for key in ("conditional", "assumption")):
+    if any(stated.get(key) != entry.get(key) for key in ("conditional", "assumption", "quantity")):
         faults.append("the bounds suppose something else")
     for precision in ("double", "float"):
         old, new = stated[precision], entry[precision]

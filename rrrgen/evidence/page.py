@@ -26,8 +26,9 @@ def _blocks(content: Mapping[str, Any]) -> list[tuple[str, Any]]:
             "Bounds of the rounding error of every function: the largest difference between the emitted arithmetic and "
             "exact arithmetic at the same inputs, for all inputs in the box; sines, cosines and constants included. "
             "The table has the worst element of each function; certificate.json has one bound per element and the "
-            "box. For forward dynamics the residual M ddq - (tau - c - g) is bounded, where the status is ok and ddq "
-            "lies in the box. The ratio sets the bound beside the largest error that was found by sampling and search.",
+            "box. For forward dynamics and its derivatives residuals such as M ddq - (tau - c - g) are bounded, where "
+            "the status is ok and results lie in the box. The ratio sets the bound beside the largest error that was "
+            "found by sampling and search.",
         ),
         ("table", _rounding_rows(content)),
         ("text", _kernel_text(content)),
@@ -47,6 +48,7 @@ def _blocks(content: Mapping[str, Any]) -> list[tuple[str, Any]]:
     blocks += [
         ("heading", "From equation to test"),
         ("table", [("equation", "function", "checks"), *_trace_rows(content)]),
+        *_without_bound_blocks(content["without_bound"]),
         *_inapplicable_blocks(content.get("not_applicable", ())),
         ("heading", "Not covered"),
         ("table", [("what", "reason"), *((row["what"], row["reason"]) for row in content["skipped"])]),
@@ -56,6 +58,19 @@ def _blocks(content: Mapping[str, Any]) -> list[tuple[str, Any]]:
         ("table", [("file", "SHA-256"), *content["files"].items(), *content["evidence"].items()]),
     ]
     return blocks
+
+
+def _without_bound_blocks(rows: Sequence[Mapping[str, str]]) -> list[tuple[str, Any]]:
+    if not rows:
+        return []
+    return [
+        ("heading", "Without a bound, tested instead"),
+        ("text", "Nothing is proven about the errors of these; the figures are what was found, no largest values."),
+        (
+            "table",
+            [("what", "why it has no bound", "in its place"), *((r["what"], r["reason"], r["instead"]) for r in rows)],
+        ),
+    ]
 
 
 def _inapplicable_blocks(rows: Sequence[Mapping[str, str]]) -> list[tuple[str, Any]]:
@@ -99,6 +114,10 @@ def _rounding_rows(content: Mapping[str, Any]) -> list[Row]:
         if "conditional" in rounding:
             names = ", ".join(rounding["conditional"]["outputs"])
             conditions.append(f"{names}: where comparisons come out as in exact arithmetic")
+        least = rounding.get("double", {}).get("least_diagonal_of_M")
+        if least is not None:
+            single = rounding["float"]["least_diagonal_of_M"]
+            conditions.append(f"no diagonal entry of M is below {least:.2g} (float: {single:.2g})")
         if "assumption" in rounding:
             conditions.append(rounding["assumption"])
         rows.append((*cells, "; ".join(conditions)))
