@@ -45,7 +45,8 @@ with P; they are counted in the emitted program, with every sum and product as o
        M dddq_dq + D_q = (D_q - Q) - (M P - 1) Q + M e ,
 
    and ``|M_ik| <= G_i G_k + f_ik``. The error of Q, as of w and V, comes from the rounding analysis of the emitted
-   sums with x as an input in its range, their magnitudes from its enclosures. x and dddq_dv likewise.
+   sums with x as an input in its range, their magnitudes from its enclosures. x and dddq_dv likewise. As ``w = -M x -
+   (M P - 1) w + M e``, the limits of x bound w too, often more tightly than those of the torques.
 
 A product that underflows adds the smallest normal number; in X it is multiplied by at most ``K^2`` times weights.
 Contraction to fused operations leaves roundings out, which every step allows.
@@ -130,6 +131,7 @@ def derivative_residuals(
     factors = form.bounds(known, G, 1.0, [1.0] * n)
     around = {**{port.name: box[port.name] for port in program.inputs}, _GIVEN: ([-x for x in reach], list(reach))}
     sizes = [[max(-low, high) for low, high in row] for row in enclosures(right, around)]
+    wide = sizes[0]
     errors = rounding_bounds(right, around)
     found = []
     for precision, inside, of_right in zip(
@@ -138,6 +140,7 @@ def derivative_residuals(
         u = precision.roundoff
         f = [[inside[in_triangle(max(i, j), min(i, j))] + 3.0 * u * G[i] * G[j] for j in range(n)] for i in range(n)]
         bounds = _Weighted(n, G, H, f, u, precision.smallest, read)
+        sizes[0] = bounds.right_side(wide, [reach[k] for k in order])
         rows = {
             name: [bounds.of_product(sizes[k], of_right[k], i, j, width) for i in range(n) for j in range(width)]
             for k, (name, width) in enumerate(zip(OUTPUTS, (1, n, n), strict=False))
@@ -182,6 +185,26 @@ class _Weighted:
         self._mass = [[G[i] * G[k] + f[i][k] for k in range(n)] for i in range(n)]
         self._through = [s * (1.0 + q) * sum(row[k] * H[k] for k in range(n)) for row in self._mass]
         self._n, self._H, self._smallest = n, H, smallest
+
+    def right_side(self, sizes: Sequence[float], limits: Sequence[float]) -> list[float]:
+        """Bounds of the magnitudes of w, which are at most ``sizes``, from the ``limits`` of those of x."""
+        found = list(sizes)
+        for _ in range(2):
+            through = sum(x * size for x, size in zip(self._H, found, strict=True))
+            found = [
+                min(
+                    found[k],
+                    MARGIN
+                    * (
+                        sum(x * limit for x, limit in zip(self._mass[k], limits, strict=True))
+                        + sum(x * size for x, size in zip(self.inverse[k], found, strict=True))
+                        + self._through[k] * through
+                        + 2.0 * self._n * self._smallest * sum(self._mass[k])
+                    ),
+                )
+                for k in range(self._n)
+            ]
+        return found
 
     def of_product(self, sizes: Sequence[float], errors: Sequence[float], i: int, j: int, width: int) -> float:
         """The bound of element (i, j) of ``M P Q - Q``, for Q of this width with magnitudes and errors row by row."""

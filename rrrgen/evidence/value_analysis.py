@@ -26,7 +26,8 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -91,6 +92,14 @@ class Alarm(NamedTuple):
     property: str
 
 
+LIMIT = 900.0
+"""Seconds after which the analysis of one function is given up."""
+
+
+class TooLongError(Exception):
+    """An analysis has not come to an end within :data:`LIMIT`."""
+
+
 def is_available() -> bool:
     """Whether Frama-C is installed."""
     return shutil.which("frama-c") is not None
@@ -103,7 +112,7 @@ def alarms(
 
     Files whose names end with ``.c`` are sources, unless others include them. ``special`` says which floating-point
     values are alarms: "none" or "non-finite". In the functions ``apart`` so many states are kept apart. Raises
-    RuntimeError where the analysis does not come to an end.
+    RuntimeError where the analysis fails, TooLongError where it takes longer than :data:`LIMIT`.
     """
     for name, text in {**files, "stated.h": STATED}.items():
         (directory / name).write_text(text, encoding="utf-8", newline="\n")
@@ -114,7 +123,12 @@ def alarms(
     command += ["-eva-slevel-function", ",".join(f"{name}:{count}" for name, count in apart.items())] if apart else []
     command += ["-then", "-report-csv", report.name]
     place = {**os.environ, "PWD": str(directory.resolve())}  # Frama-C believes this variable more than the system
-    done = subprocess.run(command, cwd=directory, env=place, capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(
+            command, cwd=directory, env=place, capture_output=True, text=True, check=False, timeout=LIMIT
+        )
+    except subprocess.TimeoutExpired:
+        raise TooLongError(f"the analysis did not come to an end in {LIMIT / 60.0:g} minutes") from None
     if done.returncode != 0 or not report.is_file():
         raise RuntimeError(f"frama-c, {main}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
     with report.open(encoding="utf-8", newline="") as lines:
@@ -469,8 +483,17 @@ def analysed_with_eva(
         return {}, [("run-time errors", "Frama-C is not installed")]
     skipped: list[tuple[str, str]] = []
     found: list[tuple[str, list[Alarm]]] = []
-    with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
-        found.append(("kernel of sine and cosine", kernel_alarms(Path(folder))))
+
+    def analyse(what: str, analysis: Callable[[Path], tuple[str, list[Alarm]]]) -> None:
+        """Add the row of an analysis in a folder of its own, or the reason why there is none."""
+        try:
+            with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
+                found.append(analysis(Path(folder)))
+        except TooLongError as reason:
+            skipped.append((f"run-time errors of {what}", str(reason)))
+
+    kernel = "kernel of sine and cosine"
+    analyse(kernel, partial(_named, kernel, kernel_alarms))
     for done, (name, program) in enumerate(model.programs.items()):
         if tell is not None:
             tell(done, len(model.programs), f"run-time errors of {name}")
@@ -479,33 +502,47 @@ def analysed_with_eva(
         if missing:
             skipped.append((f"run-time errors of {name}", f"no range of {', '.join(missing)} is known"))
             continue
-        with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
-            open_ = function_alarms(program, box, Path(folder))
-        facts = known_facts(model, name, box) if open_ else []
-        if facts:
-            with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
-                name, open_ = f"{name}, {WITH_FACTS}", function_alarms(program, box, Path(folder), facts=facts)
-        found.append((name, open_))
-    plan = make_plan(model.spec)
+        analyse(name, partial(_of_function, model, name, box))
+    plan, spec = make_plan(model.spec), model.spec
+    further: dict[str, Callable[[Path], list[Alarm]]] = {}
     if plan.general:
         skipped.append(("run-time errors of inverse_kinematics", "the general solver is too long for the analysis"))
     elif plan.solvable:
-        if tell is not None:
-            tell(0, 0, "run-time errors of inverse_kinematics")
-        with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
-            found.append(("inverse_kinematics", solver_alarms(model.spec, plan, Path(folder))))
+        further["inverse_kinematics"] = partial(solver_alarms, spec, plan)
     if differential:
+        further["differential_ik"] = partial(differential_alarms, spec.name, spec.n)
+    if unit is not None:
+        further |= {f"controller, {entry}": partial(controller_alarms, unit, entry=entry) for entry in ENTRIES}
+    for what, analysis in further.items():
         if tell is not None:
-            tell(0, 0, "run-time errors of differential_ik")
-        with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
-            found.append(("differential_ik", differential_alarms(model.spec.name, model.spec.n, Path(folder))))
-    for entry in ENTRIES if unit is not None else ():
-        assert unit is not None
-        if tell is not None:
-            tell(0, 0, f"run-time errors of the controller, {entry}")
-        with tempfile.TemporaryDirectory(prefix="rrrgen-eva-") as folder:
-            found.append((f"controller, {entry}", controller_alarms(unit, Path(folder), entry)))
+            tell(0, 0, f"run-time errors of {what}")
+        analyse(what, partial(_named, what, analysis))
     return {"run_time_errors": run_time_errors_entry(found)}, skipped
+
+
+def _named(what: str, analysis: Callable[[Path], list[Alarm]], directory: Path) -> tuple[str, list[Alarm]]:
+    return what, analysis(directory)
+
+
+def _of_function(
+    model: DerivedModel, name: str, box: Mapping[str, PortRange], directory: Path
+) -> tuple[str, list[Alarm]]:
+    """The row of a model function and its alarms.
+
+    At first without facts about the factors of M, since the row then supposes nothing. A long function has them at
+    once: alarms about its factors make the analysis of what follows very long.
+    """
+    program = model.programs[name]
+    facts = known_facts(model, name, box) if len(program.nodes) > _LONG else []
+    open_ = function_alarms(program, box, directory, facts=facts)
+    if open_ and not facts:
+        facts = known_facts(model, name, box)
+        open_ = function_alarms(program, box, directory, facts=facts) if facts else open_
+    return f"{name}, {WITH_FACTS}" if facts else name, open_
+
+
+_LONG = 1500
+"""Nodes of a program from which on facts about the factors of M are given at once."""
 
 
 WITH_FACTS = f"where the status is ok and no pivot of M is below {LEAST_PIVOT:.1e}"

@@ -13,6 +13,7 @@ from rrrgen.evidence.boxes import Ranges, box_of, nominal_beta
 from rrrgen.evidence.certificate import rounding_entries
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError
 from rrrgen.evidence.solutions import INVERSE, solution_of
+from rrrgen.evidence.statements import rounded_up, statement
 from rrrgen.program.program import Op
 from rrrgen.robot.file import load_spec
 
@@ -37,7 +38,7 @@ def solved(name, suffix, ranges=None):
 @pytest.mark.parametrize("suffix", ["_nominal", ""])
 @pytest.mark.parametrize("name", ARMS)
 def test_residuals_stay_below_their_bounds_at_many_states_and_in_a_search_uphill(name, suffix):
-    """In both precisions; each of the four outputs comes within a factor of its bound."""
+    """In both precisions. Weights that bound every product lose more the worse M is conditioned."""
     solution, box = solved(name, suffix)
     proven = solution.bounds(box)
     for precision in (DOUBLE, FLOAT):
@@ -49,7 +50,7 @@ def test_residuals_stay_below_their_bounds_at_many_states_and_in_a_search_uphill
         first = 0
         for name_of, row in rows.items():
             largest = max(found[first : first + len(row)])
-            assert max(row) < 1e5 * largest or max(row) == 0.0, name_of
+            assert max(row) < (3e3 if name == "rrr" else 1e6) * largest, name_of
             first += len(row)
 
 
@@ -115,3 +116,7 @@ def test_the_entry_of_the_certificate_has_a_bound_where_rounding_errors_have_non
     assert entry["double"]["sampled"]["within"]
     assert entry["float"]["sampled"]["within"]
     assert "quantity" not in entries["forward_dynamics_derivatives_nominal"]
+    stated = statement(model.programs["forward_dynamics_derivatives"], entry, "double")
+    largest = max(entry["double"]["bounds"]["dddq_dtau"])
+    assert f"|M dddq_dtau - 1| {rounded_up(largest)}, with exact M" in stated.sentence
+    assert INVERSE in stated.data["box"]

@@ -17,6 +17,7 @@ from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
 from rrrgen.evidence.factorization import Fact
 from rrrgen.evidence.value_analysis import (
     ENTRIES,
+    analysed_with_eva,
     controller_alarms,
     function_alarms,
     known_facts,
@@ -157,3 +158,13 @@ def test_the_bits_of_the_gate_say_what_the_analysed_comparisons_say(model, tmp_p
     sources = [name for name in files if name.endswith(".c") and name != "pendulum_controller.c"]
     subprocess.run(["gcc", "-std=c99", "-O1", *sources, "-lm", "-o", "gate"], cwd=tmp_path, check=True)
     subprocess.run(["./gate"], cwd=tmp_path, check=True)
+
+
+@needs_frama_c
+def test_an_analysis_that_takes_too_long_is_listed(model, monkeypatch):
+    monkeypatch.setattr(value_analysis, "LIMIT", 1e-3)
+    entry, skipped = analysed_with_eva(model, None, Ranges())
+    assert entry["run_time_errors"]["rows"] == []
+    reasons = dict(skipped)
+    assert "did not come to an end" in reasons["run-time errors of inverse_kinematics"]
+    assert {f"run-time errors of {name}" for name in model.programs} <= set(reasons)
