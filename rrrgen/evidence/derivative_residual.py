@@ -444,7 +444,7 @@ class _Reader(Factorization):
     # -- what is multiplied with it ----------------------------------------------------------------------------
 
     def _right_sides(self) -> list[dict[tuple[int, int], tuple[int, int]]]:
-        """Of w, Q and V: for every row in the order of elimination and every column, its node with its sign."""
+        """The nodes of w, Q and V with their signs, by row in the order of elimination and by column."""
         holds = self._holding()
         found = []
         for output, width in zip(self.program.results[:3], (1, self.n, self.n), strict=True):

@@ -93,7 +93,7 @@ class ForwardDynamics(Solution):
         return super().box(inputs, spec, ranges)
 
     def bounds(self, box: Mapping[str, PortRange]) -> ResidualEntry:
-        """See :mod:`rrrgen.evidence.residual`."""
+        """The bounds of the residual; :mod:`rrrgen.evidence.residual` has their proof."""
         ranges = {name: each.bounds for name, each in box.items()}
         found = residual_bounds(self.program, self.mass, self.bias, ranges, box["ddq"].upper)
         return ResidualEntry({DOUBLE: {"ddq": list(found.double)}, FLOAT: {"ddq": list(found.single)}}, found.parts, {})
@@ -146,7 +146,7 @@ class ForwardDynamicsDerivatives(Solution):
         return PortRange((0.0,) * n, limits, source)
 
     def bounds(self, box: Mapping[str, PortRange]) -> ResidualEntry:
-        """See :mod:`rrrgen.evidence.derivative_residual`."""
+        """The bounds of the four residuals; :mod:`rrrgen.evidence.derivative_residual` has their proof."""
         ranges = {port.name: box[port.name].bounds for port in self.program.inputs if port.name in box}
         found = derivative_residuals(
             self.program, self.mass, self.derivatives, ranges, box["ddq"].upper, box[INVERSE].upper
