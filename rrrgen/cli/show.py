@@ -23,7 +23,7 @@ from rrrgen.cli.arguments import (
 from rrrgen.cli.html import html_option, read_motions, write_html
 from rrrgen.cli.terminal import progress_bar, say, terminal_width, with_headings
 from rrrgen.derive.parameters.listing import ParameterListing, listing
-from rrrgen.derive.recursions.loop_positions import LoopPositions
+from rrrgen.derive.recursions.loop_positions import LoopClosure
 from rrrgen.emit.html.robot_facts import data, in_words, measured, not_stated, tables
 from rrrgen.program import count_operations, evaluate_floats
 from rrrgen.robot.model import build_model
@@ -136,7 +136,7 @@ def zero_pose(model: DerivedModel) -> list[list[float]]:
     """
     at: tuple[list[float], ...] = ([0.0] * model.spec.n,)
     if model.spec.newton:
-        loops = LoopPositions(build_model(model.spec))
+        loops = LoopClosure(build_model(model.spec))
         if any(loops.drives):  # followed from the start within the limits, outside of which zero is
             return []
         at = (*at, loops.start)

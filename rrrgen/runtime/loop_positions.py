@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.derive.recursions.loop_positions import LoopPositions, Numbers, parts_of
+from rrrgen.derive.recursions.loop_positions import LoopClosure, Numbers, parts_of
 from rrrgen.program import Program, Role
 from rrrgen.robot.model import build_model
 from rrrgen.runtime.engines import Array, Engine, EngineName
@@ -38,7 +38,7 @@ class FollowedLoops:
     """The passive joints of the robot ``spec``, followed from the start of its file."""
 
     def __init__(self, spec: RobotSpec) -> None:
-        self._positions = LoopPositions(build_model(spec), ARRAYS)
+        self._positions = LoopClosure(build_model(spec), ARRAYS)
         self._known: dict[tuple[bytes, tuple[int, ...]], Array] = {}
 
     @property

@@ -16,7 +16,7 @@ from rrrgen.derive import prepare, record
 from rrrgen.derive.functions.table import FUNCTIONS, recorders
 from rrrgen.derive.optimizer import Optimizer
 from rrrgen.derive.recursions.link_frames import PRECISE, precise_chain
-from rrrgen.derive.recursions.loop_positions import LoopPositions
+from rrrgen.derive.recursions.loop_positions import LoopClosure
 from rrrgen.program.evaluation import evaluate
 from rrrgen.robot.file import dumps, loads_spec
 from rrrgen.robot.model import build_model
@@ -172,7 +172,7 @@ def test_loops_that_close_from_far_off_are_assembled_as_before():
     last = loops_of(DEAD).at([q]) + np.random.default_rng(1).normal(0, 0.1, (count, 4))
     at = np.full((count, 1), q)
     found, _, status = call(DEAD, "solve_loops", at, at, last)
-    model = LoopPositions(build_model(loads_spec(DEAD)), ARRAYS)
+    model = LoopClosure(build_model(loads_spec(DEAD)), ARRAYS)
     before, after = (model.loops([at[:, 0], *x.T]).sine for x in (last, found))
     solved = np.ravel(status) == 0
     assert 0 < np.sum(solved) < count

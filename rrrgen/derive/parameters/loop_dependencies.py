@@ -30,7 +30,7 @@ import sympy as sp
 
 from rrrgen.base.errors import DerivationError, InternalError
 from rrrgen.derive.recursions.link_frames import PRECISE, Chain, ResidueConstants, exact_constants, precise_chain
-from rrrgen.derive.recursions.loop_positions import LoopPositions, parts_of
+from rrrgen.derive.recursions.loop_positions import LoopClosure, parts_of
 from rrrgen.derive.recursions.loops import NewtonLoops
 from rrrgen.derive.recursions.regressor import Parameter, regressor
 from rrrgen.program.finite_field import PRIME, Residue, row_echelon
@@ -122,7 +122,7 @@ def numerical_dependencies(model: RobotModel, candidates: list[Parameter], seed:
     Raises DerivationError where the loops cannot be assembled at their start.
     """
     with mpmath.workdps(PRECISE):
-        walk = _Walk(model, Random(seed))
+        walk = _DriveWalk(model, Random(seed))
         rows: list[list[Any]] = []
         for _ in range(len(candidates) + FURTHER_STATES):
             rows += walk.rows(candidates)
@@ -163,11 +163,11 @@ def _rounded(value: Any) -> sp.Expr:
     return sp.Rational(mpmath.nstr(value, DIGITS))
 
 
-class _Walk:
+class _DriveWalk:
     """A random walk of the drives within their limits, at which the loops are assembled and away from dead points."""
 
     def __init__(self, model: RobotModel, random: Random) -> None:
-        self._model, self._random, self._loops = model, random, LoopPositions(model)
+        self._model, self._random, self._loops = model, random, LoopClosure(model)
         self._at, self._passive = list(self._loops.drives), self._loops.start
         limits = [joint.limits for joint in model.spec.joints]
         self._ends = [

@@ -48,7 +48,7 @@ class Numbers:
 FLOATS = Numbers(math.cos, math.sin, math.sqrt, max)
 
 
-class LoopPositions:
+class LoopClosure:
     """The passive joints of ``model``, whose loops Newton's method solves, in ``numbers``.
 
     ``drives`` (n,) are those positions of the drives, next to zero within their limits, at which the loops are

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from rrrgen.base.small_matrices import is_positive_definite
 from rrrgen.base.templates import render
 from rrrgen.derive.functions.friction import friction_parameters
-from rrrgen.derive.recursions.loop_positions import CLOSED, LoopPositions, parts_of
+from rrrgen.derive.recursions.loop_positions import CLOSED, LoopClosure, parts_of
 from rrrgen.emit.c.header_comments import function_name
 from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.interface import SelfTestCheck
@@ -172,7 +172,7 @@ def _followed(spec: RobotSpec, count: int) -> tuple[Table, Table]:
 
     Those of the drives are multiples of 1/64.
     """
-    loops = LoopPositions(build_model(spec))
+    loops = LoopClosure(build_model(spec))
     start = [round(64 * x) / 64 for x in loops.drives]
     at, passive = start, loops.moved(start, loops.start, loops.drives, 1)
     side = loops.loops([*at, *passive]).sine

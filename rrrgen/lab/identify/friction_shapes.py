@@ -230,7 +230,7 @@ class Fitted:
     std: tuple[tuple[float, ...], ...]
 
 
-class _Search:
+class _ShapeSearch:
     """Search for the shape parameters of ``surfaces`` on the rows with ``use`` (r, n) True of a problem.
 
     ``logs``, in its methods, are the logarithms of all shapes, surface by surface.
@@ -349,7 +349,7 @@ def tune_shapes(problem: Problem, surfaces: Sequence[FrictionSurface], use: NDAr
 
     Shapes that the surfaces already have are tried as initial values beside the usual ones.
     """
-    search = _Search(problem, surfaces, use)
+    search = _ShapeSearch(problem, surfaces, use)
     logs: Array = np.zeros(0)
     std: tuple[tuple[float, ...], ...] = tuple(() for _ in surfaces)
     if search.owner:
@@ -366,7 +366,7 @@ def tune_shapes(problem: Problem, surfaces: Sequence[FrictionSurface], use: NDAr
     return Fitted(search.shaped(logs), residual, theta, std)
 
 
-def _common(search: _Search) -> tuple[Array, Array]:
+def _common(search: _ShapeSearch) -> tuple[Array, Array]:
     """Logarithms of all shapes, common to all joints and fitted from several initial values, and the best known ones.
 
     The best known are those with which every joint on its own begins, see :func:`_apart`.
@@ -383,7 +383,7 @@ def _common(search: _Search) -> tuple[Array, Array]:
     return usual, min(_apart(search, usual), start, key=search.cost)
 
 
-def _tuned(search: _Search, usual: Array, start: Array) -> tuple[Array, tuple[tuple[float, ...], ...]]:
+def _tuned(search: _ShapeSearch, usual: Array, start: Array) -> tuple[Array, tuple[tuple[float, ...], ...]]:
     """Logarithms of the shapes fitted joint by joint, and their standard deviations for every surface.
 
     The search begins at the logarithms ``start``; the prior is about the common ones, ``usual``.
@@ -397,7 +397,7 @@ def _tuned(search: _Search, usual: Array, start: Array) -> tuple[Array, tuple[tu
     return logs, tuple(tuple(own) for own in std)
 
 
-def _variance(search: _Search, logs: Array) -> float:
+def _variance(search: _ShapeSearch, logs: Array) -> float:
     """Variance of the residuals at the shapes ``logs``, by which priors are weighed.
 
     It is larger where rows are correlated, because these carry less information than their number suggests.
@@ -405,7 +405,7 @@ def _variance(search: _Search, logs: Array) -> float:
     return search.cost(logs) / max(1, len(search.y)) / _independent_share(search, logs)
 
 
-def _starts(search: _Search, groups: Sequence[tuple[str, str]], common: Array) -> list[Array]:
+def _starts(search: _ShapeSearch, groups: Sequence[tuple[str, str]], common: Array) -> list[Array]:
     """Initial logarithms of all shapes: each combination of initial values, and the shapes the surfaces already have.
 
     ``groups`` are the pairs (law, shape) that share a value; the matrix ``common`` (shapes, groups) copies the
@@ -419,7 +419,7 @@ def _starts(search: _Search, groups: Sequence[tuple[str, str]], common: Array) -
     return found
 
 
-def _apart(search: _Search, usual: Array) -> Array:
+def _apart(search: _ShapeSearch, usual: Array) -> Array:
     """Logarithms of all shapes, where a surface may leave the common ones, ``usual``, for initial values of its own.
 
     Joints unlike each other, such as one with and one without presliding, have no good value in common.
@@ -454,7 +454,7 @@ def _scales(problem: Problem, surfaces: Sequence[FrictionSurface]) -> Array:
     return np.array(scales)
 
 
-def _independent_share(search: _Search, logs: Array) -> float:
+def _independent_share(search: _ShapeSearch, logs: Array) -> float:
     """Share of the rows that are independent: ``(1 - a)/(1 + a)`` with the lag-one correlation a of the residuals."""
     residual = np.where(search.use, search.residual(logs)[0], 0.0)
     both = search.use[1:] & search.use[:-1]

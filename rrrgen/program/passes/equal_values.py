@@ -44,7 +44,7 @@ class ShareEqualValues:
     def __call__(self, program: Program) -> Program:
         """The rewritten ``program``, or ``program`` itself if no operation can be saved."""
         while True:
-            found = _Search(program, self.sums).run()
+            found = _ProgramWalk(program, self.sums).run()
             if found is None or count_operations(found).total >= count_operations(program).total:
                 return program
             program = found
@@ -58,7 +58,7 @@ class _Found(NamedTuple):
     operations: int
 
 
-class _Search:
+class _ProgramWalk:
     """One walk over a program. ``self.args`` are the operands of every node, after the replacements found so far."""
 
     def __init__(self, program: Program, sums: bool) -> None:

@@ -122,7 +122,7 @@ def denavit_hartenberg(
     With ``fixed_rows``, fixed rows hold the tilt of nearly parallel axes; otherwise there is a row for every joint. A
     chain with branches has modified rows.
     """
-    found = _Walk(chain, convention, number(tolerance), fixed_rows).result
+    found = _JointWalk(chain, convention, number(tolerance), fixed_rows).result
     if not chain.branches:
         return found
     row_of = {row.joint: i for i, row in enumerate(found.rows)}
@@ -133,7 +133,7 @@ def denavit_hartenberg(
         if not branch.joints:
             found.tips[branch.tip] = carrier, inverse(frame) @ branch.tip_pose
             continue
-        more = _Walk(chain, convention, number(tolerance), fixed_rows, branch, frame).result
+        more = _JointWalk(chain, convention, number(tolerance), fixed_rows, branch, frame).result
         first, *rows = more.rows
         for k, row in enumerate(rows):
             row.parent = len(found.rows) + k - 1 if k else carrier
@@ -146,7 +146,7 @@ def denavit_hartenberg(
     return found
 
 
-class _Walk:
+class _JointWalk:
     """Goes along the joints to the first tip, or from the ``frame`` of the link that carries a ``branch`` to its tip.
 
     The first row of a branch is the step from that frame, a row without a joint.

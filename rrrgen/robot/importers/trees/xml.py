@@ -61,7 +61,7 @@ class _TooLargeError(Exception):
 
 def parse_xml(text: str, faults: FaultList) -> Element | None:
     """The root element; a fault with its place and None if ``text`` is not well-formed XML within the bounds."""
-    reader = _Reader(text, faults)
+    reader = _XmlReader(text, faults)
     try:
         reader.parser.Parse(text.encode("utf-8"), True)
     except expat.ExpatError as error:
@@ -77,7 +77,7 @@ def _longest(faults: FaultList, line: int) -> int:
     return len(faults.lines[line - 1]) if 0 < line <= len(faults.lines) else 0
 
 
-class _Reader:
+class _XmlReader:
     def __init__(self, text: str, faults: FaultList) -> None:
         self.faults = faults
         self.lines = text.encode("utf-8").splitlines(keepends=True)
