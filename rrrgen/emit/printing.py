@@ -122,7 +122,7 @@ _LONGEST = 88  # characters of one expression; with the declaration in front a l
 
 def print_body(program: Program, target: FunctionTarget) -> list[str]:
     """The statements of a function as lines without indentation; the last ones report the status, if there is any."""
-    return _FunctionBody(program, target).lines
+    return FunctionBody(program, target).lines
 
 
 class Statements:
@@ -266,12 +266,15 @@ class Statements:
         return Text(f"{first}*{right.within(UNARY)}", PRODUCT)
 
 
-class _FunctionBody(Statements):
-    """A whole function: outputs are written as soon as they are known, which keeps few values alive at a time."""
+class FunctionBody(Statements):
+    """A whole function: outputs are written as soon as they are known, which keeps few values alive at a time.
 
-    def __init__(self, program: Program, target: FunctionTarget) -> None:
+    Locals get no name that is ``taken``.
+    """
+
+    def __init__(self, program: Program, target: FunctionTarget, taken: Iterable[str] = ()) -> None:
         ports = (*program.inputs, *program.outputs)
-        names = Names(target.reserved, [port.name for port in ports])
+        names = Names(target.reserved, [*(port.name for port in ports), *taken])
         super().__init__(program, target, names, lambda port, k: target.element(program.inputs[port], k))
         self._function = target
         self._places = _places_of_outputs(program)
@@ -280,6 +283,7 @@ class _FunctionBody(Statements):
         self.lines += [target.unused(port) for k, port in enumerate(program.inputs) if k not in read]
         self.write()
         self._finish()
+        self._report()
 
     def _worth_a_name(self) -> list[bool]:
         """For every node, whether it gets a local variable; one that only outputs use is written to the first one."""
@@ -315,7 +319,7 @@ class _FunctionBody(Statements):
         return self.program.nodes[index].args[number]
 
     def _finish(self) -> None:
-        """Print the outputs that only copy an input or a constant, in order, then the status."""
+        """Print the outputs that only copy an input or a constant, in order."""
         if self._committed:
             self._commit()
         for k, (port, elements) in enumerate(zip(self.program.outputs, self.program.results, strict=True)):
@@ -323,6 +327,9 @@ class _FunctionBody(Statements):
                 if index in self._places and not self.program.is_status(k):
                     place = self._function.element(port, element, output=True)
                     self.lines.append(f"{place} = {self.texts[index].code};")
+
+    def _report(self) -> None:
+        """Print the status, if there is any."""
         if (status := self.program.status) is not None:
             (index,) = self.program.results[status.output]
             self.lines += self._function.outcome(status, self.texts[index])

@@ -53,7 +53,11 @@ def function_files(
     dialect = Dialect(prefix, real)
     functions = print_functions({program.name: program for program in programs}, dialect, sincos).values()
     failures = failures_of(programs, dialect)
-    printed = "\n".join(line for f in functions for line in (f.prototype, *f.explanation, *f.body))
+    printed = "\n".join(
+        line
+        for f in functions
+        for line in (f.prototype, *f.explanation, *f.body, *(text for part in f.parts for text in part.body))
+    )
     header, source = "c/functions.h.j2", "c/source.c.j2"
     if extension is not None:
         header, source = f"c/{extension.template}.h.j2", f"c/{extension.template}.c.j2"

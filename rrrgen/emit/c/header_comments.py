@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from rrrgen.emit.c.division import divided
 from rrrgen.emit.c.language import Dialect
 from rrrgen.emit.c.stack import stack_bound
 from rrrgen.emit.printing import columns, plain, wrapped
@@ -19,15 +22,21 @@ def prototype(program: Program, dialect: Dialect) -> str:
     """The declaration without semicolon: inputs, then outputs; broken over lines where it is long."""
     returns = f"{dialect.prefix}_status" if program.status else "void"
     head = f"{returns} {function_name(program, dialect)}("
-    parameters = [_input(port, dialect) for port in program.inputs]
-    parameters += [_output(port, dialect) for port in program.data_outputs]
+    parameters = [input_parameter(port, dialect) for port in program.inputs]
+    parameters += [output_parameter(port, dialect) for port in program.data_outputs]
+    return declaration(head, parameters)
+
+
+def declaration(head: str, parameters: Sequence[str]) -> str:
+    """The declaration that begins with ``head``, up to the parenthesis, broken over lines where it is long."""
     line = head + ", ".join(parameters or ["void"]) + ")"
     if len(line) <= _LONGEST_LINE:
         return line
     return head + (",\n" + " " * len(head)).join(parameters) + ")"
 
 
-def _input(port: Port, dialect: Dialect) -> str:
+def input_parameter(port: Port, dialect: Dialect) -> str:
+    """The declaration of an input in the list of parameters."""
     return (
         f"{dialect.real_type} {port.name}"
         if port.shape == ()
@@ -35,7 +44,8 @@ def _input(port: Port, dialect: Dialect) -> str:
     )
 
 
-def _output(port: Port, dialect: Dialect) -> str:
+def output_parameter(port: Port, dialect: Dialect) -> str:
+    """The declaration of an output in the list of parameters."""
     restrict = f"{dialect.macro}_RESTRICT"
     if port.shape == ():
         return f"{dialect.real_type} *{restrict} {port.name}"
@@ -57,6 +67,11 @@ def explanation(program: Program, dialect: Dialect, on_device: bool = False, rou
     lines += ["", f"Operations: {count_operations(program)}."]
     if not on_device:
         lines += [f"Stack: {stack_bound(program, dialect.real)}."]
+        if (division := divided(program)) is not None:
+            lines += wrapped(
+                f"It consists of {division.parts} static functions, since compilers take too long for one, with an "
+                f"array of {division.size} values that several of them need; the bound of the stack includes it."
+            )
     lines += wrapped(rounding)
     for note in program.notes:
         lines += wrapped(note)

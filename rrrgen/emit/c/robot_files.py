@@ -12,8 +12,10 @@ from rrrgen.base.templates import render
 from rrrgen.derive.functions.table import ARGUMENT_ORDER, find
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
+from rrrgen.emit.c.division import divided
 from rrrgen.emit.c.header_comments import explanation, prototype
 from rrrgen.emit.c.language import Dialect, LibmSinCos, SinCos, Trig, nonfinite_function, print_body, sincos_strategy
+from rrrgen.emit.c.parts import Part, print_in_parts
 from rrrgen.emit.c.path_timing import timing_files
 from rrrgen.emit.c.stack import STACK_RULE
 from rrrgen.emit.description import facts, large_angles, programs_of, title
@@ -78,11 +80,15 @@ def _number(value: float | None, dialect: Dialect, unlimited: str = "INFINITY") 
 
 @dataclass(frozen=True)
 class Function:
-    """The texts of one C function that the templates put together: prototype, lines of comment, lines of body."""
+    """The texts of one C function that the templates put together: prototype, lines of comment, lines of body.
+
+    A long function calls ``parts``, static functions that stand before it.
+    """
 
     prototype: str
     explanation: tuple[str, ...]
     body: tuple[str, ...]
+    parts: tuple[Part, ...] = ()
 
 
 def header_and_sources(
@@ -173,14 +179,16 @@ def print_functions(
 ) -> dict[str, Function]:
     """The prototype, comment and body of every program, by name."""
     sentences = {name: each.sentence for name, each in (rounding or {}).items()}
-    return {
-        name: Function(
-            prototype=prototype(program, dialect),
-            explanation=tuple(explanation(program, dialect, rounding=sentences.get(name, ""))),
-            body=tuple(print_body(program, dialect, sincos)),
-        )
-        for name, program in programs.items()
-    }
+
+    def printed(name: str, program: Program) -> Function:
+        comment = tuple(explanation(program, dialect, rounding=sentences.get(name, "")))
+        division = divided(program)
+        if division is None:
+            return Function(prototype(program, dialect), comment, tuple(print_body(program, dialect, sincos)))
+        parts, body = print_in_parts(program, division, dialect, sincos)
+        return Function(prototype(program, dialect), comment, tuple(body), parts)
+
+    return {name: printed(name, program) for name, program in programs.items()}
 
 
 def _sources(prefix: str, model: DerivedModel) -> str:

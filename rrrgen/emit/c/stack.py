@@ -9,9 +9,10 @@ that its frames depend less on the precision and more on the number of results.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 from rrrgen.emit import Real
+from rrrgen.emit.c.division import divided
 from rrrgen.program import Op, Program
 
 STACK_RULE = (
@@ -39,31 +40,50 @@ class StackBound:
 
 
 def stack_bound(program: Program, real: Real) -> StackBound:
-    """The bound of the stack of a function by the :data:`STACK_RULE`, rounded up to multiples of 16 bytes."""
+    """The bound of the stack of a function by the :data:`STACK_RULE`, rounded up to multiples of 16 bytes.
+
+    To a divided function (:mod:`rrrgen.emit.c.division`) gcc gives the array of the shared values, and in the worst
+    case the frames of two parts, of one that it merges into the function and of one that this calls. clang merges all
+    parts into one function, in which no array is left.
+    """
     size = 8 if real == "double" else 4
-    alive = most_alive(program)
-    results = len({element for elements in program.results for element in elements})
-    return StackBound(
-        gcc=_aligned(_FIXED + (3 * alive + 4 * results) * size // 2),
-        clang=_aligned(_FIXED + 20 * alive + 16 * results),
-    )
+    division = divided(program)
+    gcc = _gcc_frame(program, 0, len(program.nodes), size)
+    if division is not None:
+        largest = max(_gcc_frame(program, *part, size) for part in pairwise(division.starts))
+        gcc = _FIXED + division.size * size + 2 * largest
+    return StackBound(gcc=_aligned(gcc), clang=_aligned(_FIXED + 20 * most_alive(program) + 16 * _results(program)))
 
 
-def most_alive(program: Program) -> int:
+def _gcc_frame(program: Program, start: int, end: int, size: int) -> int:
+    alive = most_alive(program, start, end)
+    return _FIXED + (3 * alive + 4 * _results(program, start, end)) * size // 2
+
+
+def _results(program: Program, start: int = 0, end: int | None = None) -> int:
+    """The number of different results; with ``start`` and ``end``, of those that these nodes compute."""
+    nodes = range(start, len(program.nodes) if end is None else end)
+    return len({element for elements in program.results for element in elements if element in nodes})
+
+
+def most_alive(program: Program, start: int = 0, end: int | None = None) -> int:
     """The largest number of values that are needed at the same time while the program runs in its order.
 
     A computed value counts from its definition to its last use, an input from its first use on, a constant never.
+    With ``start`` and ``end`` only these nodes run, and an earlier value counts from its first use among them on.
     """
     nodes = program.nodes
+    end = len(nodes) if end is None else end
     first, last = list(range(len(nodes))), list(range(len(nodes)))
-    for index, node in enumerate(nodes):
-        for arg in node.args:
+    for index in range(start, end):
+        for arg in nodes[index].args:
             last[arg] = index
-            if nodes[arg].op is Op.INPUT and first[arg] == arg:
+            if first[arg] == arg and (nodes[arg].op is Op.INPUT or arg < start):
                 first[arg] = index
     change = [0] * (len(nodes) + 1)
-    for index, node in enumerate(nodes):
-        if node.args or (last[index] > index and node.op is Op.INPUT):
+    for index in range(end):
+        node, used = nodes[index], last[index] > index
+        if (node.args and (index >= start or used)) or (used and node.op is Op.INPUT):
             change[first[index]] += 1
             change[last[index] + 1] -= 1
     return max(accumulate(change), default=0)
