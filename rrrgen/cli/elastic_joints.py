@@ -49,8 +49,8 @@ def elastic_joints(
     """Estimate stiffness, damping and rotor inertia of elastic joints, with the parameters of the links.
 
     The recordings hold the positions of the motors, seen at the joints, and the torques. The motion must be excited up
-    to the resonances. The masses of ROBOT are not used. Writes elastic_joints.json to DIR. Exits with 4 if no joint
-    shows that it is elastic.
+    to the resonances. The masses of ROBOT are not used. Writes elastic_joints.json to DIR. Exits with 1 if the
+    torques of a joint are not explained, and with 4 if no joint shows that it is elastic.
 
     \b
     Example:
@@ -58,7 +58,7 @@ def elastic_joints(
     """
     from rrrgen.lab.studies.estimate_elastic_joints import estimate_elastic_joints
 
-    run_study(
+    result = run_study(
         estimate_elastic_joints,
         robot_source(robot),
         logs,
@@ -70,4 +70,4 @@ def elastic_joints(
         last=f"results in {output}",
         **more,
     )
-    return 0
+    return 0 if result.trusted else 1

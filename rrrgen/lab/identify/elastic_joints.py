@@ -41,6 +41,7 @@ from rrrgen.lab.estimate.regression import correlated_covariance, least_squares
 from rrrgen.lab.estimate.search import Search, search
 from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
+from rrrgen.lab.identify.scores import UNEXPLAINED
 
 DAMPER = 3  # order of the expansion in T = D/K; the odd orders hold the damping, which two made 1 % too small
 ORDERS = 4 + DAMPER  # of the derivatives of the positions: accelerations, of torques that accelerate rotors
@@ -84,6 +85,11 @@ class ElasticJoints:
     bandwidth: float
     notes: tuple[str, ...] = ()
 
+    @property
+    def unexplained(self) -> NDArray[np.bool_]:
+        """Which joints (n,) have torques that the model does not explain: nothing is to be written then."""
+        return self.error > UNEXPLAINED
+
     def parameters(self, spec: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Names and units of the values, joint after joint."""
         turning = ("N m/rad", "N m s/rad", "kg m^2", "N m s/rad", "N m", "N m")
@@ -94,9 +100,11 @@ class ElasticJoints:
     def lines(self) -> list[str]:
         """The estimate as text, with what to write into the robot file."""
         lines, written = [], []
-        for joint, (k, d, inertia, *_), (of_k, of_d, of_inertia, *_), least in zip(
-            self.joints, self.values, self.std, self.least, strict=True
+        for joint, (k, d, inertia, *_), (of_k, of_d, of_inertia, *_), least, unexplained in zip(
+            self.joints, self.values, self.std, self.least, self.unexplained, strict=True
         ):
+            if unexplained:
+                continue
             if np.isnan(k):
                 lines.append(f"{joint}: no elasticity shows; the stiffness is above {least:.3g}")
                 continue
@@ -112,7 +120,9 @@ class ElasticJoints:
             f"relative torque error below {self.bandwidth:.3g} Hz: {after:.3g} % with elastic joints, "
             f"{before:.3g} % with rigid ones"
         )
-        return [*lines, "in the robot file, in SI:", *written, *(f"note: {note}" for note in self.notes)]
+        if written and not self.unexplained.any():
+            lines += ["in the robot file, in SI:", *written]
+        return [*lines, *(f"note: {note}" for note in self.notes)]
 
     def to_json(self) -> dict[str, Any]:
         """The values, deviations and errors as plain data for JSON; None for what is not determined."""
@@ -554,18 +564,28 @@ class _Fit:
 
     def _notes(self, joints: Sequence[str], elastic: NDArray[np.bool_]) -> tuple[str, ...]:
         _, T, J, _ = self._unknowns(self.end.state)
-        slow = [name for name, t in zip(joints, T, strict=True) if abs(t) * 2.0 * pi * self.bandwidth > LONG]
-        notes = []
-        if slow:
+        explained, notes = self.error <= UNEXPLAINED, []
+
+        def those(which: NDArray[np.bool_]) -> str:
+            return ", ".join(name for name, it in zip(joints, which, strict=True) if it)
+
+        if not explained.all():
+            left = ", ".join(f"{100.0 * error:.2g}" for error in self.error[~explained])
             notes.append(
-                f"{', '.join(slow)}: D/K is not short beside the periods in the recording, which the method presumes; "
-                "a lower bandwidth may help"
+                f"the torques of {those(~explained)} are not explained, with elastic joints or without: {left} % of "
+                "them are left. Are positions and torques in the right units, at the joints, with the right signs and "
+                "in the right columns, and do the rows of the robot file belong to this arm? `rrrgen identify` "
+                "compares such causes"
             )
-        wrong = [name for name, j, known in zip(joints, J, elastic, strict=True) if known and j <= 0.0]
-        if wrong:
+        slow = explained & (np.abs(T) * 2.0 * pi * self.bandwidth > LONG)
+        if slow.any():
             notes.append(
-                f"{', '.join(wrong)}: the rotor inertia is not positive: the elasticity is not that of a joint"
+                f"{those(slow)}: D/K is not short beside the periods in the recording, which the method presumes; a "
+                "lower bandwidth may help"
             )
+        wrong = explained & elastic & (J <= 0.0)
+        if wrong.any():
+            notes.append(f"{those(wrong)}: the rotor inertia is not positive: the elasticity is not that of a joint")
         return tuple(notes)
 
 

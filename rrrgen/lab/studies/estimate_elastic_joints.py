@@ -52,6 +52,11 @@ class ElasticJointsResult(FittedResult):
 
     elastic: ElasticJoints
 
+    @property
+    def trusted(self) -> bool:
+        """Whether the model explains the torques of all joints."""
+        return not self.elastic.unexplained.any()
+
     def lines(self, width: int | None = None) -> list[str]:
         """The report: values with their deviations, torque errors, what to write into the robot file."""
         return self.elastic.lines()

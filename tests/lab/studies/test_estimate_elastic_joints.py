@@ -1,5 +1,6 @@
 """Elastic joints as a function: from arrays without files, with the numbers of the command."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,20 @@ def test_arrays_give_the_numbers_of_the_command(tmp_path, capsys):
         assert float(result[f"rotor_inertia_{joint}"]) == pytest.approx(ROTOR[k], rel=0.02)
     assert "drive: {inertia: " in repr(result)
     assert result._repr_html_().count("<tr>") == 13
+
+
+def test_torques_that_are_not_explained_give_no_lines_to_write(tmp_path, capsys):
+    """Degrees read as radians gave a stiffness of 229 +- 30 where it is 9000, a line to write, and the exit code 0."""
+    log = recorded(1.5, FlexibleJoints(ROTOR, STIFFNESS, DAMPING))
+    write_log(tmp_path / "log.csv", replace(log, q=np.degrees(log.q)))
+    command = ["experiment", "elastic-joints", "planar2r", "--log", tmp_path / "log.csv", "-o", tmp_path / "run"]
+    code, found = printed_json(capsys, *command, "--bandwidth", 40)
+    assert code == 1
+    (note,) = found["notes"]
+    assert "are not explained, with elastic joints or without: " in note
+    result = rrrgen.estimate_elastic_joints("planar2r", tmp_path / "log.csv", bandwidth=40)
+    assert not result.trusted
+    assert "drive: {inertia: " not in repr(result)
 
 
 def test_robots_of_other_kinds_are_refused():
