@@ -232,6 +232,13 @@ class Builder:
         product = Scalar(self, self._node(Op.MUL, (i, j) if i < j else (j, i)))
         return product if minus_x == minus_y else self.neg(product)
 
+    def knows_product(self, x: Value, y: Value) -> bool:
+        """Whether x * y is recorded, up to its sign."""
+        if not isinstance(x, Scalar) or not isinstance(y, Scalar):
+            return False
+        (i, _), (j, _) = self._unsigned(x), self._unsigned(y)
+        return self._known(Op.MUL, (i, j) if i < j else (j, i)) is not None
+
     def _scale(self, factor: Number, x: Scalar) -> Value:
         recorded, x = self._scaled(x)
         factor = plain(factor if recorded == 1 else factor * recorded)

@@ -7,11 +7,13 @@ from collections.abc import Callable
 import mpmath as mp
 import numpy as np
 import pytest
+from hypothesis import given
 
 from emit.casadi_cases import arguments, random_program
+from program.passes.programs import programs, recorded, same_values
 from rrrgen.base.errors import InternalError
 from rrrgen.program import Builder, Op, Port, Program, count_operations, evaluate
-from rrrgen.program.differentiation import jacobian
+from rrrgen.program.differentiation import jacobian, record, tangents
 
 DIGITS = 40
 ROUND_OFF = 1e-12  # relative to the largest derivative: the program computes in double, the reference does not
@@ -97,3 +99,33 @@ def test_what_has_no_rule_is_an_internal_error(monkeypatch):
 
     with pytest.raises(InternalError, match="no derivative rule"):
         differentiate._partials(Builder(), Op.SELECT, [1, 2, 3], 1)
+
+
+def along_a_direction(program: Program, rotations: bool) -> Program:
+    """The one output of ``program`` and its derivative along a direction that depends on the inputs."""
+    builder = Builder()
+    inputs = [builder.input(port) for port in program.inputs]
+    q, dq, beta = inputs
+    seeds = [[{0: value} for value in row] for row in ([*dq, beta[0]], [beta[1], q[0]], q)]
+    values = record(program, builder, inputs)
+    (slopes,) = tangents(program, builder, values, seeds, rotations)
+    results = [[values[k] for k in program.results[0]], [slope.get(0, 0) for slope in slopes]]
+    return builder.program("slopes", list(zip(program.outputs * 2, results, strict=True)))
+
+
+@given(programs())
+def test_the_rule_for_rotations_changes_no_derivative(program):
+    assert same_values(*(along_a_direction(program, rotations) for rotations in (False, True)))
+
+
+def test_a_rotated_vector_takes_fewer_operations():
+    """Also where the terms stand in longer sums, as those of a wrench that is added to another."""
+
+    def rotated(b, q, dq, beta):
+        c, s, (x, y) = b.cos(q[0]), b.sin(q[0]), dq
+        return [c * x - s * y, beta[0] + s * x + c * y - beta[1]]
+
+    program = recorded(rotated)
+    plain, short = (along_a_direction(program, rotations) for rotations in (False, True))
+    assert same_values(plain, short)
+    assert count_operations(plain).total - count_operations(short).total == 3

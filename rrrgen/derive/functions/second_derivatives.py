@@ -296,4 +296,4 @@ def _along(
         places = range(count, count + len(inputs[k]))
         seeds[k] = [{place: 1} if direction is None else {0: direction[place]} for place in places]
         count += len(inputs[k])
-    return tangents(program, builder, values, seeds)
+    return tangents(program, builder, values, seeds, rotations=direction is not None)
