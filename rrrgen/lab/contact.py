@@ -13,6 +13,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.kalman import KalmanMatrices, KalmanSmoother, tune_stretches
 from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -362,7 +363,8 @@ LONGEST_DELAY = 0.5
 class ContactFindings:
     """What recordings with the sampling ``period`` (s), made without contact, tell about contacts.
 
-    ``detection`` tells how fast a force at the tip exceeds the ``thresholds``; ``covariance`` is that of the residuals.
+    ``detection`` tells how fast a force at the tip exceeds the ``thresholds``; ``covariance`` is that of the residuals,
+    ``shares`` (n,) are their RMS over that of the torques.
     """
 
     thresholds: ContactThresholds
@@ -370,6 +372,12 @@ class ContactFindings:
     detection: Detection
     gain: float
     period: float
+    shares: tuple[float, ...]
+
+    def notes(self, joints: Sequence[str]) -> list[str]:
+        """Sentences on ``joints`` whose torques the model of the arm explains badly."""
+        bad = {name: share for name, share in zip(joints, self.shares, strict=True) if not share <= UNEXPLAINED}
+        return [not_explained(f"the torques of {', '.join(bad)} are not explained", bad.values())] if bad else []
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, in the form written to contact.json."""
@@ -378,6 +386,7 @@ class ContactFindings:
             "covariance_enlarged": self.covariance.enlarged,
             "gain": self.gain,
             "period": self.period,
+            "residuals_over_torques": self.shares,
             "detection": self.detection.__dict__,
         }
 
@@ -422,7 +431,10 @@ def findings_of_recordings(
     J = model.jacobian(q[::every])
     responses = step_responses(kalman.matrices(period, model.n), gain, LONGEST_DELAY)
     detection = expected_detection(found, J[:: max(1, len(J) // POSES)], responses, period, gain, force)
-    return ContactFindings(found, residual_covariance(r[::every], J), detection, gain, period)
+    size = np.sqrt(np.mean(np.concatenate([tau for _, tau in stretches]) ** 2, axis=0))
+    shares = np.sqrt(np.mean(r**2, axis=0)) / np.maximum(size, np.finfo(float).tiny)
+    covariance = residual_covariance(r[::every], J)
+    return ContactFindings(found, covariance, detection, gain, period, tuple(shares.tolist()))
 
 
 def _usable(recording: Log) -> list[tuple[np.ndarray, np.ndarray]]:

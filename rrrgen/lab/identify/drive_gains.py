@@ -32,6 +32,7 @@ from rrrgen.lab.identify.observations import Recording, RowMaker
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor, assembled
 from rrrgen.lab.identify.rows import body_columns, factored, slow_samples
+from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
 
 PASSES = 50
 SETTLED = 1e-14  # relative decrease of the weighted squares at which the search ends
@@ -192,10 +193,12 @@ def _fitted(factors: JointFactors, blocks: Iterable[Rows], joints: Sequence[str]
             f"no joint carries the payload in the recording {option_name('loaded')}: are the recordings exchanged?",
         )
         determined[:] = False
-    if not np.any(determined):
-        raise DerivationError("; ".join(notes))
     total = float(np.sum(current**2))
     error = float(np.sqrt(np.sum(residual**2) / total))
+    if error > UNEXPLAINED:
+        raise DerivationError(not_explained("no gains explain the torques", [error]))
+    if not np.any(determined):
+        raise DerivationError("; ".join(notes))
     plain = solve(W.reshape(-1, p), (current - load).ravel()).x
     alone = float(np.sqrt(np.sum((current - load - W @ plain) ** 2) / total))
     return DriveGains(tuple(joints), gain, std, determined, error, alone, tuning, notes)

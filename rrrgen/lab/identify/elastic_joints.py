@@ -41,7 +41,7 @@ from rrrgen.lab.estimate.regression import correlated_covariance, least_squares
 from rrrgen.lab.estimate.search import Search, search
 from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
-from rrrgen.lab.identify.scores import UNEXPLAINED
+from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
 
 DAMPER = 3  # order of the expansion in T = D/K; the odd orders hold the damping, which two made 1 % too small
 ORDERS = 4 + DAMPER  # of the derivatives of the positions: accelerations, of torques that accelerate rotors
@@ -198,6 +198,8 @@ def identify_elastic_joints(
     best = fits[int(np.argmin(vague))] if bandwidth is None else fits[-1]
     found = best.result(recordings[0].joints)
     if not np.any(np.isfinite(found.values[:, 0])):
+        if found.unexplained.any():
+            raise DerivationError(found.notes[0])
         bounds = ", ".join(f"{name} above {k:.3g}" for name, k in zip(found.joints, found.least, strict=True))
         raise DerivationError(
             "no joint shows that it is elastic: excite the joints up to their resonances. "
@@ -570,13 +572,7 @@ class _Fit:
             return ", ".join(name for name, it in zip(joints, which, strict=True) if it)
 
         if not explained.all():
-            left = ", ".join(f"{100.0 * error:.2g}" for error in self.error[~explained])
-            notes.append(
-                f"the torques of {those(~explained)} are not explained, with elastic joints or without: {left} % of "
-                "them are left. Are positions and torques in the right units, at the joints, with the right signs and "
-                "in the right columns, and do the rows of the robot file belong to this arm? `rrrgen identify` "
-                "compares such causes"
-            )
+            notes.append(not_explained(f"the torques of {those(~explained)} are not explained", self.error[~explained]))
         slow = explained & (np.abs(T) * 2.0 * pi * self.bandwidth > LONG)
         if slow.any():
             notes.append(

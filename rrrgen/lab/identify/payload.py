@@ -27,6 +27,7 @@ from rrrgen.lab.identify.observations import Recording, RowMaker
 from rrrgen.lab.identify.parameters import Column, DriveTerms
 from rrrgen.lab.identify.regressor import assembled
 from rrrgen.lab.identify.rows import body_columns, deviations, factored, inertial, slow_samples
+from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
 from rrrgen.lab.identify.validation import robot_model
 from rrrgen.robot.model.inertial_parameters import STANDARD, link_of, standard_parameters
 from rrrgen.robot.spec import RobotSpec
@@ -121,7 +122,8 @@ def identify_payload(
     """Estimate the payload of the compiled robot ``model``, whose file states its links, from ``recordings``.
 
     ``correct_friction`` also estimates corrections of friction. Raises InputError for a robot without links and for
-    recordings that do not fit it, DerivationError if the motion does not determine the mass.
+    recordings that do not fit it, DerivationError if no payload explains the torques or the motion does not determine
+    its mass.
     """
     if model.spec.links is None:
         raise InputError("the robot file has no links: a payload needs a known arm")
@@ -152,6 +154,15 @@ def identify_payload(
     def expand(x: Array) -> Array:
         return np.asarray(to_all @ x + known)
 
+    total = float(np.sum(factors.torque_squares))
+    if not total > 0.0:
+        raise DerivationError("all torques of the recordings are zero, or none of them is valid")
+
+    def error_of(x: Array) -> float:
+        return float(np.sqrt(np.sum(factors.residual_squares(x)) / total))
+
+    if (least := error_of(expand(estimate.x))) > UNEXPLAINED:
+        raise DerivationError(not_explained("no payload explains the torques", [least]))
     white = residual_whiteness(blocks, expand(estimate.x))
     if estimate.relative_error > 1e-9:
         lags = max(correlation_lags(w) for w in white)
@@ -164,9 +175,7 @@ def identify_payload(
     values, std = inertial(phi), deviations(inertial, phi, covariance)
     by_prior = deviations(inertial, phi, assumed) ** 2 > ASSUMED * std**2
     undetermined = tuple(name for name, prior in zip(NAMES, by_prior, strict=True) if prior)
-    total = float(np.sum(factors.torque_squares))
-    error = float(np.sqrt(np.sum(factors.residual_squares(expand(found.theta))) / total))
-    alone = float(np.sqrt(np.sum(factors.residual_squares(known)) / total))
+    error, alone = error_of(expand(found.theta)), error_of(known)
     if not std[0] <= CERTAIN * values[0] or values[0] * 9.81 * PRIOR_RADIUS < SHARE * size:
         raise DerivationError(
             f"the mass of the payload is not determined: {values[0]:.3g} +- {std[0]:.2g} kg, and the torque error "

@@ -463,9 +463,22 @@ def joint_table(scores: Sequence[Score], joints: Sequence[str], width: int | Non
 # A small total error hides a light joint: its torque hardly counts in the norm over all joints.
 # ------------------------------------------------------------------------------------------------------------------
 
-UNEXPLAINED = 0.3  # relative error of a joint's torque above which it counts as not explained
+UNEXPLAINED = 0.3  # relative error of a torque above which it counts as not explained
 WORSE = 2.0  # and how many times that of the fitted rows it is; otherwise the diagnosis of the fit tells of it
 COVERED = 0.85  # share of rows in a 95 % band below which the band is too narrow; residuals are correlated
+
+
+def not_explained(what: str, errors: Iterable[float]) -> str:
+    """Sentence on torques whose relative ``errors`` are large, with the questions that follow from it.
+
+    ``what`` says whose torques they are or what does not explain them.
+    """
+    left = ", ".join(f"{100.0 * error:.3g}" for error in errors)
+    return (
+        f"{what}: {left} % of them are left. Are positions and torques in the right units, at the joints, with the "
+        "right signs and in the right columns, and do the rows of the robot file belong to this arm? `rrrgen identify` "
+        "compares such causes"
+    )
 
 
 def held_out_notes(

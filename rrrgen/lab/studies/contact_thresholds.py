@@ -75,6 +75,7 @@ class ContactResult(StudyResult):
             *(" ".join([f"  {name:8}", *(f"{value:10.4g}" for value in values)]) for name, *values in rows),
             f"from {limits.blocks} blocks of {limits.block:g} s, for one false alarm in {limits.seconds_per_alarm:g} s",
             self.found.detection.sentence(),
+            *(f"note: {note}" for note in self.found.notes(self.joints)),
         ]
 
     def table(self) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
@@ -155,9 +156,11 @@ def _find(
     """Run the observer along the recordings, and fit the distributions."""
     from rrrgen.lab.contact import findings_of_recordings
     from rrrgen.lab.data.kalman import read_tuning
+    from rrrgen.lab.studies.sources import tell_causes
 
     progress(0, 0, "finding thresholds")
     recordings = logs.load(findings)
+    tell_causes(arm.spec, recordings, findings)
     tuning = None if chosen.tuning is None else read_tuning(chosen.tuning, arm.spec.n)
     found = findings_of_recordings(arm.model, recordings, tuning, **chosen.settings())
     return ContactResult(arm.spec.name, tuple(joint.name for joint in arm.spec.joints), found, run=run)

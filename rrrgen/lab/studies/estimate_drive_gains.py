@@ -143,8 +143,11 @@ def _estimate(
     import numpy as np
 
     from rrrgen.lab.identify.drive_gains import identify_gains
+    from rrrgen.lab.studies.sources import tell_causes
 
     progress(0, 0, "estimating drive gains")
-    found = identify_gains(arm.model, logs.open(findings), carrying.open(findings), body, processing)
+    empty, loaded = logs.open(findings), carrying.open(findings)
+    tell_causes(arm.spec, [*empty, *loaded], findings)
+    found = identify_gains(arm.model, empty, loaded, body, processing)
     gain, std = (np.where(found.determined, values, np.nan) for values in (found.gain, found.std))
     return DriveGainsResult(found.joints, gain, std, ("",) * len(gain), found.notes, found, run=run)

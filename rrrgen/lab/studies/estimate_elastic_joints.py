@@ -137,9 +137,11 @@ def _estimate(
     _: RunFolder | None,
 ) -> ElasticJointsResult:
     from rrrgen.lab.identify.elastic_joints import identify_elastic_joints
+    from rrrgen.lab.studies.sources import tell_causes
 
     positions = () if beside is None else beside.load(findings)
-    held = chosen.torques == "held"
-    found = identify_elastic_joints(arm.model, logs.load(findings), positions, chosen.bandwidth, progress, held)
+    held, recordings = chosen.torques == "held", logs.load(findings)
+    tell_causes(arm.spec, recordings, findings)
+    found = identify_elastic_joints(arm.model, recordings, positions, chosen.bandwidth, progress, held)
     names, units = found.parameters(arm.spec)
     return ElasticJointsResult(names, found.values.ravel(), found.std.ravel(), units, found.notes, found, run=run)

@@ -100,7 +100,7 @@ def estimate_payload(
 
     Raises:
         InputError: robot, recordings or options cannot be used; an OptionError for the options.
-        DerivationError: the motion does not determine the mass.
+        DerivationError: no payload explains the torques, or the motion does not determine its mass.
     """
     chosen = with_changes(PayloadOptions, options, changes)
     require("rrrgen experiment payload", "scipy", "cvxpy", "clarabel")
@@ -126,7 +126,10 @@ def _estimate(
     _: RunFolder | None,
 ) -> PayloadResult:
     from rrrgen.lab.identify.payload import NAMES, UNITS, identify_payload
+    from rrrgen.lab.studies.sources import tell_causes
 
     progress(0, 0, "estimating the payload")
-    found = identify_payload(arm.model, logs.open(findings), processing, not chosen.keep_friction)
+    recordings = logs.open(findings)
+    tell_causes(arm.spec, recordings, findings)
+    found = identify_payload(arm.model, recordings, processing, not chosen.keep_friction)
     return PayloadResult(NAMES, found.values, found.std, UNITS, found.notes, arm.spec, found, run=run)

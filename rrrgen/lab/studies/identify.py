@@ -440,10 +440,11 @@ def _estimate(
     from rrrgen.lab.identify.bias import check_bias
     from rrrgen.lab.identify.cross_validation import cross_validate
     from rrrgen.lab.identify.diagnosis.causes import merged
-    from rrrgen.lab.identify.diagnosis.report import diagnose_fit, diagnose_recordings
+    from rrrgen.lab.identify.diagnosis.report import diagnose_fit
     from rrrgen.lab.identify.diagnosis.swinging import swinging_notes
     from rrrgen.lab.identify.floating_base import FloatingModel, check_base, measured_rows, on_floating_base
     from rrrgen.lab.identify.identification import identify as estimate
+    from rrrgen.lab.studies.sources import tell_causes
 
     recordings = logs.open(findings)
     floating = on_floating_base(recordings)
@@ -452,9 +453,7 @@ def _estimate(
         if not measured_rows(recordings).any():
             raise InputError("the recordings have neither the wrench on the base nor joint torques: record one of them")
         _check_flight(torques, arm.model, chosen)
-    before = () if floating else diagnose_recordings(arm.spec, recordings)
-    for cause in before:
-        findings(cause)
+    before = () if floating else tell_causes(arm.spec, recordings, findings)
     model = FloatingModel(arm.model) if floating else arm.model
     found = estimate(
         model,

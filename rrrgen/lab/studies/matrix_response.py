@@ -171,9 +171,12 @@ def _estimate(
 ) -> MatrixResponseResult:
     from rrrgen.lab.experiment.response import beside
     from rrrgen.lab.response.matrix_response import matrix_responses
+    from rrrgen.lab.studies.sources import tell_causes
 
     progress(0, 0, "estimating the frequency response")
-    found = matrix_responses(logs.load(findings), period, held)
+    recordings = logs.load(findings)
+    tell_causes(arm.spec, recordings, findings)
+    found = matrix_responses(recordings, period, held)
     computed = [_computed(arm, each) for each in found]
     modes = {each.name: own for each, own in zip(found, computed, strict=True) if own is not None}
     elastic = beside(found, modes) if len(modes) == len(found) else None

@@ -57,6 +57,16 @@ def ignore(*_: Any) -> None:
     """Take no notice: the callback of a caller who gave none."""
 
 
+def tell_causes(spec: RobotSpec, recordings: Sequence[Recording], findings: FindingsCallback) -> tuple[Cause, ...]:
+    """Diagnose the clock, the recorded speeds and the limits of ``recordings``; ``findings`` receives every cause."""
+    from rrrgen.lab.identify.diagnosis.report import diagnose_recordings
+
+    causes = diagnose_recordings(spec, recordings)
+    for cause in causes:
+        findings(cause)
+    return causes
+
+
 COLUMN = {
     "position": "q",
     "velocity": "dq",

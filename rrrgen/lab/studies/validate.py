@@ -255,17 +255,15 @@ def _score(
     from rrrgen.lab.closed_loop.validation import validate_loop
     from rrrgen.lab.identify.bandwidth import tune
     from rrrgen.lab.identify.consistency import indefinite_share, pose_limits
-    from rrrgen.lab.identify.diagnosis.report import diagnose_recordings
     from rrrgen.lab.identify.scores import OWN, Common, Fingerprint, common_share, fingerprint
     from rrrgen.lab.identify.validation import Thresholds, robot_model, validate_recordings
+    from rrrgen.lab.studies.sources import tell_causes
 
     progress(0, 0, "comparing torques")
     spec, model, controller = arm.spec, arm.model, loop.controller
     by_loop = controller is not None and not controller.records_what_acts  # inverse dynamics lack what is not recorded
     recordings = logs.open(findings)
-    causes = diagnose_recordings(spec, recordings)
-    for cause in causes:
-        findings(cause)
+    causes = tell_causes(spec, recordings, findings)
     known = [Fingerprint(fit.hashes, fit.windows) for fit in spec.provenance]
     known += [] if fitted is None else [fingerprint([recording]) for recording in fitted.open()]
     origin_known = bool(known) or NO_RECORDING in chosen.fitted_on

@@ -29,6 +29,14 @@ def test_arrays_give_the_numbers_of_the_command(arrays, tmp_path, capsys):
     assert result._repr_html_().count("<tr>") == 3
 
 
+def test_residuals_as_large_as_the_torques_get_a_note(arrays):
+    sound = rrrgen.contact_thresholds("planar2r", arrays, block=0.2)
+    assert "note: " not in repr(sound)
+    assert max(sound.found.shares) < 0.1
+    wrong = rrrgen.contact_thresholds("planar2r", arrays | {"tau": arrays["tau"] * [1.0, -1.0]}, block=0.2)
+    assert "note: the torques of q2 are not explained: " in repr(wrong)
+
+
 def test_a_tuning_that_is_none_is_refused(arrays, tmp_path):
     (tmp_path / "tuning.json").write_text("{}")
     with pytest.raises(rrrgen.InputError, match="is no tuning of a Kalman filter"):

@@ -39,6 +39,12 @@ def test_exchanged_recordings_are_told_by_the_name_of_the_argument(recordings):
         rrrgen.estimate_drive_gains("planar2r", *recordings[::-1], mass=MASS, com=COM)
 
 
+def test_torques_that_no_gains_explain_are_refused(recordings):
+    degrees = [{**arrays, "q": np.degrees(arrays["q"])} for arrays in recordings]
+    with pytest.raises(rrrgen.DerivationError, match="no gains explain the torques: "):
+        rrrgen.estimate_drive_gains("planar2r", *degrees, mass=MASS, com=COM)
+
+
 @pytest.mark.parametrize(
     ("payload", "message"),
     [

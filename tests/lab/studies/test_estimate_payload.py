@@ -45,6 +45,31 @@ def test_arrays_give_the_numbers_of_the_command(tmp_path, capsys):
     assert result._repr_html_().count("<tr>") == 11
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tau": lambda tau: 1e-3 * tau}, "no payload explains the torques: "),  # read in kN m
+        ({"q": np.degrees}, "no payload explains the torques: "),
+        ({"tau": lambda tau: tau * [1.0, -1.0]}, "no payload explains the torques: "),
+        ({"tau": lambda tau: 0.0 * tau}, "all torques of the recordings are zero"),
+    ],
+    ids=["kN m", "degrees", "sign", "zero"],
+)
+def test_torques_that_no_payload_explains_are_refused(change, message):
+    """Torques in kN m gave a payload, at a relative error of 1e5 %; the others had none, since joints did not move."""
+    pytest.importorskip("cvxpy")
+    arrays = recording(carried=True)
+    with pytest.raises(rrrgen.DerivationError, match=message):
+        rrrgen.estimate_payload("planar2r", arrays | {name: made(arrays[name]) for name, made in change.items()})
+
+
+def test_a_clock_in_milliseconds_is_diagnosed():
+    pytest.importorskip("cvxpy")
+    arrays, found = recording(carried=True), []
+    rrrgen.estimate_payload("planar2r", arrays | {"t": 1e3 * arrays["t"]}, findings=found.append)
+    assert any("the clock is in ms" in getattr(finding, "cause", "") for finding in found)
+
+
 def test_an_unknown_option_is_refused():
     with pytest.raises(rrrgen.InputError, match="did you mean 'keep_friction'"):
         rrrgen.estimate_payload("planar2r", {}, keep_fricton=True)
