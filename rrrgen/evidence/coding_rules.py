@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -218,33 +218,49 @@ def findings(directory: Path, sources: Iterable[str], jobs: int = 1) -> list[Rul
         command = [
             *("cppcheck", "--addon=misra", "--std=c99", "--platform=unix64", "--quiet"),
             *(f"--cppcheck-build-dir={build.name}", f"-j{jobs}", *_ONE_CONFIGURATION),
-            *("--enable=style", "--suppress=missingIncludeSystem", "--template={file}|{line}|{id}", *checked),
+            *("--enable=style", "--suppress=missingIncludeSystem", "--template={file}|{line}|{column}|{id}", *checked),
         ]
         done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
         texts |= {header.name: header.read_text(encoding="utf-8") for header in directory.glob("*.h")}
     fault = re.search(_NOT_CHECKED, done.stderr)
     if done.returncode or fault:
         raise InternalError(f"cppcheck cannot read emitted code: {fault[0] if fault else done.stderr[-500:]}")
-    rows = re.findall(r"^(.*)\|(\d+)\|misra-c2012-(\d+\.\d+)$", done.stderr, re.MULTILINE)
-    found = sorted({RuleFinding(file, int(line), rule) for file, line, rule in rows if file in texts})
-    lines = {each: texts[each.file].splitlines()[each.line - 1] for each in found}
+    columns: dict[RuleFinding, set[int]] = {}
+    for file, row, column, rule in re.findall(
+        r"^(.*)\|(\d+)\|(\d+)\|misra-c2012-(\d+\.\d+)$", done.stderr, re.MULTILINE
+    ):
+        if file in texts:
+            columns.setdefault(RuleFinding(file, int(row), rule), set()).add(int(column))
+    lines = {each: texts[each.file].splitlines()[each.line - 1] for each in sorted(columns)}
     internal = Counter(_identifier(line) for each, line in lines.items() if each.rule == "5.9")
-    return [each for each, line in lines.items() if not _is_mistaken(each, line, internal)]
+    ones = set(re.findall(r"^#define ([A-Z][A-Z0-9_]*_N) 1\b", "\n".join(texts.values()), re.MULTILINE))
+    return [each for each, line in lines.items() if not _is_mistaken(each, line, columns[each], internal, ones)]
 
 
-def _is_mistaken(finding: RuleFinding, line: str, internal: Mapping[str, int]) -> bool:
+def _is_mistaken(
+    finding: RuleFinding, line: str, columns: Iterable[int], internal: Mapping[str, int], ones: Container[str]
+) -> bool:
     """Whether a finding is about something that does not stand on its ``line``, which the checker cannot know.
 
     It gives enumerations without a tag numbered names, the same in every file, and takes them for tags. It takes the
-    product of an index with the number of joints for an operation without effect where that number is one. And it
-    counts what stands in several pieces of one file as several identifiers with internal linkage; ``internal`` has the
-    number of places of each.
+    product of an index with the number of joints for an operation without effect where that number is one: ``ones`` are
+    the names of such numbers, ``columns`` the places on the line. It names one place of a line only, so that no other
+    number on the line may be a factor or summand of 0 or 1. And it counts what stands in several pieces of one file as
+    several identifiers with internal linkage; ``internal`` has the number of places of each.
     """
     if finding.rule == "2.2":
-        return re.search(r"\* [A-Z][A-Z0-9_]*_N\b", line) is not None
+        products = [re.search(r"\* ([A-Z][A-Z0-9_]*_N)$", line[: _end(line, column)]) for column in columns]
+        others = re.search(r"[-+*/] \(*(\(\w+\))?[01]u?\b|\b[01]u?\)* [-+*]", line)
+        return others is None and all(each is not None and each[1] in ones for each in products)
     if finding.rule in ("2.4", "5.7"):
         return re.match(r"(typedef )?(enum|struct) \{", line) is not None
     return finding.rule == "5.9" and internal[_identifier(line)] == 1
+
+
+def _end(line: str, column: int) -> int:
+    """Where the name ends that begins at ``column``, counted from 1."""
+    found = re.match(r"\w*", line[column - 1 :])
+    return column - 1 + (found.end() if found else 0)
 
 
 def _identifier(line: str) -> str:

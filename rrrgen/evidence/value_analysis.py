@@ -27,6 +27,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -56,12 +57,14 @@ if TYPE_CHECKING:
     from rrrgen.program import Program
     from rrrgen.robot.spec import RobotSpec
 
+COMMON = ("-machdep", "gcc_x86_64", "-cpp-extra-args=-I. -include stated.h", "-eva")
+"""Options of every analysis."""
+
 OPTIONS = (
-    *("-machdep", "gcc_x86_64", "-cpp-extra-args=-I. -include stated.h", "-eva", "-eva-precision", "3"),
-    *("-eva-auto-loop-unroll", "200", "-eva-split-return", "auto", "-eva-interprocedural-splits"),
-    "-eva-no-show-progress",
+    *("-eva-precision", "3", "-eva-auto-loop-unroll", "200", "-eva-split-return", "auto"),
+    *("-eva-interprocedural-splits", "-eva-no-show-progress"),
 )
-"""Options of every analysis; the certificate states them."""
+"""Options of every analysis but that of inverse kinematics; the certificate states them."""
 
 STATED = """#include <math.h>
 /*@ assigns \\result \\from x;
@@ -106,7 +109,12 @@ def is_available() -> bool:
 
 
 def alarms(
-    directory: Path, files: Mapping[str, str], main: str, special: str = "none", apart: Mapping[str, int] | None = None
+    directory: Path,
+    files: Mapping[str, str],
+    main: str,
+    special: str = "none",
+    apart: Mapping[str, int] | None = None,
+    options: Sequence[str] = (),
 ) -> list[Alarm]:
     """What stays open when ``main`` of the C ``files`` is analysed in ``directory``, in which they are written.
 
@@ -119,7 +127,7 @@ def alarms(
     included = {name for name in files if any(f'#include "{name}"' in text for text in files.values())}
     sources = [name for name in sorted(files) if name.endswith(".c") and name not in included]
     report = directory / f"{main}.csv"
-    command = ["frama-c", *sources, "-main", main, "-warn-special-float", special, *OPTIONS]
+    command = ["frama-c", *sources, "-main", main, "-warn-special-float", special, *COMMON, *(options or OPTIONS)]
     command += ["-eva-slevel-function", ",".join(f"{name}:{count}" for name, count in apart.items())] if apart else []
     command += ["-then", "-report-csv", report.name]
     place = {**os.environ, "PWD": str(directory.resolve())}  # Frama-C believes this variable more than the system
@@ -216,24 +224,144 @@ def _interval(low: float, high: float) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+PARTS = {"error": ("e", "J"), "step": ("d",), "branches": ("found",)}
+"""The functions inside a solver that are analysed by themselves, and those of their arguments that are results only."""
+
+SOLVER_OPTIONS = ("-eva-precision", "0", "-eva-auto-loop-unroll", "16", "-eva-no-show-progress")
+"""Options for inverse kinematics: loops over joints, entries of poses and rows are unrolled, searches are not."""
+
+PART_OPTIONS = ("-eva-precision", "0", "-eva-auto-loop-unroll", "64", "-eva-no-show-progress")
+"""Options for the functions :data:`PARTS`: loops over the angles of all branches are unrolled too."""
+
+_APART = 200  # states kept apart where solutions are sorted or dropped, by how many there are
+
+
 def solver_alarms(spec: RobotSpec, plan: SolverPlan, directory: Path) -> list[Alarm]:
     """What stays open about the inverse kinematics with any bits in its target, reference and options, in double.
 
-    The caller's result holds numbers before, since EVA does not see that rows beyond the count are never read.
+    The functions :data:`PARTS` are analysed by themselves with any bits in their arguments; in the analysis of the
+    whole, stand-ins that write any bits replace them, so that it holds whatever they compute. The caller's result holds
+    numbers before, since EVA does not see that rows beyond the count are never read.
     """
     files, name = sources(spec), spec.name
+    source, macro = f"{name}_ik.c", name.upper()
+    parts = [_part(files[source], name, which) for which in PARTS]
+    heading = f'#include <limits.h>\n#include "__fc_builtin.h"\n#include "{source}"\n'
     given = "target, ref, " + ("ref[0], " if plan.redundancy else "")
     driver = (
-        f'#include "{name}_ik.c"\n#include "__fc_builtin.h"\n#include <limits.h>\n'
-        f"static double target[{name.upper()}_IK_TARGET];\nstatic double ref[{name.upper()}_IK_JOINTS];\n"
+        f"{heading}static double target[{macro}_IK_TARGET];\nstatic double ref[{macro}_IK_JOINTS];\n"
         f"static {name}_ik_solutions found;\n\n"
         "void analysed(void)\n{\n"
         "    Frama_C_make_unknown((char *)&target, sizeof target);\n"
         "    Frama_C_make_unknown((char *)&ref, sizeof ref);\n"
         f"    (void){name}_inverse_kinematics({given}Frama_C_unsigned_int_interval(0u, UINT_MAX), &found);\n"
-        f"    /*@ assert 0 <= found.count <= {name.upper()}_IK_ROWS; */\n}}\n"
+        f"    /*@ assert 0 <= found.count <= {macro}_IK_ROWS; */\n}}\n"
     )
-    return alarms(directory, {**files, "driver.c": driver}, "analysed")
+    whole = files[source]
+    for part in parts:
+        whole = whole.replace(part.text, part.stand_in(macro))
+    apart = {f"{name}_ik_{each}": _APART for each in ("sort", "finish")}
+    open_ = alarms(
+        directory, {**files, source: whole, "driver.c": driver}, "analysed", apart=apart, options=SOLVER_OPTIONS
+    )
+    for part in parts:
+        text = heading + part.driver(macro)
+        open_ += alarms(directory, {**files, "driver.c": text}, "analysed", options=PART_OPTIONS)
+    return open_
+
+
+class _Argument(NamedTuple):
+    """A parameter of a C function: its type without qualifiers and stars, whether a pointer, its extents, constancy."""
+
+    name: str
+    type: str
+    pointer: bool
+    extents: tuple[str, ...]
+    constant: bool
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A function of a solver: its ``text``, what stands in front of its body, its result's type and its arguments."""
+
+    robot: str
+    which: str
+    text: str
+    head: str
+    result: str
+    arguments: tuple[_Argument, ...]
+
+    def stand_in(self, macro: str) -> str:
+        """The function with a body that writes any bits to its results and returns any value that it may."""
+        body = []
+        for each in self.arguments:
+            if each.constant or not (each.pointer or each.extents):
+                continue
+            if each.type == f"{self.robot}_ik_solutions":
+                body += [_unknown(f"{each.name}->{field}") for field in _ROWS_OF_RESULT]
+            elif each.type == "int":
+                body.append(f"*{each.name} = Frama_C_interval(INT_MIN, INT_MAX);")
+            else:
+                body.append(f"Frama_C_make_unknown((char *){each.name}, {' * '.join(each.extents)} * sizeof(double));")
+        if self.result == "int":
+            body.append(f"return Frama_C_interval(0, {macro}_IK_ROWS);")
+        elif self.result != "void":
+            body += [f"{self.result} any;", _unknown("any"), "return any;"]
+        lines = "\n    ".join(body)
+        rest = "\n" * (self.text.count("\n") - self.head.count("\n") - len(body) - 2)  # later lines keep their numbers
+        return f"{self.head}{{\n    {lines}\n}}\n{rest}"
+
+    def driver(self, macro: str) -> str:
+        """A driver that calls the function with any bits, and shows what its stand-in supposes of its results."""
+        lines, shown, given = [], [], []
+        for each in self.arguments:
+            result = each.name in PARTS[self.which]
+            given.append(f"&{each.name}" if each.pointer and each.type != self._real else each.name)
+            if each.type == f"{self.robot}_ik_solutions":
+                lines.append(f"static {each.type} {each.name};")
+                continue
+            extents = each.extents
+            if each.pointer and each.type == self._real:
+                extents = (f"{macro}_IK_TARGET" if each.name == "T" else f"{macro}_IK_JOINTS",)
+            lines.append(f"{each.type} {each.name}{''.join(f'[{extent}]' for extent in extents)};")
+            if result and extents:
+                every = "".join(f"[0 .. {extent} - 1]" for extent in extents)
+                shown.append(f"/*@ assert \\initialized(&{each.name}{every}); */")
+            elif not result:
+                lines.append(_unknown(each.name))
+        call = f"{self.robot}_ik_{self.which}({', '.join(given)});"
+        if self.result == "int":
+            call = f"const int rows = {call}"
+            shown.append(f"/*@ assert 0 <= rows <= {macro}_IK_ROWS; */")
+        body = "\n    ".join([*lines, call if self.result == "int" else f"(void){call}", *shown])
+        return f"void analysed(void)\n{{\n    {body}\n}}\n"
+
+    @property
+    def _real(self) -> str:
+        return f"{self.robot}_ik_real"
+
+
+_ROWS_OF_RESULT = ("q", "flags", "branch", "residual")
+
+
+def _unknown(name: str) -> str:
+    return f"Frama_C_make_unknown((char *)&{name}, sizeof {name});"
+
+
+def _part(source: str, robot: str, which: str) -> _Part:
+    """The function ``which`` of the solver ``source`` of a robot."""
+    found = re.search(rf"^static (\w+) {robot}_ik_{which}\(([^)]*)\)\n\{{\n.*?^\}}\n", source, re.MULTILINE | re.DOTALL)
+    assert found is not None, which
+    written = set(re.findall(r"\bfound->(\w+)", found[0]))
+    assert written <= set(_ROWS_OF_RESULT), written
+    arguments = []
+    for text in found[2].split(","):
+        declared = re.match(r"\s*(const )?(\w+) (\*?)(\w+)((?:\[\w+\])*)$", text.strip())
+        assert declared is not None, text
+        extents = tuple(re.findall(r"\[(\w+)\]", declared[5]))
+        arguments.append(_Argument(declared[4], declared[2], bool(declared[3]), extents, bool(declared[1])))
+    head = found[0][: found[0].index("{\n")]
+    return _Part(robot, which, found[0], head, found[1], tuple(arguments))
 
 
 def differential_alarms(name: str, n: int, directory: Path) -> list[Alarm]:
@@ -565,10 +693,15 @@ def run_time_errors_entry(found: Iterable[tuple[str, Sequence[Alarm]]]) -> dict[
     """The entry ``run_time_errors`` of the certificate: a row for everything that was analysed."""
     rows = [(what, len(open_), "; ".join(f"{a.file}:{a.line} {a.kind}" for a in open_)) for what, open_ in found]
     total = sum(count for _, count, _ in rows)
+
+    def options(own: Sequence[str]) -> str:
+        return " ".join((*COMMON, *own))
+
     return {
-        "summary": f"Frama-C EVA, {' '.join(OPTIONS)}: {total} alarms. Model functions over the limits of the robot "
-        "file, with numbers that are not finite as alarms; inverse kinematics and the controller with any input, and "
-        "all numbers of the controller's output and state shown to be finite.",
+        "summary": f"Frama-C EVA, {options(OPTIONS)}; inverse kinematics with {options(SOLVER_OPTIONS)}, its parts "
+        f"with {options(PART_OPTIONS)}: {total} alarms. Model functions over the limits of the robot file, with "
+        "numbers that are not finite as alarms; inverse kinematics and the controller with any input, and all numbers "
+        "of the controller's output and state shown to be finite.",
         "alarms": total,
         "headings": ["what", "alarms", "open"],
         "rows": [list(row) for row in rows],

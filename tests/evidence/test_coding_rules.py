@@ -230,17 +230,19 @@ def test_a_broken_rule_is_found(tmp_path):
 
 @pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
 def test_a_product_with_the_number_of_joints_is_no_dead_code_where_that_is_one(tmp_path):
-    lines = ["#define ARM_N 1", "int broken(int a);", "int broken(int a)", "{", "    const int at = a * ARM_N;"]
-    lines += ["    const int again = a * 1;", "    return at + again;", "}", ""]
+    lines = ["#define ARM_N 1 /* joints */", "#define TWO_N 2", "int broken(int a);", "int broken(int a)", "{"]
+    products = ["a * ARM_N", "a * 1", "(a * ARM_N) + (a * 1)", "(a * ARM_N) + 0", "(a * TWO_N) + (1 * a)"]
+    lines += [f"    const int at{k} = {product};" for k, product in enumerate(products)]
+    lines += ["    return at0 + at1 + at2 + at3 + at4;", "}", ""]
     (tmp_path / "broken.c").write_text("\n".join(lines), encoding="utf-8")
     found = [each.line for each in findings(tmp_path, ["broken.c"]) if each.rule == "2.2"]
-    assert found == [6]
+    assert found == [7, 8, 9, 10]
 
 
 @pytest.mark.skipif(not coding_rules.is_available(), reason="cppcheck is not installed")
 def test_a_file_that_cppcheck_cannot_read_is_not_a_clean_one(tmp_path):
     (tmp_path / "broken.c").write_text("int broken(int a)\n{\n    return (a;\n}\n", encoding="utf-8")
-    with pytest.raises(InternalError, match=r"broken.c\|3\|syntaxError"):
+    with pytest.raises(InternalError, match=r"broken.c\|3\|12\|syntaxError"):
         findings(tmp_path, ["broken.c"])
 
 

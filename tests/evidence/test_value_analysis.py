@@ -11,18 +11,22 @@ from rrrgen.controller.table import GROUPS, unit_of
 from rrrgen.derive import prepare, record
 from rrrgen.derive.functions.table import find
 from rrrgen.derive.optimizer import Optimizer
+from rrrgen.emit.c.ik.files import sources
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.evidence import value_analysis
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
 from rrrgen.evidence.factorization import Fact
 from rrrgen.evidence.value_analysis import (
     ENTRIES,
+    _part,
     analysed_with_eva,
     controller_alarms,
     function_alarms,
     known_facts,
     run_time_errors_entry,
+    solver_alarms,
 )
+from rrrgen.ik.classify import plan
 from rrrgen.program import Builder, Port
 from rrrgen.robot.file import read
 
@@ -168,3 +172,51 @@ def test_an_analysis_that_takes_too_long_is_listed(model, monkeypatch):
     reasons = dict(skipped)
     assert "did not come to an end" in reasons["run-time errors of inverse_kinematics"]
     assert {f"run-time errors of {name}" for name in model.programs} <= set(reasons)
+
+
+def solver_of(name, tmp_path):
+    spec = read(name)
+    return solver_alarms(spec, plan(spec), tmp_path)
+
+
+@needs_frama_c
+def test_inverse_kinematics_has_no_run_time_error(tmp_path):
+    assert solver_of("pendulum", tmp_path) == []
+
+
+FAULTS = {
+    "error": ("e[i] = (T[i] - ", "e[i + 2] = (T[i] - ", "mem_access"),
+    "step": ("d[k] = t / A[k][k];", "d[k + 1] = t / A[k][k];", "mem_access"),
+    "branches": ("++rows;", "rows += 2;", "user assertion"),
+    "apart": ("a[i] - b[i]", "a[i + 5] - b[i]", "mem_access"),
+    "descend": ("int kept = 0;", "int kept;", "initialization"),
+}
+
+
+@needs_frama_c
+@pytest.mark.parametrize(
+    "function", ["branches", *(pytest.param(name, marks=pytest.mark.sweep) for name in FAULTS if name != "branches")]
+)
+def test_a_fault_of_the_solver_is_found_where_it_stands(function, tmp_path, monkeypatch):
+    """In the functions that are analysed by themselves, and in those around their stand-ins."""
+    before, after, kind = FAULTS[function]
+    files = sources(read("pendulum"))
+    text = files["pendulum_ik.c"]
+    start = text.index(f"pendulum_ik_{function}(")
+    place = text.index(before, start)
+    changed = text[:place] + after + text[place + len(before) :]
+    monkeypatch.setattr(value_analysis, "sources", lambda spec: {**files, "pendulum_ik.c": changed})
+    found = solver_of("pendulum", tmp_path)
+    assert kind in {alarm.kind for alarm in found}
+    lines = [alarm.line for alarm in found if alarm.kind == kind and alarm.file == "pendulum_ik.c"]
+    end = changed[:place].count("\n") + 60
+    assert kind == "user assertion" or any(changed[:start].count("\n") < line < end for line in lines)
+
+
+def test_a_part_is_read_with_its_arguments():
+    source = sources(read("pendulum"))["pendulum_ik.c"]
+    part = _part(source, "pendulum", "error")
+    assert [each.name for each in part.arguments] == ["T", "q", "e", "J", "held"]
+    stand_in = part.stand_in("PENDULUM")
+    assert stand_in.count("\n") == part.text.count("\n")
+    assert "Frama_C_make_unknown((char *)J, 3 * 1 * sizeof(double));" in stand_in

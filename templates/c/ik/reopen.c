@@ -53,7 +53,7 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
     const REAL start = ik_clamped(ref[j], j);
     const REAL h = (REAL)VALUE_LIMIT_STEP;
     REAL best = (REAL)-1;
-    REAL x[JOINTS];
+    REAL x[JOINTS] = {0}; /* written before it is read, which no analysis sees */
     int side;
     int k;
     int i;
@@ -70,11 +70,11 @@ LOCAL int ik_search(const REAL *T, const REAL *ref LOCK_PARAMETER, REAL least, u
             REAL good = front;
             REAL deep = g;
             const bool dip = (g > (REAL)0) && (k > 1) && (g1 <= g0) && (g1 <= g);
-            dips += (int)dip;
-            if (dip && (dips <= VALUE_LIMIT_DIPS)) {
+            if (dip && (dips < VALUE_LIMIT_DIPS)) {
                 REAL a = back;
                 REAL b = front;
                 bool above = deep > (REAL)0;
+                ++dips;
                 for (i = 0; (i < VALUE_DIP_STEPS) && above; ++i) {
                     const REAL u = a + ((b - a) / (REAL)3);
                     const REAL v = b - ((b - a) / (REAL)3);
