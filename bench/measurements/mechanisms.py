@@ -183,9 +183,10 @@ def _error(spec: RobotSpec, functions: Functions) -> float:
     return float(np.max(np.abs(found - expected)) / np.max(np.abs(expected)))
 
 
-def of_hessians() -> Iterator[Row]:
+def of_hessians(names: Iterable[str] = HESSIANS) -> Iterator[Row]:
     """Counts of second derivatives, and the times of derivation and of `gcc -O2`."""
-    for name, limits in HESSIANS.items():
+    for name in names:
+        limits = HESSIANS[name]
         functions = Functions(robot(name))
         for function, limit in zip(OF_HESSIANS, limits, strict=True):
             yield Row(name, function, functions.count(function), 1.03 * limit)

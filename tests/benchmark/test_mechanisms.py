@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bench.measurements.mechanisms import PALLETISER, PARTS, Row, of_loops, robot
+from bench.measurements.mechanisms import PALLETISER, PARTS, Row, of_hessians, of_loops, robot
 
 
 def test_a_four_bar_keeps_its_limits():
@@ -17,6 +17,13 @@ def test_a_four_bar_keeps_its_limits():
 @pytest.mark.parametrize("part", ["trees", "floating", "loops"])
 def test_every_figure_keeps_its_limit(part):
     missed = [row for row in PARTS[part]() if not row.met]
+    assert missed == []
+
+
+@pytest.mark.sweep
+def test_second_derivatives_of_the_hand_keep_their_limits():
+    """Its product is the closest to its limit. All robots take four minutes."""
+    missed = [row for row in of_hessians(["hand"]) if not row.met]
     assert missed == []
 
 

@@ -30,6 +30,8 @@ from rrrgen.robot.file import bundled_names, load_spec, loads_spec
 from rrrgen.robot.model import build_model
 from rrrgen.robot.model.drives import drive_terms
 from rrrgen.runtime.regressor_columns import drive_columns
+from rrrgen.verify.references.newton_euler import NewtonEuler
+from rrrgen.verify.references.numeric_robot import chain_of
 
 CLEAR_GAP = 1e5  # measured gaps of singular values are above 1e8; nothing between the two sides of the rank
 ROUND_OFF = 1e-11  # relative to the largest torque; some hundred roundings of 1e-16
@@ -244,6 +246,32 @@ def test_rows_that_only_seem_independent_are_not_used():
     )
     assert len(own.parameters) == base_parameter_count(robot).rank
     check_torques(robot, loads_spec(ODD_PRISMATIC), own)
+
+
+ODD_SLIDE = """\
+schema: rrrgen/1
+name: slide
+convention: modified
+units: {angle: rad, length: m}
+gravity: [6.37, -1.87, 5.07]
+joints:
+  - {name: turn, type: revolute, alpha: pi/2, a: 0, d: 0.3}
+  - {name: held, type: revolute, gamma: 0.4, b: -0.96, alpha: -0.7, a: 0.46, theta: 0.9, d: 0.23, follows: {}}
+  - {name: slide, type: prismatic, gamma: 0.34, b: 0, alpha: 0.49, a: -0.41, theta: -0.48, d: 0}
+"""
+
+
+def test_a_quotient_with_the_sines_of_many_odd_angles_stays_one():
+    """Multiplied by the conjugates of its denominator, as shorter ones are, it took minutes."""
+    own = derived_set(ODD_SLIDE)
+    spec, Y, dq, ddq = regressor_values(ODD_SLIDE)
+    q = np.random.default_rng(3).uniform(-np.pi, np.pi, (STATES, spec.n))
+    chain = chain_of(spec)
+    standard = NewtonEuler(chain, np.zeros((chain.links, 10))).standard_regressor(q, dq, ddq)
+    projection = np.array([[float(value.doit().evalf()) for value in row] for row in own.projection])
+    difference = Y @ projection - standard.reshape(*Y.shape[:2], -1)
+    assert np.max(np.abs(difference)) < ROUND_OFF * np.max(np.abs(standard))
+    assert rank(Y) == len(own.parameters) == 6
 
 
 @given(st.permutations([1, 2, 3]))

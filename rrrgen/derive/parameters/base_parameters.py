@@ -66,6 +66,10 @@ STATES = 10
 
 CHECK_STATES = 3
 
+MOST_TERMS = 2000
+"""Terms of a product with a conjugate, before like ones are added. No bundled robot or example has a denominator with a
+sine; for a slide on a turning arm behind six odd angles the products took minutes."""
+
 ROUNDS = 30
 """Largest number of attempts, each with :data:`STATES` states, to find rows that are independent and simple; usually
 the first succeeds."""
@@ -199,13 +203,16 @@ def _image(value: Any, images: list[Residue]) -> Residue:
 def _canonical(ring: PolynomialRing, value: Any) -> sp.Expr:
     """Simplify the quotient ``value``: lowest terms, and a denominator without sines and square roots.
 
-    Numerator and denominator are multiplied by the conjugates of the denominator to make it rational.
+    Numerator and denominator are multiplied by the conjugates of the denominator to make it rational. A denominator
+    that has the sines of many odd angles keeps them: its terms would multiply with every conjugate.
     """
     numerator, denominator = ring.element(value.numer), ring.element(value.denom)
     for conjugate in ring.conjugations():
         if isinstance(denominator, Polynomial):
             other = conjugate(denominator)
             if other != denominator:
+                if len(denominator.poly) ** 2 > MOST_TERMS:
+                    return to_expression(ring.element(value.numer)) / to_expression(ring.element(value.denom))
                 numerator, denominator = numerator * other, denominator * other
     if not isinstance(denominator, Polynomial):
         return to_expression(numerator / denominator)
