@@ -832,7 +832,7 @@ class _Analysis:
         boxes = self._boxes(parts)
         count = max((len(low) for low, _ in boxes.values()), default=1)
         longest = len(self.nodes) + max((len(nodes) for nodes, *_ in self.sweeps.values()), default=0)
-        step = max(1, int(_CHUNK / longest))
+        step = max(1, int(_CHUNK / max(1, longest)))  # a program without outputs has no nodes
         for first in range(0, count, step):
             yield {
                 index: (low, high) if len(low) == 1 else (low[first : first + step], high[first : first + step])

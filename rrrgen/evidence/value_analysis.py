@@ -64,7 +64,7 @@ OPTIONS = (
     *("-eva-precision", "3", "-eva-auto-loop-unroll", "200", "-eva-split-return", "auto"),
     *("-eva-interprocedural-splits", "-eva-no-show-progress"),
 )
-"""Options of every analysis but that of inverse kinematics; the certificate states them."""
+"""Options of all other analyses, and of model functions about which something stays open with fewer states."""
 
 STATED = """#include <math.h>
 /*@ assigns \\result \\from x;
@@ -166,11 +166,12 @@ def function_alarms(
     directory: Path,
     sincos: SinCos | None = None,
     facts: Sequence[Fact] = (),
+    options: Sequence[str] = (),
 ) -> list[Alarm]:
     """What stays open about a model function, for all inputs in the ``box``, which has all of its input ports.
 
     Sines and cosines are those of ``sincos``, by default of the C library, whose bounds are stated. ``facts`` are
-    bounds of nodes that EVA takes as they are, proven elsewhere.
+    bounds of nodes that EVA takes as they are, proven elsewhere; ``options`` replace :data:`OPTIONS`.
     """
     names = {fact.node: f"factor_{fact.node}" for fact in facts}
     program = program.described(labels={**program.labels, **names})
@@ -189,7 +190,7 @@ def function_alarms(
     driver = f'#include "analysed.h"\n#include "__fc_builtin.h"\nvoid analysed(void)\n{{\n    {body}\n}}\n'
     files = function_files("analysed", "one function", [program], "double", sincos)
     files["analysed.c"] = _with_facts(files["analysed.c"], names, facts)
-    return alarms(directory, {**files, "driver.c": driver}, "analysed", "non-finite")
+    return alarms(directory, {**files, "driver.c": driver}, "analysed", "non-finite", options=options)
 
 
 def _with_facts(text: str, names: Mapping[int, str], facts: Sequence[Fact]) -> str:
@@ -227,8 +228,9 @@ def _interval(low: float, high: float) -> str:
 PARTS = {"error": ("e", "J"), "step": ("d",), "branches": ("found",)}
 """The functions inside a solver that are analysed by themselves, and those of their arguments that are results only."""
 
-SOLVER_OPTIONS = ("-eva-precision", "0", "-eva-auto-loop-unroll", "16", "-eva-no-show-progress")
-"""Options for inverse kinematics: loops over joints, entries of poses and rows are unrolled, searches are not."""
+FAST_OPTIONS = ("-eva-precision", "0", "-eva-auto-loop-unroll", "16", "-eva-no-show-progress")
+"""Options for inverse kinematics, and for model functions at first: loops over joints, entries of poses and rows are
+unrolled, searches are not."""
 
 PART_OPTIONS = ("-eva-precision", "0", "-eva-auto-loop-unroll", "64", "-eva-no-show-progress")
 """Options for the functions :data:`PARTS`: loops over the angles of all branches are unrolled too."""
@@ -262,7 +264,7 @@ def solver_alarms(spec: RobotSpec, plan: SolverPlan, directory: Path) -> list[Al
         whole = whole.replace(part.text, part.stand_in(macro))
     apart = {f"{name}_ik_{each}": _APART for each in ("sort", "finish")}
     open_ = alarms(
-        directory, {**files, source: whole, "driver.c": driver}, "analysed", apart=apart, options=SOLVER_OPTIONS
+        directory, {**files, source: whole, "driver.c": driver}, "analysed", apart=apart, options=FAST_OPTIONS
     )
     for part in parts:
         text = heading + part.driver(macro)
@@ -658,15 +660,19 @@ def _of_function(
     """The row of a model function and its alarms.
 
     At first without facts about the factors of M, since the row then supposes nothing. A long function has them at
-    once: alarms about its factors make the analysis of what follows very long.
+    once: alarms about its factors make the analysis of what follows very long. What fewer states settle is settled.
     """
     program = model.programs[name]
-    facts = known_facts(model, name, box) if len(program.nodes) > _LONG else []
-    open_ = function_alarms(program, box, directory, facts=facts)
-    if open_ and not facts:
-        facts = known_facts(model, name, box)
-        open_ = function_alarms(program, box, directory, facts=facts) if facts else open_
-    return f"{name}, {WITH_FACTS}" if facts else name, open_
+    known = known_facts(model, name, box)
+    attempts: list[list[Fact]] = [known] if known and len(program.nodes) > _LONG else [[], *([known] if known else [])]
+    open_: list[Alarm] = []
+    for facts in attempts:
+        what = f"{name}, {WITH_FACTS}" if facts else name
+        for options in (FAST_OPTIONS, OPTIONS):
+            open_ = function_alarms(program, box, directory, facts=facts, options=options)
+            if not open_:
+                return what, []
+    return what, open_
 
 
 _LONG = 1500
@@ -698,10 +704,10 @@ def run_time_errors_entry(found: Iterable[tuple[str, Sequence[Alarm]]]) -> dict[
         return " ".join((*COMMON, *own))
 
     return {
-        "summary": f"Frama-C EVA, {options(OPTIONS)}; inverse kinematics with {options(SOLVER_OPTIONS)}, its parts "
-        f"with {options(PART_OPTIONS)}: {total} alarms. Model functions over the limits of the robot file, with "
-        "numbers that are not finite as alarms; inverse kinematics and the controller with any input, and all numbers "
-        "of the controller's output and state shown to be finite.",
+        "summary": f"Frama-C EVA, {options(OPTIONS)}; inverse kinematics, and model functions at first, with "
+        f"{options(FAST_OPTIONS)}, parts of inverse kinematics with {options(PART_OPTIONS)}: {total} alarms. Model "
+        "functions over the limits of the robot file, with numbers that are not finite as alarms; inverse kinematics "
+        "and the controller with any input, and all numbers of the controller's output and state shown to be finite.",
         "alarms": total,
         "headings": ["what", "alarms", "open"],
         "rows": [list(row) for row in rows],

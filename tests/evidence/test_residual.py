@@ -89,6 +89,11 @@ def test_constant_pivots_of_one_joint_and_the_entry_of_the_certificate():
     assert entry["float"]["sampled"]["ratio"] < 20.0
 
 
+def test_a_constant_mass_matrix_has_no_facts():
+    program, mass, _, box = solved("pendulum", "_nominal")
+    assert factorization_facts(program, mass, {port: each.bounds for port, each in box.items()}) == []
+
+
 @pytest.mark.parametrize("suffix", ["_nominal", ""])
 @pytest.mark.parametrize("name", ARMS)
 def test_facts_about_the_factors_hold_where_the_status_is_ok(name, suffix):

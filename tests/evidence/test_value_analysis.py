@@ -18,6 +18,11 @@ from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
 from rrrgen.evidence.factorization import Fact
 from rrrgen.evidence.value_analysis import (
     ENTRIES,
+    FAST_OPTIONS,
+    OPTIONS,
+    WITH_FACTS,
+    Alarm,
+    _of_function,
     _part,
     analysed_with_eva,
     controller_alarms,
@@ -220,3 +225,25 @@ def test_a_part_is_read_with_its_arguments():
     stand_in = part.stand_in("PENDULUM")
     assert stand_in.count("\n") == part.text.count("\n")
     assert "Frama_C_make_unknown((char *)J, 3 * 1 * sizeof(double));" in stand_in
+
+
+def test_more_states_and_facts_are_tried_only_where_something_stays_open(model, monkeypatch, tmp_path):
+    """First few states, then many; then the same with facts, of which the row has the condition."""
+    tried = []
+
+    def analysed(program, box, directory, facts, options):
+        tried.append((bool(facts), options))
+        return [] if tried[-1] == settled else [Alarm("analysed.c", 1, "overflow", "x")]
+
+    monkeypatch.setattr(value_analysis, "function_alarms", analysed)
+    monkeypatch.setattr(value_analysis, "known_facts", lambda model, name, box: [Fact(0, 0, 0.0, 1.0)])
+    orders = [(False, FAST_OPTIONS), (False, OPTIONS), (True, FAST_OPTIONS), (True, OPTIONS)]
+    for count, settled in enumerate(orders, start=1):
+        tried.clear()
+        name, found = _of_function(model, "gravity", {}, tmp_path)
+        assert (tried, found) == (orders[:count], [])
+        assert (WITH_FACTS in name) == settled[0]
+    tried.clear()
+    monkeypatch.setattr(value_analysis, "_LONG", 1)
+    _of_function(model, "gravity", {}, tmp_path)
+    assert tried == orders[2:]
