@@ -243,7 +243,9 @@ def _turned_sums(program: Program, builder: Builder, values: Sequence[Value]) ->
         terms = leaves(index, 1)
         for place, (sign, leaf) in enumerate(terms):
             if nodes[leaf].op is Op.MUL:
-                for k, x in (nodes[leaf].args, nodes[leaf].args[::-1]):
+                first, second = nodes[leaf].args
+                both = nodes[first].args == nodes[second].args  # cosine and sine of one angle: one term, not two
+                for k, x in [(first, second)] if both else [(first, second), (second, first)]:
                     if nodes[k].op in (Op.COS, Op.SIN) and (known := slope(k, x)) is not None:
                         turning.setdefault(nodes[k].args[0], []).append((place, (sign, k, x), builder.mul(sign, known)))
         taken: set[int] = set()

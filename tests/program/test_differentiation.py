@@ -129,3 +129,14 @@ def test_a_rotated_vector_takes_fewer_operations():
     plain, short = (along_a_direction(program, rotations) for rotations in (False, True))
     assert same_values(plain, short)
     assert count_operations(plain).total - count_operations(short).total == 3
+
+
+def test_a_product_of_cosine_and_sine_of_one_angle_is_one_term():
+    """Its derivative c c - s s is made of known products twice over."""
+
+    def function(b, q, dq, beta):
+        c, s = b.cos(q[0]), b.sin(q[0])
+        return [c * s + beta[0], c * c, s * s, c * s + c * dq[0] - s * dq[1], s * dq[0] + c * dq[1]]
+
+    program = recorded(function)
+    assert same_values(*(along_a_direction(program, rotations) for rotations in (False, True)))
