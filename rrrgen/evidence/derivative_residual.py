@@ -261,6 +261,7 @@ class _Reader(Factorization):
             for j in range(self.n - distance):
                 self._take_X(j + distance, j)
         self._P: dict[int, tuple[int, int, int]] = {}
+        self._entries_of_P: set[tuple[int, int]] = set()  # those that are not zero at all states
         for i in range(self.n):
             for j in range(self.n):
                 self._take_P(i, j)
@@ -394,7 +395,10 @@ class _Reader(Factorization):
             if X[k][i] != 0 and X[k][j] != 0
         }
         if not expected:
+            if self.nodes[index].op is not Op.CONST or self.nodes[index].number != 0:
+                raise NoBoundError(REARRANGED)
             return
+        self._entries_of_P.add((i, j))
         sign = 1 if (self.values[index] > 0) == (value > 0) else -1
         products = self._expanded(index, self._operand, root=True)
         if not self._agree(products, expected, sign):
@@ -449,14 +453,18 @@ class _Reader(Factorization):
         found = []
         for output, width in zip(self.program.results[:3], (1, self.n, self.n), strict=True):
             table: dict[tuple[int, int], tuple[int, int]] = {}
+            rows: dict[tuple[int, int], list[int]] = {}
             for i, joint in enumerate(self.order):
                 for j in range(width):
-                    seen: set[int] = set()
-                    for k, sign, other, roundings in self._multiplied(output[width * joint + j], holds, i):
+                    products = self._multiplied(output[width * joint + j], holds, i)
+                    rows[i, j] = sorted(k for k, *_ in products)
+                    for k, sign, other, roundings in products:
                         self.roundings_of_products = max(self.roundings_of_products, roundings)
-                        if k in seen or table.setdefault((k, j), (other, sign)) != (other, sign):
+                        if table.setdefault((k, j), (other, sign)) != (other, sign):
                             raise NoBoundError(REARRANGED)
-                        seen.add(k)
+            for (i, j), row in rows.items():  # every row has each product once, but for entries of P that are zero
+                if row != [k for k in range(self.n) if (k, j) in table and (i, k) in self._entries_of_P]:
+                    raise NoBoundError(REARRANGED)
             found.append(table)
         return found
 

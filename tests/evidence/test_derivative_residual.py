@@ -87,6 +87,19 @@ def test_a_program_of_another_form_has_no_bound():
     assert tried > 100
 
 
+def test_a_product_that_one_row_leaves_out_is_noticed():
+    """All rows take the same right side; one in which a product with it is replaced by zero is another sum."""
+    solution, box = solved("rrr", "_nominal")
+    program = solution.program
+    zero = next(index for index, node in enumerate(program.nodes) if node.op is Op.CONST and node.number == 0)
+    sums = [index for row in program.results[:3] for index in row if program.nodes[index].op in (Op.ADD, Op.SUB)]
+    assert len(sums) > 10
+    for index in sums:
+        fewer = changed(program, index, args=(program.nodes[index].args[0], zero))
+        with pytest.raises(NoBoundError):
+            type(solution)(fewer, solution.mass, solution.derivatives).bounds(box)
+
+
 def test_the_status_must_imply_that_pivots_are_positive():
     """A margin that adds a number, or a multiple of the diagonal entry, says nothing about the sign of the pivot."""
     solution, box = solved("rrr", "_nominal")
