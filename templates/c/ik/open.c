@@ -225,9 +225,13 @@ LOCAL void ik_between(const REAL *from, const REAL *to, REAL part, REAL *x)
 LOCAL int ik_joined(const REAL *T, const REAL *from, const REAL *to, unsigned held, REAL goal)
 {
     REAL x[JOINTS];
+#if !REDUNDANT || LOCKED
     REAL last[JOINTS];
+#endif
     int straight = 1;
+#if !REDUNDANT || LOCKED
     int left;
+#endif
     int i;
     if (ik_apart(from, to) < IK_TOL_SAME) {
         return 1;
@@ -237,8 +241,6 @@ LOCAL int ik_joined(const REAL *T, const REAL *from, const REAL *to, unsigned he
         straight = ik_reaches(T, x, goal, 0, held);
     }
 #if REDUNDANT && !LOCKED
-    (void)last;
-    (void)left;
     return straight;
 #else
     for (i = 0; i < JOINTS; ++i) {
