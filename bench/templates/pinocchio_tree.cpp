@@ -8,6 +8,7 @@
 #include <pinocchio/algorithm/crba.hpp>
 #include <pinocchio/algorithm/jacobian.hpp>
 #include <pinocchio/algorithm/kinematics.hpp>
+#include <pinocchio/algorithm/rnea-second-order-derivatives.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
 #include <string>
 #include <vector>
@@ -67,6 +68,31 @@ void tree_mass_matrix(const double *q, double *M)
 void tree_forward_dynamics(const double *q, const double *v, const double *f, double *a)
 {
     Eigen::Map<Eigen::VectorXd>(a, model.nv) = pin::aba(model, *data, Q, V(v), V(f));
+}
+
+/* All second derivatives of the torques by (q, q), (rate, q), (rate, rate) and (acceleration, q), n^3 each, with the torque
+   as the first index. */
+void tree_second_derivatives(const double *q, const double *v, const double *a, double *out)
+{
+    static pin::Data::Tensor3x qq, vv, qv, aq;
+    const int n = model.nv;
+    for (pin::Data::Tensor3x *tensor : {&qq, &vv, &qv, &aq}) {
+        if (tensor->dimension(0) != n) {
+            tensor->resize(n, n, n);
+        }
+        tensor->setZero();
+    }
+    pin::ComputeRNEASecondOrderDerivatives(model, *data, Q, V(v), V(a), qq, vv, qv, aq);
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j < n; j++) {
+            for (int k = 0; k < n; k++, out++) {
+                out[0] = qq(i, j, k);
+                out[n * n * n] = qv(i, k, j);
+                out[2 * n * n * n] = vv(i, j, k);
+                out[3 * n * n * n] = aq(i, j, k);
+            }
+        }
+    }
 }
 
 static std::vector<int> drives;
