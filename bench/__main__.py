@@ -16,7 +16,7 @@ from rrrgen.cli.terminal import progress_bar
 if TYPE_CHECKING:
     from bench.results import Results
 
-PARTS = ("functions", "python", "ik", "growth", "generation", "control", "mechanisms")
+PARTS = ("functions", "python", "ik", "growth", "generation", "control", "mechanisms", "hessians")
 
 
 @click.command()
@@ -115,6 +115,10 @@ def _print(results: Results) -> None:
         click.echo(
             f"{each.robot:18} {each.function:20} {each.nanoseconds:9.1f} ns, Pinocchio {ratio:5.1f} times as much"
         )
+    for second in results.hessians:
+        rivals = {"CasADi": second.casadi, "Pinocchio": second.pinocchio}
+        theirs = (f", {name} {time / second.nanoseconds:5.1f} times as much" for name, time in rivals.items() if time)
+        click.echo(f"{second.robot:9} {second.function:38} {second.nanoseconds:9.1f} ns{''.join(theirs)}")
     for text in results.left_out:
         click.echo(f"left out: {text}", err=True)
     for verdict in verdicts(results):

@@ -18,7 +18,7 @@ def page(results: Results, plot: str = "benchmark.svg") -> str:
     parts = [_opening(results), f"![Instructions per call]({plot})\n", _targets(results)]
     parts += [_functions(results, robot) for robot in results.robots()]
     parts += [_calls(results), _batches(results), _ik(results), _growth(results), _generation(results)]
-    parts += [_mechanisms(results), _ticks(results), _paths(results)]
+    parts += [_mechanisms(results), _hessians(results), _ticks(results), _paths(results)]
     return "\n".join(part for part in parts if part)
 
 
@@ -184,6 +184,30 @@ def _mechanisms(results: Results) -> str:
     )
     head = ["robot", "function", "operations", "rrrgen, ns", "Pinocchio, ns", "/ Pinocchio"]
     return "## Trees, floating bases and closed loops\n\n" + text + _table(head, rows)
+
+
+def _hessians(results: Results) -> str:
+    rows = [
+        [
+            each.robot,
+            each.function.replace("_", " "),
+            str(each.operations),
+            f"{each.nanoseconds:.0f}",
+            *("" if time is None else f"{time:.0f}" for time in (each.casadi, each.pinocchio)),
+            *("" if time is None else f"{each.nanoseconds / time:.2f}" for time in (each.casadi, each.pinocchio)),
+        ]
+        for each in results.hessians
+    ]
+    if not rows:
+        return ""
+    text = (
+        "With the numbers of the robot file folded, by `python -m bench --only hessians`. CasADi: the Hessian of "
+        "`weights' tau`, and its product with a direction, that it derives from a Newton-Euler recursion written by "
+        "hand, common subexpressions shared. Pinocchio: `ComputeRNEASecondOrderDerivatives`, all second derivatives "
+        "at once. Results agree to 1e-11 of the largest.\n\n"
+    )
+    head = ["robot", "function", "operations", "rrrgen, ns", "CasADi, ns", "Pinocchio, ns", "/ CasADi", "/ Pinocchio"]
+    return "## Second derivatives\n\n" + text + _table(head, rows)
 
 
 def _ticks(results: Results) -> str:

@@ -13,6 +13,7 @@ from bench.measurements.inverse_kinematics import IKScore
 from bench.measurements.path_timing import PathTime
 from bench.measurements.python_calls import CallTime
 from bench.measurements.race import Score
+from bench.measurements.second_derivatives import SecondTime
 from bench.measurements.trees import TreeTime
 
 
@@ -34,6 +35,7 @@ class Results:
     ticks: list[TickTime] = field(default_factory=list)
     paths: list[PathTime] = field(default_factory=list)
     mechanisms: list[TreeTime] = field(default_factory=list)
+    hessians: list[SecondTime] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
     def score(self, robot: str, function: str, label: str) -> Score | None:
@@ -77,6 +79,7 @@ class Results:
             "control_ticks": [asdict(each) for each in self.ticks],
             "path_timings": [asdict(each) for each in self.paths],
             "mechanisms": [asdict(each) for each in self.mechanisms],
+            "hessians": [asdict(each) for each in self.hessians],
             "left_out": self.left_out,
         }
 

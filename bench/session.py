@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from importlib import util
 from typing import TYPE_CHECKING
 
 from bench.contenders.cases import ROBOTS, Case, make_case
@@ -32,7 +33,9 @@ class Plan:
     quick: bool = False
     flags: tuple[str, ...] = FLAGS
     pinocchio: bool = True
-    parts: frozenset[str] = frozenset({"functions", "python", "ik", "growth", "generation", "control", "mechanisms"})
+    parts: frozenset[str] = frozenset(
+        {"functions", "python", "ik", "growth", "generation", "control", "mechanisms", "hessians"}
+    )
 
     @property
     def effort(self) -> Effort:
@@ -51,7 +54,7 @@ def bench(plan: Plan, tell: Tell) -> Results:
     by_robot = bool(plan.parts & {"functions", "python"})
     stages: list[Callable[..., None]] = [partial(_robot, robot) for robot in plan.robots if by_robot]
     others = {"ik": _inverse_kinematics, "growth": _growth, "generation": _generation, "control": _control}
-    others["mechanisms"] = _mechanisms
+    others |= {"mechanisms": _mechanisms, "hessians": _hessians}
     stages += [stage for part, stage in others.items() if part in plan.parts]
     for done, stage in enumerate(stages):
         stage(plan, toolchain, results, partial(tell, done, len(stages)))
@@ -183,6 +186,25 @@ def _mechanisms(plan: Plan, toolchain: Toolchain, results: Results, say: Say) ->
     for name in MECHANISMS[-1:] if plan.quick else MECHANISMS:
         say(f"{name}: compiling and measuring (Pinocchio's headers take minutes, once)")
         results.mechanisms += measured(name, toolchain)
+
+
+def _hessians(plan: Plan, toolchain: Toolchain, results: Results, say: Say) -> None:
+    if util.find_spec("casadi") is None:
+        _leave_out(results, "second derivatives: no CasADi to compare with")
+        return
+    from bench.measurements.second_derivatives import MOST_JOINTS, measured
+    from rrrgen.robot.file import read
+
+    compilers = toolchain if plan.pinocchio else replace(toolchain, cxx=None)
+    for robot in plan.robots:
+        case = make_case(read(robot))
+        if case.file is None or case.n > MOST_JOINTS or not all(case.chain.revolute):
+            _leave_out(
+                results, f"second derivatives of {robot}: for arms of at most {MOST_JOINTS} revolute joints with links"
+            )
+            continue
+        say(f"{robot}: second derivatives")
+        results.hessians += measured(case, compilers, plan.effort)
 
 
 def _leave_out(results: Results, text: str) -> None:

@@ -40,6 +40,7 @@ ROBOTS = ("rrr", "puma560", "ur10e", "panda")
 FUNCTIONS = ("inverse_dynamics_hessian", "inverse_dynamics_hessian_product", "inverse_dynamics_second_derivatives")
 PLACES = {"q": 0, "dq": 1, "ddq": 2, "weights": 3, "direction": 4}
 """Offset of each input in a state of seven parts, in multiples of n; the direction has three."""
+MOST_JOINTS = 8  # of an arm with the function of all second derivatives
 CLOSE = 1e-11  # relative; two recursions
 
 
@@ -129,11 +130,9 @@ def by_pinocchio(case: Case) -> tuple[Contender, str, str]:
     return contender, declarations, f"tree_setup({n}, parents, joint_places, joint_bodies, armature, 0, acceleration);"
 
 
-def measured(name: str, toolchain: Toolchain, effort: Effort) -> list[SecondTime]:
+def measured(case: Case, toolchain: Toolchain, effort: Effort) -> list[SecondTime]:
     """The times of all functions of one robot. Raises DisagreementError where results differ; nothing is timed then."""
-    spec = load_spec(name)
-    case = make_case(spec)
-    programs = derive_once(spec, groups=("model", "hessian", "tensors")).programs
+    programs = derive_once(case.spec, groups=("model", "hessian", "tensors")).programs
     ours = [programs[f"{function}_nominal"] for function in FUNCTIONS]
     files = function_files("robot", "functions that are timed", ours, "double")
     contenders, hand, declarations = by_casadi(case)
@@ -149,12 +148,12 @@ def measured(name: str, toolchain: Toolchain, effort: Effort) -> list[SecondTime
         driver = Driver.build(
             Path(place), contenders, sources, '#include "robot.h"\n' + declarations, states, toolchain, setup, cpp
         )
-        _check(spec.name, contenders, driver.values())
+        _check(case.name, contenders, driver.values())
         times = driver.times(effort)
     by_name = {(each.function, each.label): times[k] for k, each in enumerate(contenders)}
     return [
         SecondTime(
-            spec.name,
+            case.name,
             function,
             count_operations(program).total,
             by_name[function, OURS_FILE],
@@ -178,7 +177,7 @@ def main(robots: list[str], tell: Callable[[str], Any] = click.echo) -> None:
     """Print the table."""
     tell(f"{'':12}{'':38}{'operations':>11}{'rrrgen, ns':>12}{'CasADi, ns':>12}{'Pinocchio, ns':>15}")
     for name in robots or ROBOTS:
-        for each in measured(name, find_toolchain(), Effort()):
+        for each in measured(make_case(load_spec(name)), find_toolchain(), Effort()):
             theirs = "".join(
                 f"{'' if time is None else f'{time:.0f}':>{width}}"
                 for time, width in ((each.casadi, 12), (each.pinocchio, 15))
