@@ -66,7 +66,8 @@ def drive_gains(
     """Estimate unknown drive gains (torque constants) from recordings without and with a known payload.
 
     The masses of ROBOT are not used: all parameters of the arm are estimated too, in the units of the payload. Writes
-    drive_gains.json to DIR. Exits with 4 if the payload hardly loads a joint, whose gain is then not determined.
+    drive_gains.json to DIR. Exits with 4 if no gains explain the torques, or if the payload hardly loads a joint, whose
+    gain is then not determined.
 
     \b
     Example:

@@ -42,7 +42,8 @@ def payload(
 
     Writes payload.json, and robot.yaml with the payload as a part of the last link, to DIR. Half a minute of a motion
     in which the last joints move through many directions of gravity is enough. Samples near rest are left out. Exits
-    with 4 if the motion does not determine the mass; other values that it does not determine are marked.
+    with 4 if no payload explains the torques, or the motion does not determine the mass; other values that it does not
+    determine are marked.
 
     \b
     Example:

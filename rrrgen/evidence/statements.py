@@ -164,7 +164,7 @@ def _of_solution(
     seed: int,
     compiled: Evaluator | None,
 ) -> tuple[Array, Array]:
-    """The bounds of the residuals and the largest ones found, one for every element."""
+    """Bounds of the residuals of a ``solution`` and the largest residuals found by search, one for every element."""
     box = solution.box(box, spec, ranges)
     rows = solution.bounds(box).bounds[precision]
     bounds = np.array([bound for row in rows.values() for bound in row])

@@ -177,7 +177,11 @@ STATE = (
 
 
 def _momentum_and_torques(r: FunctionBuilder, further: tuple[str, ...] = ()) -> tuple[list[Any], list[Any]]:
-    """Record p (n,) and u (n,) of the module's docstring at the present state, whose inputs are declared."""
+    """Record what the momentum observer knows of the present state, ``p = M dq`` and ``u = C' dq - g - f(dq)``, (n,).
+
+    p is the generalized momentum, N m s or N s; without contact ``dp/dt = tau + u`` with the torques tau of the drives
+    and friction f. Declares the inputs q, dq and ``further`` joint vectors, parameters and friction.
+    """
     chain = r.chain_in_gravity("dq", *further)
     dq = r.joints("dq")
     for name in further:

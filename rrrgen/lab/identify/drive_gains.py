@@ -102,7 +102,7 @@ def identify_gains(
     """Estimate the drive gains of ``model`` from recordings without (``empty``) and with the payload (``loaded``).
 
     ``payload`` (10,) are its standard parameters in the frame of the last link. Raises InputError for recordings that
-    do not fit the robot, DerivationError if the payload tells no gain.
+    do not fit the robot, DerivationError if no gains explain the torques or the payload tells none of them.
     """
     n = model.n
     every = [*empty, *loaded]

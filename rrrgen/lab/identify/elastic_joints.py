@@ -396,7 +396,10 @@ class _Fit:
         return x[:n], x[n : 2 * n], x[2 * n : 3 * n], x[3 * n :].reshape(n, len(FRICTION))
 
     def _motion(self, x: Array, u: Array) -> tuple[Array, Array, Array]:
-        """Positions, speeds and accelerations (N, n) of the links where the torques ``u`` (6, N, n) are transmitted."""
+        """Positions, speeds and accelerations (N, n) of the links, behind springs and dampers that transmit ``u``.
+
+        ``u`` (6, N, n) are those torques and their derivatives, as of :meth:`transmitted`.
+        """
         c, T, _, _ = self._unknowns(x)
         return tuple(self.signals.theta[:3] - c * _damped(u, T))
 

@@ -99,7 +99,7 @@ def estimate_drive_gains(
 
     Raises:
         InputError: robot, recordings or options cannot be used; an OptionError for the options.
-        DerivationError: the payload tells no gain.
+        DerivationError: no gains explain the torques, or the payload tells none of them.
     """
     chosen = with_changes(DriveGainsOptions, options, changes)
     require("rrrgen experiment drive-gains", "scipy")

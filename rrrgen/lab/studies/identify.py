@@ -161,7 +161,7 @@ class IdentificationResult(EstimateResult):
 
     @property
     def names(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Names of the identifiable combinations."""
+        """Names of the identifiable parameters and combinations of parameters, in the order of the values."""
         return self.identification.names
 
     @property
