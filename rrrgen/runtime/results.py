@@ -249,7 +249,10 @@ class ForwardDynamicsDerivatives(NamedTuple):
 
 
 class Hessian(NamedTuple):
-    """``gradient`` (..., 3 n) and symmetric Hessian ``H`` (..., 3 n, 3 n) of a weighted sum, in SI units."""
+    """``gradient`` (..., 3 n) and symmetric Hessian ``H`` (..., 3 n, 3 n) of a weighted sum, in SI units.
+
+    On a floating base they have 3 (6 + n) rows.
+    """
 
     gradient: NDArray[Any]
     H: NDArray[Any]

@@ -11,11 +11,12 @@ from typing import Any
 class ArgumentKind:
     """An argument of model functions, before the number of joints and their kinds are known.
 
-    ``shape`` holds sizes separated by spaces, "" for a scalar: numbers, or n for the number of joints, b for that of
-    the base parameters, k for that of the friction parameters, s for that of the joints and motors with friction. Of
-    "rad | m" in ``unit``, the first is that of revolute, the second that of prismatic joints; "m/s, rad/s" are those of
-    the linear and of the angular part; "SI" is one that differs between elements. ``meaning`` is followed by shape and
-    unit in documents, and these by ``note``, which begins with its punctuation.
+    ``shape`` holds sizes separated by spaces, "" for a scalar: numbers, or n for the number of joints, 6+n with the
+    coordinates of a floating base, b for that of the base parameters, k for that of the friction parameters, s for that
+    of the joints and motors with friction. Of "rad | m" in ``unit``, the first is that of revolute, the second that of
+    prismatic joints; "m/s, rad/s" are those of the linear and of the angular part; "SI" is one that differs between
+    elements. ``meaning`` is followed by shape and unit in documents, and these by ``note``, which begins with its
+    punctuation.
 
     ``constant``: usually the same for all states of a batch. ``spread``: one number may stand for all elements.
     ``from_file`` says which values of the robot file are the default; ``default`` is another one. ``optional``: only

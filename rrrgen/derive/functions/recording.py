@@ -215,7 +215,8 @@ class FunctionBuilder:
         """The port of the input ``name`` of the function, as the table states it."""
         own = {quantity.name: quantity for quantity in self.function.arguments} if self.function else {}
         quantity = own.get(name) or QUANTITIES[name]
-        sizes = {"n": self.n, "3n": 3 * self.n, "b": len(self.parametrization.names) + self.drives}
+        n, b = self.n, len(self.parametrization.names) + self.drives
+        sizes = {"n": n, "3n": 3 * n, "6+n": 6 + n, "3(6+n)": 3 * (6 + n), "b": b}
         shape = shape or tuple(sizes[size] if size in sizes else int(size) for size in quantity.shape.split())
         domain = DOMAINS.get(name, Domain.FINITE)
         role = JOINT_ROLES.get(name) or BASE_ROLES.get(name, Role.OTHER)

@@ -72,17 +72,17 @@ def mass_matrix_derivatives(r: FunctionBuilder, mass: Program) -> Program:
         columns = [D[i][j] for i in range(r.n) for j in range(r.n) for D in slopes]
         ways.append(finished(r.builder, columns))
     share = ShareEqualValues(sums=True)
-    return _cheapest(*ways, *(share(way) for way in ways))
+    return cheapest_of(*ways, *(share(way) for way in ways))
 
 
 def inverse_dynamics_hessian(r: FunctionBuilder, torques: Program) -> Program:
     """Derive gradient and Hessian of ``weights' tau`` from a program of inverse dynamics."""
-    return _cheapest(*(_hessian(r, gradient) for gradient in _gradients(r, torques)))
+    return cheapest_of(*(_hessian(r, gradient) for gradient in _gradients(r, torques)))
 
 
 def inverse_dynamics_hessian_product(r: FunctionBuilder, torques: Program) -> Program:
     """Derive the product of the Hessian of ``weights' tau`` with a direction from a program of inverse dynamics."""
-    return _cheapest(*(_product(r, gradient) for gradient in _gradients(r, torques)))
+    return cheapest_of(*(_product(r, gradient) for gradient in _gradients(r, torques)))
 
 
 def inverse_dynamics_second_derivatives(r: FunctionBuilder, derivatives: Program) -> Program:
@@ -109,7 +109,7 @@ def inverse_dynamics_second_derivatives(r: FunctionBuilder, derivatives: Program
         [christoffel(i, min(j, k), max(j, k)) for i in n for j in n for k in n],
         [dM(i, j, k) for i in n for j in n for k in n],
     ]
-    return _cheapest(
+    return cheapest_of(
         b.program(
             "inverse_dynamics_second_derivatives",
             list(zip(ports, results, strict=True)),
@@ -128,12 +128,12 @@ def _gradients(r: FunctionBuilder, torques: Program) -> list[Program]:
     ways = [_gradient(r, b, [value for role in STATE for value in by_role[role]])]
     if count_operations(torques).total <= SHORT:
         names = [next(port.name for port in torques.inputs if port.role is role) for role in STATE]
-        derivatives = _cheapest(jacobian(torques, "tau", names))
+        derivatives = cheapest_of(jacobian(torques, "tau", names))
         b, inputs = _with_inputs_of(derivatives)
         weights = b.input(r.port("weights"))
         blocks = replay(derivatives, b, inputs)[1:]
         ways.append(_gradient(r, b, [dot(weights, block[j :: r.n]) for block in blocks for j in range(r.n)]))
-    return [_cheapest(way) for way in ways]
+    return [cheapest_of(way) for way in ways]
 
 
 def _gradient(r: FunctionBuilder, b: Builder, slopes: Sequence[Value]) -> Program:
@@ -262,7 +262,7 @@ def _storage(letter: str, last: str) -> str:
     )
 
 
-def _cheapest(*ways: Program) -> Program:
+def cheapest_of(*ways: Program) -> Program:
     """The cheapest of equivalent programs, with equal values computed once."""
     cheapest, log = Cheapest(), PassLog()
     best, _ = cheapest(ways, ways[0].name, log)

@@ -14,7 +14,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from rrrgen.derive.functions.model_function import ModelFunction
+from rrrgen.derive.functions.model_function import ModelFunction, Needs
 from rrrgen.derive.functions.quantities import ArgumentKind
 from rrrgen.derive.functions.table import ALWAYS, FUNCTIONS, TABLE
 
@@ -134,8 +134,17 @@ def _on_moving_base(function: ModelFunction) -> ModelFunction | None:
 
 def _of_base(function: ModelFunction) -> tuple[ArgumentKind, ...]:
     """What describes the moving base: the arguments that ``function`` has besides its own on a floating base."""
+    moving, own = _on_moving_base(function), {q.name for q in function.arguments}
+    return tuple(q for q in moving.arguments if q.name not in own) if moving else ()
+
+
+def _longer(function: ModelFunction, q: ArgumentKind) -> str:
+    """The sentence on the shape that the argument ``q`` of ``function`` has on a floating base, if it is another."""
     moving = _on_moving_base(function)
-    return tuple(q for q in moving.arguments if q not in function.arguments) if moving else ()
+    other = next((each for each in moving.arguments if each.name == q.name), q) if moving else q
+    if other.shape == q.shape:
+        return ""
+    return f" Of a floating base that moves: {other.meaning}, (..., {', '.join(_sizes(other))}){other.note}."
 
 
 def _argument(q: ArgumentKind) -> str:
@@ -150,7 +159,7 @@ def _argument(q: ArgumentKind) -> str:
 def docstring(function: ModelFunction, margin: int = 0) -> str:
     """The docstring of ``function``'s method, in lines that leave room for the indentation and ``margin``."""
     width = WIDTH - len(INDENT) - margin
-    entries = [f"{q.name}: {described(q)}" for q in function.arguments]
+    entries = [f"{q.name}: {described(q)}{_longer(function, q)}" for q in function.arguments]
     entries += [f"{q.name}: of a floating base that moves: {described(q)}" for q in _of_base(function)]
     if function.of_tip:
         entries.append("tip: a named tip of the robot file in place of the unnamed one.")
@@ -194,7 +203,7 @@ def described(q: ArgumentKind) -> str:
 
 
 def _sizes(q: ArgumentKind) -> list[str]:
-    return [re.sub(r"(?<=\d)n", " n", size) for size in q.shape.split()]
+    return [re.sub(r"(?<=\d)(?=[n(])", " ", size).replace("+", " + ") for size in q.shape.split()]
 
 
 def _section(title: str, entries: list[str], width: int) -> str:
@@ -221,6 +230,9 @@ def _body(function: ModelFunction) -> Iterator[str]:
         yield f"{INDENT}name = {function.name!r} if tip is None else self._at_tip({function.name!r}, tip)"
     if function.absent and function.group in ALWAYS:
         yield f"{INDENT}if not self._has({_name(function)}):"
+        yield f"{INDENT * 2}raise ValueError({function.absent!r})"
+    elif function.needs is Needs.FLOATING_BASE:
+        yield f"{INDENT}if not self.spec.floating_base:"
         yield f"{INDENT * 2}raise ValueError({function.absent!r})"
     results = _evaluation(function)
     if function.status:

@@ -2382,6 +2382,7 @@ class TableFunctions(Calls):
             dM_dq, (..., n, n, n), in SI units: ``dM_dq[..., i, j, k]``, symmetric in i and j.
         """
 
+    @overload
     def inverse_dynamics_hessian_product(
         self,
         q: ArrayLike,
@@ -2393,6 +2394,9 @@ class TableFunctions(Calls):
         *,
         Ia: ArrayLike | None = None,
         gravity: ArrayLike | None = None,
+        orientation: None = None,
+        twist: None = None,
+        twist_rate: None = None,
     ) -> Array:
         """Product of the Hessian of ``weights' tau`` with respect to (q, dq, ddq) with a direction.
 
@@ -2400,16 +2404,120 @@ class TableFunctions(Calls):
             q: joint positions, (..., n), rad or m.
             dq: joint velocities, (..., n), rad/s or m/s.
             ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
-            weights: weights of the torques, (..., n), in any unit, such as the multipliers of a solver.
-            direction: the direction, (..., 3 n), in any unit: changes of q, then of dq, then of ddq.
+            weights: weights of the torques, (..., n), in any unit, such as the multipliers of a solver. Of a floating
+                base that moves: weights of force and moment on the base, then of the torques, (..., 6 + n), such as the
+                multipliers of a solver.
+            direction: the direction, (..., 3 n), in any unit: changes of q, then of dq, then of ddq. Of a floating base
+                that moves: the direction, (..., 3 (6 + n)): changes of translation and rotation of the base and of q,
+                then of twist and dq, then of twist_rate and ddq.
             beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
             Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
             gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            orientation: of a floating base that moves: orientation of the base in the world, (..., 4): the unit
+                quaternion x, y, z, w.
+            twist: of a floating base that moves: velocity of the base origin, then angular velocity of the base, (...,
+                6), m/s and rad/s, base axes.
+            twist_rate: of a floating base that moves: time derivatives of the components of the twist, (..., 6), m/s^2
+                and rad/s^2; the base origin is accelerated by ``dv/dt + omega x v``.
 
         Returns:
-            ``H direction``, (..., 3 n), in SI units times the units of weights and direction. H is never formed.
+            ``H direction``, (..., 3 n), in SI units times the units of weights and direction. H is never formed. Of a
+            floating base that moves, what :meth:`floating_inverse_dynamics_hessian_product` returns.
         """
+    @overload
+    def inverse_dynamics_hessian_product(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        weights: ArrayLike,
+        direction: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+    ) -> Array: ...
+    @overload
+    def floating_inverse_dynamics_hessian_product(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        weights: ArrayLike,
+        direction: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[False] = ...,
+    ) -> Array:
+        """Product of the Hessian of ``weights' [wrench; tau]`` on a floating base with a direction.
 
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            weights: weights of force and moment on the base, then of the torques, (..., 6 + n), in any unit, such as
+                the multipliers of a solver.
+            direction: the direction, (..., 3 (6 + n)), in any unit: changes of translation and rotation of the base and
+                of q, then of twist and dq, then of twist_rate and ddq.
+            orientation: orientation of the base in the world, (..., 4): the unit quaternion x, y, z, w.
+            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
+            twist_rate: time derivatives of the components of the twist, (..., 6), m/s^2 and rad/s^2; the base origin is
+                accelerated by ``dv/dt + omega x v``.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            with_status: return ``(result, status)`` instead of raising ValueError.
+
+        Returns:
+            ``H direction``, (..., 3 (6 + n)), in SI units times the units of weights and direction, with the Hessian of
+            :meth:`floating_inverse_dynamics_hessian`, which is never formed.
+
+        Raises:
+            ValueError: the robot file states no floating base, or the orientation is no unit quaternion (its norm is
+                off by more than 1e-6, status 2) and ``with_status`` is False.
+        """
+    @overload
+    def floating_inverse_dynamics_hessian_product(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        weights: ArrayLike,
+        direction: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[True],
+    ) -> tuple[Array, Array]: ...
+    @overload
+    def floating_inverse_dynamics_hessian_product(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        weights: ArrayLike,
+        direction: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: bool,
+    ) -> Array | tuple[Array, Array]: ...
     def inverse_dynamics_second_derivatives(
         self,
         q: ArrayLike,
