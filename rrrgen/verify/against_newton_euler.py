@@ -11,11 +11,11 @@ import numpy as np
 import sympy as sp
 
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
-from rrrgen.verify.identities import check_refusal, is_definite
+from rrrgen.verify.identities import SECOND_STEP, check_refusal, is_definite
 from rrrgen.verify.references.friction_laws import changed, has_load, has_state, parameters_of, sliding, stepped
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, BaseState, NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, motor_loads, motor_speeds
-from rrrgen.verify.report import Check, Collector, Tolerances, rate, size
+from rrrgen.verify.report import Check, Collector, Tolerances, curvature, rate, size
 from rrrgen.verify.subject import SPEED, InertialParameters, States, draw_states
 
 if TYPE_CHECKING:
@@ -248,6 +248,47 @@ def _check_floating_derivatives(
     close(f"{name}: df_dq", lambda: answer()[2], by_q, scale=scale)
     close(f"{name}: df_dv", lambda: answer()[3], by_v, scale=scale)
     exact(f"{name}: M", lambda: answer()[4], ne.floating_mass_matrix(s.q))
+
+
+def check_floating_second_derivatives(
+    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
+) -> None:
+    """Compare the Hessian of weighted wrench and torques on a floating base with second differences of those of ``ne``.
+
+    They are along one random direction of translation, rotation, q, twist, dq, twist_rate and ddq at each state, where
+    the base turns about a fixed axis at a constant rate: along the exponential map.
+    """
+    if not model.spec.floating_base:
+        return
+    beta, (count, n) = parameters.beta, s.q.shape
+    rng = np.random.default_rng(count)
+    base, w = draw_base(count, rng), rng.uniform(-1.0, 1.0, (count, 6 + n))
+    direction = rng.normal(size=(count, 3 * (6 + n)))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    x, v, a = np.split(direction, 3, axis=1)
+    close = rows.against(ne.name, parameters.label, tolerances.differenced, count)
+    of_base = base.orientation, base.twist, base.twist_rate
+
+    def weighted(t: float) -> Array:
+        moving = BaseState(
+            turned(base.orientation, t * x[:, 3:6]), base.twist + t * v[:, :6], base.twist_rate + t * a[:, :6]
+        )
+        joints = s.q + t * x[:, 6:], s.dq + t * v[:, 6:], s.ddq + t * a[:, 6:]
+        return np.asarray(np.sum(w * np.concatenate(ne.floating_inverse_dynamics(*joints, moving), axis=1), axis=1))
+
+    @cache
+    def answer() -> Any:
+        return model.floating_inverse_dynamics_hessian(s.q, s.dq, s.ddq, w, *of_base, beta=beta)
+
+    def product() -> Array:
+        found = model.floating_inverse_dynamics_hessian_product(s.q, s.dq, s.ddq, w, direction, *of_base, beta=beta)
+        return np.asarray(np.sum(np.asarray(found) * direction, axis=1))
+
+    first, second = rate(weighted, SECOND_STEP), curvature(weighted, SECOND_STEP)
+    name = "floating_inverse_dynamics_hessian"
+    close(f"{name}: gradient' v", lambda: np.einsum("ki,ki->k", answer()[0], direction), first)
+    close(f"{name}: v' H v", lambda: np.einsum("ki,kij,kj->k", direction, answer()[1], direction), second)
+    close(f"{name}_product: v' H v", product, second)
 
 
 def is_nearly_special(spec: RobotSpec) -> bool:

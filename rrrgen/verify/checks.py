@@ -10,6 +10,7 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.verify.against_newton_euler import (
     check_dynamics,
     check_floating_base,
+    check_floating_second_derivatives,
     check_friction,
     check_kinematics,
     check_loops,
@@ -92,6 +93,7 @@ def verify(
         check_derivatives(model, reference, parameters, states, tolerances, rows)
         if hessians:
             check_second_derivatives(model, reference, parameters, states, tolerances, rows)
+            check_floating_second_derivatives(model, reference, parameters, states, tolerances, rows)
         check_identities(model, chain, parameters, states, tolerances, rows)
     check_inverse_kinematics(single_model, chain, samples, rng, rows, tell)
     for tip in model.spec.tips:

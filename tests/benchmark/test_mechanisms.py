@@ -23,8 +23,15 @@ def test_every_figure_keeps_its_limit(part):
 @pytest.mark.sweep
 def test_second_derivatives_of_the_hand_keep_their_limits():
     """Its product is the closest to its limit. All robots take four minutes."""
-    missed = [row for row in of_hessians(["hand"]) if not row.met]
+    missed = [row for row in of_hessians(["hand"], []) if not row.met]
     assert missed == []
+
+
+@pytest.mark.sweep
+def test_second_derivatives_on_the_base_of_the_quadruped_keep_their_limits():
+    rows = list(of_hessians([]))
+    assert len(rows) == 6
+    assert all(row.met for row in rows), rows
 
 
 def test_a_figure_that_has_to_equal_its_limit_may_not_be_below_it():

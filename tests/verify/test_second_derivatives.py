@@ -7,12 +7,20 @@ from functools import cache
 import pytest
 
 import rrrgen
+from derive.test_floating_base import TRUNK
+from rrrgen.robot.file import dumps, load_spec, loads_spec
 from rrrgen.verify import Report, verify
 
 
 @cache
 def model() -> rrrgen.Model:
     return rrrgen.compile("planar2r", backend="numpy")
+
+
+@cache
+def afloat() -> rrrgen.Model:
+    text = dumps(load_spec("pendulum")).replace("joints:\n", f"{TRUNK}joints:\n")
+    return rrrgen.compile(loads_spec(text), backend="numpy")
 
 
 def failures(report: Report) -> set[str]:
@@ -41,14 +49,31 @@ def test_right_second_derivatives_pass():
     ],
 )
 def test_wrong_ones_are_named(name):
+    assert blamed(model, name) == {name}
+
+
+def test_right_ones_on_a_floating_base_pass():
+    report = verified(afloat())
+    assert report.ok, report.to_text()
+    assert sum(row.function.startswith("floating_inverse_dynamics_hessian") for row in report.rows) == 6
+
+
+@pytest.mark.parametrize("name", ["floating_inverse_dynamics_hessian", "floating_inverse_dynamics_hessian_product"])
+def test_wrong_ones_on_a_floating_base_are_named(name):
+    assert blamed(afloat, name) == {name}
+
+
+def blamed(right, name):
+    """The functions that verification of the model ``right()`` blames where the function ``name`` is wrong."""
+
     class Wrong:
         def __getattr__(self, attribute):
-            value = getattr(model(), attribute)
+            value = getattr(right(), attribute)
             if attribute != name:
                 return value
             return lambda *states, **given: _scaled(value(*states, **given))
 
-    assert {function.split(":")[0] for function in failures(verified(Wrong()))} == {name}
+    return {function.split(":")[0] for function in failures(verified(Wrong()))}
 
 
 def _scaled(result):

@@ -44,15 +44,15 @@ ALONG = "A rotation xi of the base turns its orientation R to R exp([xi]x): H is
 
 def inverse_dynamics_hessian(r: FunctionBuilder, forces: Program) -> Program:
     """Derive gradient and Hessian of ``weights' [wrench; tau]`` from the program with the sensors of the base."""
-    return cheapest_of(_hessian(r, _gradient(r, forces)))
+    return cheapest_of(_hessian(r, weighted_gradient(r, forces)))
 
 
 def inverse_dynamics_hessian_product(r: FunctionBuilder, forces: Program) -> Program:
     """Derive the product of that Hessian with a direction from the program with the sensors of the base."""
-    return cheapest_of(_product(r, _gradient(r, forces)))
+    return cheapest_of(_product(r, weighted_gradient(r, forces)))
 
 
-def _gradient(r: FunctionBuilder, forces: Program) -> Program:
+def weighted_gradient(r: FunctionBuilder, forces: Program) -> Program:
     """The optimized program of the gradient (15 + 3 n), without the translation, with the weight R' g as an input.
 
     Its elements belong to rotation of the base, q, twist, dq, twist_rate and ddq.

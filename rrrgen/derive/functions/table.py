@@ -1008,56 +1008,6 @@ TABLE = (
         by_hand=True,
     ),
     ModelFunction(
-        "floating_inverse_dynamics_hessian",
-        "hessian",
-        "Gradient and Hessian of ``weights' [wrench; tau]`` on a floating base, for given weights.",
-        takes="q dq ddq weights orientation twist twist_rate beta * Ia gravity",
-        where=(WEIGHTS_OF_FORCES,),
-        returns="The named tuple (gradient, H): (..., 3 (6 + n)), and (..., 3 (6 + n), 3 (6 + n)), symmetric, in SI "
-        "units times the unit of the weights, by translation and rotation of the base and q, then by twist and dq, "
-        "then by twist_rate and ddq.",
-        combine=f"{FLOATING_SECOND}:inverse_dynamics_hessian",
-        of=("floating_inverse_dynamics_from_imu",),
-        details="The base is moved and turned along and about its own axes, as in "
-        ":meth:`floating_inverse_dynamics_derivatives`: the Hessian is that along the exponential map, R exp([xi]x), "
-        "which is symmetric, while repeated derivatives by rotations are not. The elements of the translation are "
-        "zero. In C the blocks that can differ from zero are separate outputs, those on the diagonal as upper "
-        "triangles.",
-        raises=(("ValueError", NO_FLOATING_BASE),),
-        result="Hessian",
-        status=True,
-        needs=Needs.FLOATING_BASE,
-        absent=STATE_FLOATING_BASE,
-        differentiated=True,
-        by_hand=True,
-    ),
-    ModelFunction(
-        "floating_inverse_dynamics_hessian_product",
-        "hessian",
-        "Product of the Hessian of ``weights' [wrench; tau]`` on a floating base with a direction.",
-        takes="q dq ddq weights direction orientation twist twist_rate beta * Ia gravity",
-        where=(
-            WEIGHTS_OF_FORCES,
-            ArgumentKind(
-                "direction",
-                "3(6+n)",
-                "any",
-                "the direction",
-                note=": changes of translation and rotation of the base and of q, then of twist and dq, then of "
-                "twist_rate and ddq",
-            ),
-        ),
-        returns="``H direction``, (..., 3 (6 + n)), in SI units times the units of weights and direction, with the "
-        "Hessian of :meth:`floating_inverse_dynamics_hessian`, which is never formed.",
-        combine=f"{FLOATING_SECOND}:inverse_dynamics_hessian_product",
-        of=("floating_inverse_dynamics_from_imu",),
-        raises=(("ValueError", NO_FLOATING_BASE),),
-        status=True,
-        needs=Needs.FLOATING_BASE,
-        absent=STATE_FLOATING_BASE,
-        differentiated=True,
-    ),
-    ModelFunction(
         "inverse_dynamics_second_derivatives",
         "tensors",
         "All second derivatives of the joint torques with respect to q, dq and ddq that can differ from zero.",
@@ -1289,6 +1239,56 @@ TABLE = (
         needs=Needs.FLOATING_BASE,
         absent=STATE_FLOATING_BASE,
         on_demand=True,
+    ),
+    ModelFunction(
+        "floating_inverse_dynamics_hessian",
+        "hessian",
+        "Gradient and Hessian of ``weights' [wrench; tau]`` on a floating base, for given weights.",
+        takes="q dq ddq weights orientation twist twist_rate beta * Ia gravity",
+        where=(WEIGHTS_OF_FORCES,),
+        returns="The named tuple (gradient, H): (..., 3 (6 + n)), and (..., 3 (6 + n), 3 (6 + n)), symmetric, in SI "
+        "units times the unit of the weights, by translation and rotation of the base and q, then by twist and dq, "
+        "then by twist_rate and ddq.",
+        combine=f"{FLOATING_SECOND}:inverse_dynamics_hessian",
+        of=("floating_inverse_dynamics_from_imu",),
+        details="The base is moved and turned along and about its own axes, as in "
+        ":meth:`floating_inverse_dynamics_derivatives`: the Hessian is that along the exponential map, R exp([xi]x), "
+        "which is symmetric, while repeated derivatives by rotations are not. The elements of the translation are "
+        "zero. In C the blocks that can differ from zero are separate outputs, those on the diagonal as upper "
+        "triangles.",
+        raises=(("ValueError", NO_FLOATING_BASE),),
+        result="Hessian",
+        status=True,
+        needs=Needs.FLOATING_BASE,
+        absent=STATE_FLOATING_BASE,
+        differentiated=True,
+        by_hand=True,
+    ),
+    ModelFunction(
+        "floating_inverse_dynamics_hessian_product",
+        "hessian",
+        "Product of the Hessian of ``weights' [wrench; tau]`` on a floating base with a direction.",
+        takes="q dq ddq weights direction orientation twist twist_rate beta * Ia gravity",
+        where=(
+            WEIGHTS_OF_FORCES,
+            ArgumentKind(
+                "direction",
+                "3(6+n)",
+                "any",
+                "the direction",
+                note=": changes of translation and rotation of the base and of q, then of twist and dq, then of "
+                "twist_rate and ddq",
+            ),
+        ),
+        returns="``H direction``, (..., 3 (6 + n)), in SI units times the units of weights and direction, with the "
+        "Hessian of :meth:`floating_inverse_dynamics_hessian`, which is never formed.",
+        combine=f"{FLOATING_SECOND}:inverse_dynamics_hessian_product",
+        of=("floating_inverse_dynamics_from_imu",),
+        raises=(("ValueError", NO_FLOATING_BASE),),
+        status=True,
+        needs=Needs.FLOATING_BASE,
+        absent=STATE_FLOATING_BASE,
+        differentiated=True,
     ),
     ModelFunction(
         "friction",

@@ -2440,84 +2440,6 @@ class TableFunctions(Calls):
         twist: ArrayLike,
         twist_rate: ArrayLike,
     ) -> Array: ...
-    @overload
-    def floating_inverse_dynamics_hessian_product(
-        self,
-        q: ArrayLike,
-        dq: ArrayLike,
-        ddq: ArrayLike,
-        weights: ArrayLike,
-        direction: ArrayLike,
-        orientation: ArrayLike,
-        twist: ArrayLike,
-        twist_rate: ArrayLike,
-        beta: ArrayLike | None = None,
-        *,
-        Ia: ArrayLike | None = None,
-        gravity: ArrayLike | None = None,
-        with_status: Literal[False] = ...,
-    ) -> Array:
-        """Product of the Hessian of ``weights' [wrench; tau]`` on a floating base with a direction.
-
-        Args:
-            q: joint positions, (..., n), rad or m.
-            dq: joint velocities, (..., n), rad/s or m/s.
-            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
-            weights: weights of force and moment on the base, then of the torques, (..., 6 + n), in any unit, such as
-                the multipliers of a solver.
-            direction: the direction, (..., 3 (6 + n)), in any unit: changes of translation and rotation of the base and
-                of q, then of twist and dq, then of twist_rate and ddq.
-            orientation: orientation of the base in the world, (..., 4): the unit quaternion x, y, z, w.
-            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
-            twist_rate: time derivatives of the components of the twist, (..., 6), m/s^2 and rad/s^2; the base origin is
-                accelerated by ``dv/dt + omega x v``.
-            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
-            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
-            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
-            with_status: return ``(result, status)`` instead of raising ValueError.
-
-        Returns:
-            ``H direction``, (..., 3 (6 + n)), in SI units times the units of weights and direction, with the Hessian of
-            :meth:`floating_inverse_dynamics_hessian`, which is never formed.
-
-        Raises:
-            ValueError: the robot file states no floating base, or the orientation is no unit quaternion (its norm is
-                off by more than 1e-6, status 2) and ``with_status`` is False.
-        """
-    @overload
-    def floating_inverse_dynamics_hessian_product(
-        self,
-        q: ArrayLike,
-        dq: ArrayLike,
-        ddq: ArrayLike,
-        weights: ArrayLike,
-        direction: ArrayLike,
-        orientation: ArrayLike,
-        twist: ArrayLike,
-        twist_rate: ArrayLike,
-        beta: ArrayLike | None = None,
-        *,
-        Ia: ArrayLike | None = None,
-        gravity: ArrayLike | None = None,
-        with_status: Literal[True],
-    ) -> tuple[Array, Array]: ...
-    @overload
-    def floating_inverse_dynamics_hessian_product(
-        self,
-        q: ArrayLike,
-        dq: ArrayLike,
-        ddq: ArrayLike,
-        weights: ArrayLike,
-        direction: ArrayLike,
-        orientation: ArrayLike,
-        twist: ArrayLike,
-        twist_rate: ArrayLike,
-        beta: ArrayLike | None = None,
-        *,
-        Ia: ArrayLike | None = None,
-        gravity: ArrayLike | None = None,
-        with_status: bool,
-    ) -> Array | tuple[Array, Array]: ...
     def inverse_dynamics_second_derivatives(
         self,
         q: ArrayLike,
@@ -3112,6 +3034,84 @@ class TableFunctions(Calls):
         gravity: ArrayLike | None = None,
         with_status: bool,
     ) -> FloatingDerivatives | tuple[FloatingDerivatives, Array]: ...
+    @overload
+    def floating_inverse_dynamics_hessian_product(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        weights: ArrayLike,
+        direction: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[False] = ...,
+    ) -> Array:
+        """Product of the Hessian of ``weights' [wrench; tau]`` on a floating base with a direction.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+            weights: weights of force and moment on the base, then of the torques, (..., 6 + n), in any unit, such as
+                the multipliers of a solver.
+            direction: the direction, (..., 3 (6 + n)), in any unit: changes of translation and rotation of the base and
+                of q, then of twist and dq, then of twist_rate and ddq.
+            orientation: orientation of the base in the world, (..., 4): the unit quaternion x, y, z, w.
+            twist: velocity of the base origin, then angular velocity of the base, (..., 6), m/s and rad/s, base axes.
+            twist_rate: time derivatives of the components of the twist, (..., 6), m/s^2 and rad/s^2; the base origin is
+                accelerated by ``dv/dt + omega x v``.
+            beta: base parameters, (b,) or (..., b), SI units; by default those of the robot file.
+            Ia: drive inertias, (n,) or (..., n), kg m^2 or kg; by default those of the robot file.
+            gravity: acceleration of gravity in the base frame, (3,) or (..., 3), m/s^2; by default the file's.
+            with_status: return ``(result, status)`` instead of raising ValueError.
+
+        Returns:
+            ``H direction``, (..., 3 (6 + n)), in SI units times the units of weights and direction, with the Hessian of
+            :meth:`floating_inverse_dynamics_hessian`, which is never formed.
+
+        Raises:
+            ValueError: the robot file states no floating base, or the orientation is no unit quaternion (its norm is
+                off by more than 1e-6, status 2) and ``with_status`` is False.
+        """
+    @overload
+    def floating_inverse_dynamics_hessian_product(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        weights: ArrayLike,
+        direction: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: Literal[True],
+    ) -> tuple[Array, Array]: ...
+    @overload
+    def floating_inverse_dynamics_hessian_product(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        weights: ArrayLike,
+        direction: ArrayLike,
+        orientation: ArrayLike,
+        twist: ArrayLike,
+        twist_rate: ArrayLike,
+        beta: ArrayLike | None = None,
+        *,
+        Ia: ArrayLike | None = None,
+        gravity: ArrayLike | None = None,
+        with_status: bool,
+    ) -> Array | tuple[Array, Array]: ...
     @overload
     def friction_step(
         self,
