@@ -190,7 +190,7 @@ def _error(spec: RobotSpec, functions: Functions) -> float:
 
 
 def of_hessians(names: Iterable[str] = HESSIANS, floating: Iterable[str] = FLOATING_HESSIAN) -> Iterator[Row]:
-    """Counts of second derivatives, and the times of derivation and of `gcc -O2`; those ``floating`` stand on a base."""
+    """Counts of second derivatives, and the times of derivation and of `gcc -O2`; ``floating``: on such a base."""
     for name in names:
         limits = HESSIANS[name]
         functions = Functions(robot(name))

@@ -39,7 +39,11 @@ from pages.test_pages import ROOT
 for name in ("palletiser", "excavator", "press", "linkages"):
     shutil.copytree(ROOT / "examples" / name, f"examples/{name}")
 """,
-    "second-derivatives": "",
+    "second-derivatives": """
+import shutil
+from pages.test_pages import ROOT
+shutil.copytree(ROOT / "examples/trees", "examples/trees")
+""",
     "quick-start": "q = dq = ddq = [0.1, 0.2, 0.3]",
     "path-timing": "",
     "python": "",
@@ -62,6 +66,7 @@ AFTER = {
     "python": "assert abs(float(result[result.names[0]]) / model.beta[0] - 1) < 0.02 and identified.n == 2",
     "identification": "assert len(files) == 2",
     "second-derivatives": """
+assert H_of_quad.shape == (54, 54) and np.abs(product - H_of_quad[3]).max() < 1e-12 * np.abs(H_of_quad).max()
 at, w = np.r_[q, dq, 1, 2, 3], [0.1, 0.2, 0.3]
 expected = m.forward_dynamics_hessian(q, dq, at[6:], w).H
 assert np.abs(ca.Function("H", [x, weights], [H])(at, w).full() - expected).max() < 1e-10 * np.abs(expected).max()
