@@ -117,12 +117,13 @@ def certify(
         model, files = emitted(spec, real, trig, further, casadi, jobs, experiment, tell, bounds)
     with progress_bar() as tell:
         compiled = load.compile(spec, "c", real)
-        report = verify(compiled, samples, seed, tell=tell)
+        words = {*spec.emit, *further}
+        report = verify(compiled, samples, seed, tell=tell, hessians="hessian" in words, optional=frozenset(proven))
         forward = proven.get("forward_kinematics", {}).get(real, {}).get("bounds")
         solver, solved = f"{spec.name}_ik.h", inverse_kinematics_row(compiled, forward, seed)
         options = {
             "trig": trig,
-            "with": sorted({*spec.emit, *further}),
+            "with": sorted(words),
             "ik": spec.ik,
             "speed": speed,
             "acceleration": acceleration,
@@ -131,13 +132,13 @@ def certify(
         counts, uncounted = counts_entry(spec.name, model.programs, files, real)
         tools, unchecked = tools | counts, [*unchecked, *uncounted]
         if value_analysis:
-            words = {*spec.emit, *further}
             unit = chosen_unit(model, experiment) if "controller" in words else None
             differential = bool({"control", "controller"} & words)
             found, unanalysed = analysed_with_eva(model, unit, ranges, tell, differential)
             tools, unchecked = tools | found, [*unchecked, *unanalysed]
         else:
             unchecked = [*unchecked, ("run-time errors", "--value-analysis was not asked for")]
+        tested, untested = _beyond_the_model(files, solver if solved else "")
         files |= certificate_files(
             model,
             files,
@@ -148,8 +149,8 @@ def certify(
             report,
             seed=seed,
             further=tools,
-            skipped=[*_beyond_the_model(files, solver if solved else ""), *unchecked],
-            without_bound=[(f"rounding of {solver}", *solved)] if solved else [],
+            skipped=[*untested, *unchecked],
+            without_bound=[*([(f"rounding of {solver}", *solved)] if solved else []), *tested],
             not_applicable=not_applicable(real),
             tell=tell,
         )
@@ -187,20 +188,26 @@ _BEYOND = {
 """Why there is no rounding bound of the functions of a header, by the end of its name."""
 
 
-def _beyond_the_model(files: dict[str, Any], solver: str) -> list[tuple[str, str]]:
-    """Emitted files whose functions are no model functions, with the reason why no rounding bound is stated.
+def _beyond_the_model(files: dict[str, Any], solver: str) -> tuple[list[tuple[str, str, str]], list[tuple[str, str]]]:
+    """Emitted headers whose functions are no model functions, with the reason why no rounding bound is stated.
 
-    ``solver`` is the header of the inverse kinematics for which something stands in the place of a bound, or empty.
+    First those of which the emitted self-test has checks, with what it found, then the others. ``solver`` is the header
+    of the inverse kinematics for which something stands in the place of a bound, or empty.
     """
+    from rrrgen.evidence.self_tests import checks_of, self_test_lines
+
     headers = sorted(path for path in files if path.endswith(".h") and "/" not in path)
-    return [
-        (
-            f"rounding of {path}",
-            next((reason for end, reason in _BEYOND.items() if path.endswith(end)), "loops: there is no rule for them"),
-        )
-        for path in headers[1:]
-        if not path.endswith("_status.h") and path != solver
-    ]
+    beyond = [path for path in headers[1:] if not path.endswith("_status.h") and path != solver]
+    lines = (self_test_lines(files) if beyond else None) or {}
+    tested, untested = [], []
+    for path in beyond:
+        reason = next((why for end, why in _BEYOND.items() if path.endswith(end)), "loops: there is no rule for them")
+        found = checks_of(path, lines)
+        if found:
+            tested.append((f"rounding of {path}", reason, found))
+        else:
+            untested.append((f"rounding of {path}", reason))
+    return tested, untested
 
 
 def _read(directory: Path) -> dict[str, Any]:

@@ -44,7 +44,9 @@ ASSUMED_MAGNITUDE = {
     **dict.fromkeys(("m/s^2", "rad/s^2", "m per unit of s^2", "rad per unit of s^2", "1/s", "SI", "(N m)^2"), 100.0),
     **dict.fromkeys(("N m s/rad", "N s/m"), 100.0),
     **dict.fromkeys(("N m", "N", "N m s", "N s", "N m/rad", "N/m", "N m/(rad s)", "N/(m s)", "1/s^2"), 1000.0),
-    "1/s^3": 1e4,
+    **dict.fromkeys(("rad/s^3", "m/s^3"), 1000.0),
+    **dict.fromkeys(("rad/s^4", "m/s^4", "1/s^3"), 1e4),
+    **dict.fromkeys(("kg m^2", "kg"), 10.0),
 }
 """The largest magnitudes of gains, states, points, poses and wrenches, by their unit; of several units the first one.
 The robot file states none of them."""
@@ -138,6 +140,8 @@ def _assumed(port: Port, period: tuple[float, float]) -> PortRange | None:
     size = ASSUMED_MAGNITUDE.get(re.split(r" \| |, ", port.unit)[0])
     if size is None:
         return None
+    if port.name in _POSITIVE and ", " not in port.unit:
+        return PortRange((LEAST * size,) * port.size, (size,) * port.size, "assumed")
     low, high = {
         Domain.POSITIVE: (LEAST * size, size),
         Domain.LIMIT: (LEAST * size, size),
@@ -147,6 +151,9 @@ def _assumed(port: Port, period: tuple[float, float]) -> PortRange | None:
     }.get(port.domain, (-size, size))
     return PortRange((low,) * port.size, (high,) * port.size, "assumed")
 
+
+_POSITIVE = ("rotor_inertia", "stiffness")
+"""Divisors of functions with elastic joints; the stiffness of the tip, which has two units at once, is none."""
 
 _TURN = ASSUMED_MAGNITUDE["1"], ASSUMED_MAGNITUDE["1"], ASSUMED_MAGNITUDE["1"], ASSUMED_MAGNITUDE["m"]
 _POSE = PortRange((*(-size for size in _TURN * 3), 0.0, 0.0, 0.0, 1.0), (*_TURN * 3, 0.0, 0.0, 0.0, 1.0), "assumed")

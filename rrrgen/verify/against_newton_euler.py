@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -355,28 +355,58 @@ def check_friction(model: Model, s: States, tolerances: Tolerances, rows: Collec
 WIDTH = 0.3  # rad/s or m/s, width of tanh(v / WIDTH) in place of sgn(v) where smooth friction is compared
 
 
+@dataclass(frozen=True)
+class ChangedFriction:
+    """Friction of a robot by its laws with other parameters than those of its file, none of them zero.
+
+    ``values`` are the parameters in the order in which the emitted functions take them, ``laws`` is the number of
+    joints and motors with friction.
+    """
+
+    spec: RobotSpec
+    stated: tuple[FrictionSpec | None, ...]
+    values: tuple[float, ...]
+    laws: int
+
+    def torques(self, dq: Array, load: Array, width: float = 0.0) -> Array:
+        """Friction torques at the speeds ``dq`` under the torques ``load``, smoothed by ``width``; (N, n) each."""
+        total = np.zeros_like(dq)
+        for friction, (v, lever_arm, at) in zip(self.stated, _owners(self.spec, dq, load), strict=True):
+            if friction is not None:
+                total += sliding(friction, v, width, at)[:, None] * lever_arm
+        return total
+
+
+def changed_friction(spec: RobotSpec) -> ChangedFriction:
+    """The laws of ``spec`` with other parameters; where it states no friction, the default law at every joint."""
+    found = [joint.friction for joint in spec.joints]
+    if spec.drives is not None:
+        found += [motor.friction for motor in spec.drives.motors]
+    if not any(found):
+        found[: spec.n] = [FrictionSpec()] * spec.n
+    stated = tuple(None if friction is None else changed(friction) for friction in found)
+    known = [friction for friction in stated if friction is not None]
+    return ChangedFriction(spec, stated, tuple(v for each in known for v in parameters_of(each)), len(known))
+
+
+def _owners(spec: RobotSpec, dq: Array, load: Array) -> list[tuple[Array, Array, Array]]:
+    """Speed (N,), joint torques per unit (n,) and load (N,) of every joint, then of every coupled motor."""
+    owners = [(dq[:, i], np.eye(spec.n)[i], load[:, i]) for i in range(spec.n)]
+    if spec.drives is not None:
+        speeds, lever, loads = motor_speeds(spec, dq), motor_speeds(spec, np.eye(spec.n)).T, motor_loads(spec, load)
+        owners += [(speeds[:, k], lever[k], loads[:, k]) for k in range(len(spec.drives.motors))]
+    return owners
+
+
 def _check_run_time_friction(model: Model, s: States, load: Array, rows: Collector, tolerances: Tolerances) -> None:
     """Compare the functions with friction parameters as inputs, exact and smooth, at values other than the file's."""
-    spec = model.spec
-    owners = [(joint.friction, s.dq[:, i], np.eye(spec.n)[i], load[:, i]) for i, joint in enumerate(spec.joints)]
-    if spec.drives is not None:
-        speeds, lever = motor_speeds(spec, s.dq), motor_speeds(spec, np.eye(spec.n)).T
-        loads, motors = motor_loads(spec, load), spec.drives.motors
-        owners += [(motor.friction, speeds[:, k], lever[k], loads[:, k]) for k, motor in enumerate(motors)]
-    stated = [owner for owner in owners if owner[0] is not None]
-    values: list[float] = []
-    torques = {0.0: np.zeros_like(s.dq), WIDTH: np.zeros_like(s.dq)}
-    for friction, v, lever_arm, at in stated or [(FrictionSpec(), *own) for _, *own in owners[: spec.n]]:
-        other = changed(friction or FrictionSpec())
-        values += parameters_of(other)
-        for width, total in torques.items():
-            total += sliding(other, v, width, at)[:, None] * lever_arm
+    other = changed_friction(model.spec)
     check = rows.against("(14.11) to (14.14)", NO_PARAMETERS, tolerances.exact, s.count)
-    given = np.tile(values, (s.count, 1))
-    widths = np.full((s.count, len(stated) or spec.n), WIDTH)
-    last = (load,) if any(has_load(friction) for friction, *_ in owners) else ()
-    check("friction_with", lambda: model.friction_with(s.dq, given, *last), torques[0.0])
-    check("smooth_friction", lambda: model.smooth_friction(s.dq, given, widths, *last), torques[WIDTH])
+    given, widths = np.tile(other.values, (s.count, 1)), np.full((s.count, other.laws), WIDTH)
+    last = (load,) if any(has_load(friction) for friction in other.stated) else ()
+    smooth = other.torques(s.dq, load, WIDTH)
+    check("friction_with", lambda: model.friction_with(s.dq, given, *last), other.torques(s.dq, load))
+    check("smooth_friction", lambda: model.smooth_friction(s.dq, given, widths, *last), smooth)
 
 
 def _extra_columns(model: Model, s: States) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -24,9 +25,10 @@ from rrrgen.verify.identities import (
     check_second_derivatives,
 )
 from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
+from rrrgen.verify.optional_functions import check_optional_functions, check_optional_kinematics
 from rrrgen.verify.references.libraries import LIBRARIES, ClosedReference, ReferenceUnavailableError
 from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.references.numeric_robot import NumericRobot, chain_of
+from rrrgen.verify.references.numeric_robot import Array, NumericRobot, chain_of
 from rrrgen.verify.report import DOUBLE, SINGLE, Collector, Report, Tolerances
 from rrrgen.verify.subject import InertialParameters, SplitCalls, States, draw_states, parameter_sets
 
@@ -45,6 +47,7 @@ def verify(
     *,
     libraries: bool = True,
     hessians: bool = False,
+    optional: Collection[str] = (),
     tell: Tell | None = None,
 ) -> Report:
     """Compare every function of a model with independent references at random states.
@@ -60,7 +63,7 @@ def verify(
     ill-conditioned M does not count against the model. Potential energies are compared up to their value at q = 0,
     because base parameters do not determine the constant. A model that answers in float32 is held to the tolerances of
     single precision, at states that float32 represents exactly. With ``hessians`` the second derivatives of the group
-    "hessian" are derived and compared too.
+    "hessian" are derived and compared too. ``optional`` are names of emitted functions of other groups to compare.
 
     The inverse kinematics, which is evaluated in double, is compared with forward kinematics of the verifier's own and
     with a numerical search; see :func:`rrrgen.verify.inverse_kinematics.check_inverse_kinematics`. ``tell(done, total,
@@ -85,6 +88,13 @@ def verify(
     check_regressors(model, geometry, states, tolerances, rows)
     check_parameters(model, geometry, states, np.random.default_rng(seed), tolerances, rows)
     check_loops(model, geometry, states, tolerances, rows)
+    tips = {tip: chain_of(model.spec.at_tip(tip)) for tip in model.spec.tips} if optional else {}
+
+    def of_tips(phi: Array) -> list[tuple[str, NewtonEuler]]:
+        return [(tip, NewtonEuler(other, phi)) for tip, other in tips.items()]
+
+    plain = InertialParameters("-", sets[-1].phi, sets[-1].beta)
+    check_optional_kinematics(model, geometry, plain, states, tolerances, rows, optional, of_tips(plain.phi))
     check_friction(model, states, tolerances, rows)
     for parameters in sets:
         reference = NewtonEuler(chain, parameters.phi)
@@ -94,6 +104,8 @@ def verify(
         if hessians:
             check_second_derivatives(model, reference, parameters, states, tolerances, rows)
             check_floating_second_derivatives(model, reference, parameters, states, tolerances, rows)
+        others = of_tips(parameters.phi)
+        check_optional_functions(model, reference, parameters, states, tolerances, rows, optional, others)
         check_identities(model, chain, parameters, states, tolerances, rows)
     check_inverse_kinematics(single_model, chain, samples, rng, rows, tell)
     for tip in model.spec.tips:

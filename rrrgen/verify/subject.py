@@ -39,17 +39,19 @@ class SplitCalls:
             half = len(states[0]) // 2
             batch = function(*(state[half:] for state in states), **given)
             single = [function(*(state[k] for state in states), **given) for k in range(half)]
-            if not single:
-                return batch
-            if not isinstance(batch, tuple):
-                return np.concatenate([np.stack(single), batch])
-            parts = [
-                np.concatenate([np.stack(row), rest])
-                for row, rest in zip(zip(*single, strict=True), batch, strict=True)
-            ]
-            return type(batch)(*parts) if hasattr(batch, "_fields") else tuple(parts)
+            return SplitCalls._joined(single, batch) if single else batch
 
         return evaluate
+
+    @staticmethod
+    def _joined(single: list[Any], batch: Any) -> Any:
+        """The results of single states before those of a ``batch``; tuples part by part."""
+        if not isinstance(batch, tuple):
+            return np.concatenate([np.stack(single), batch])
+        parts = [
+            SplitCalls._joined(list(row), rest) for row, rest in zip(zip(*single, strict=True), batch, strict=True)
+        ]
+        return type(batch)(*parts) if hasattr(batch, "_fields") else tuple(parts)
 
 
 @dataclass(frozen=True)

@@ -206,6 +206,11 @@ class NewtonEuler:
         """The vector dJ/dt dq (N, 6): the acceleration of the tip in the base frame for ddq = 0, linear rows first."""
         return self._tip_acceleration(q, self._outward(q, dq, np.zeros_like(dq), np.zeros(3)))
 
+    def link_jacobians_dot_dq(self, q: Array, dq: Array) -> Array:
+        """The accelerations (N, links, 6) of all link frames in the base frame for ddq = 0, linear rows first."""
+        out = self._outward(q, dq, np.zeros_like(dq), np.zeros(3))
+        return np.stack([self._acceleration(q, out, i, np.zeros(3)) for i in range(self.chain.links)], axis=1)
+
     def _tip_acceleration(self, q: Array, out: _Outward) -> Array:
         """The acceleration (N, 6) of the tip in the base frame, linear rows first."""
         return self._acceleration(q, out, self.chain.tip, self.chain.tool[:3, 3])

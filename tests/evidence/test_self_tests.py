@@ -1,0 +1,43 @@
+"""What stands in the place of rounding bounds of code with loops: the checks of the emitted self-test."""
+
+from __future__ import annotations
+
+import pytest
+
+from evidence.certified import content_of, run
+from rrrgen.evidence import coding_rules
+from rrrgen.evidence.self_tests import checks_of, self_test_lines
+
+TEST = """#include <stdio.h>
+#include "arm.h"
+int main(void)
+{
+    (void)printf("ok      controller: torques are finite      %.1e\\n", half(2.0) - 1.0);
+    return half(2.0) != 1.0;
+}
+"""
+FILES = {"arm.h": "double half(double x);\n", "arm.c": '#include "arm.h"\ndouble half(double x) { return x / 2; }\n'}
+
+
+def test_checks_of_a_header_are_quoted():
+    lines = self_test_lines({**FILES, "arm_selftest.c": TEST, "casadi/arm.c": "no C"})
+    assert lines == {"arm_selftest.c": [("controller: torques are finite", "0.0e+00")]}
+    assert "torques are finite (0.0e+00)" in checks_of("arm_controller.h", lines)
+    assert checks_of("arm_timing.h", lines) == ""
+
+
+def test_a_self_test_that_fails_is_no_evidence():
+    with pytest.raises(RuntimeError, match="does not pass"):
+        self_test_lines({**FILES, "arm.c": FILES["arm.c"].replace("/ 2", "/ 3"), "arm_selftest.c": TEST})
+
+
+@pytest.mark.parametrize("words", ["controller", pytest.param("elastic,hessian", marks=pytest.mark.sweep)])
+def test_certificates_of_optional_groups_have_no_open_item_but_the_analysis(tmp_path, monkeypatch, words):
+    monkeypatch.setattr(coding_rules, "is_available", lambda: False)  # the other tests check the rules
+    run("pendulum", "-o", tmp_path, "--samples", 4, "--no-casadi-files", "--with", words)
+    content = content_of(tmp_path)
+    rest = [row["what"] for row in content["skipped"]]
+    assert not [what for what in rest if what.startswith(("rounding", "verification of"))]
+    if words == "controller":
+        found = {row["what"]: row["instead"] for row in content["without_bound"]}
+        assert "status and phase of every fault" in found["rounding of pendulum_controller.h"]
