@@ -184,14 +184,10 @@ def largest_residuals(
         wanted = states[place].astype(wide).T
         tau = ((M * wanted).sum(axis=1) + h).astype(narrow)
         given = [tau.T if k == place else state for k, state in enumerate(states)]
-        if compiled is None:
-            values = _evaluated(program, given, precision, None)
-            outputs = [np.stack([np.broadcast_to(values[e], count) for e in row], axis=1) for row in program.results]
-        else:
-            outputs = [np.asarray(output) for output in compiled(given)]
+        outputs = _outputs(program, given, precision, compiled)
         solution = outputs[0].reshape(count, n).astype(wide).T
         residual = np.abs((M * solution).sum(axis=1) + h - tau.astype(wide))
-        counts = (np.abs(solution) <= reach[:, None]).all(axis=0) & (np.asarray(outputs[1]).reshape(count) == 0)
+        counts = (np.abs(solution) <= reach[:, None]).all(axis=0) & (outputs[1].reshape(count) == 0)
         of_status = np.zeros((1, count))
         return np.vstack([np.where(counts, residual, 0.0).astype(np.float64), of_status])
 
@@ -239,11 +235,7 @@ def largest_derivative_residuals(
         count = len(states[0])
         tau = reference(states, states[place])[0].astype(narrow).T
         given = [tau if k == place else state for k, state in enumerate(states)]
-        if compiled is None:
-            values = _evaluated(program, given, precision, None)
-            outputs = [np.stack([np.broadcast_to(values[e], count) for e in row], axis=1) for row in program.results]
-        else:
-            outputs = [np.asarray(output).reshape(count, -1) for output in compiled(given)]
+        outputs = _outputs(program, given, precision, compiled)
         solution, *matrices = [np.asarray(output.astype(wide).T) for output in outputs[:4]]
         by_q, by_v, by_tau = (each.reshape(n, n, count) for each in matrices)
         at_solution, dtau_dq, dtau_dv, M = reference(states, outputs[0])
@@ -262,6 +254,17 @@ def largest_derivative_residuals(
         return np.vstack([np.where(counts, rows, 0.0).astype(np.float64), np.zeros((1, count))])
 
     return _searched(measure, program, ranges, precision, samples, seed, climbs)[:-1]
+
+
+def _outputs(
+    program: Program, states: Sequence[Array], precision: Precision, compiled: Evaluator | None
+) -> list[Array]:
+    """The outputs (states, size) of ``program`` in the emitted precision: of ``compiled`` code, or evaluated here."""
+    count = len(states[0])
+    if compiled is not None:
+        return [np.asarray(output).reshape(count, -1) for output in compiled(states)]
+    values = _evaluated(program, states, precision, None)
+    return [np.stack([np.broadcast_to(values[e], count) for e in row], axis=1) for row in program.results]
 
 
 def _climbed(program: Program, errors: NDArray[np.float64]) -> NDArray[np.intp]:

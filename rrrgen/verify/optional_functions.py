@@ -159,7 +159,10 @@ def check_optional_kinematics(
     wanted: Collection[str],
     tips: Sequence[tuple[str, NewtonEuler]] = (),
 ) -> None:
-    """Like :func:`check_optional_functions` for those that take no inertial parameters: points, motions, contact."""
+    """Compare the functions of optional groups that take no inertial parameters: points, motions and contact.
+
+    ``wanted`` are names of functions, ``tips`` the named tips of the robot with the references that have this tip.
+    """
     case = _Case(model, ne, parameters, s, tolerances, rows, frozenset(wanted))
     for check in (_points, _contact, _external_load, _quintic, _trapezoidal):
         check(case)
