@@ -198,8 +198,12 @@ def _beyond_the_model(files: dict[str, Any], solver: str) -> tuple[list[tuple[st
 
     headers = sorted(path for path in files if path.endswith(".h") and "/" not in path)
     beyond = [path for path in headers[1:] if not path.endswith("_status.h") and path != solver]
-    lines = (self_test_lines(files) if beyond else None) or {}
-    tested, untested = [], []
+    tested: list[tuple[str, str, str]] = []
+    untested: list[tuple[str, str]] = []
+    try:
+        lines = (self_test_lines(files) if beyond else None) or {}
+    except RuntimeError as fault:  # the compiler refuses the code, or a check fails: an open item of each header
+        return tested, [(f"rounding of {path}", f"self-test: {fault}") for path in beyond]
     for path in beyond:
         reason = next((why for end, why in _BEYOND.items() if path.endswith(end)), "loops: there is no rule for them")
         found = checks_of(path, lines)
