@@ -184,9 +184,12 @@ class NuisanceFit:
         gain = [values.get(Term("gain", j), 0.0) - values.get(Term("ratio", j), 0.0) for j in range(self.n)]
         return np.asarray(np.exp(gain))
 
+    def _delays(self, values: Mapping[Term, float]) -> Array:
+        each = np.array([values.get(Term("delay", j), 0.0) for j in range(self.n)])
+        return np.asarray(each + values.get(Term("delay", ALL), 0.0))
+
     def _torque(self, values: Mapping[Term, float]) -> Array:
-        delays = np.array([values.get(Term("delay", j), 0.0) for j in range(self.n)])
-        delays += values.get(Term("delay", ALL), 0.0)
+        delays = self._delays(values)
         return self.sample.later(delays) if delays.any() else self.sample.tau
 
     def columns(self, terms: Sequence[Term], values: Mapping[Term, float], W: Array, x: Array) -> Array:
@@ -196,7 +199,8 @@ class NuisanceFit:
         """
         theta = self.T @ x + self.known
         motion = self._motion(values)
-        at = SampledMotion(*motion, self.sample.torque_rate, self.time)
+        # the rate where the torque is read: noise is uncorrelated with its rate there, but not with that of other times
+        at = SampledMotion(*motion, self.sample.later(self._delays(values), derivative=1), self.time)
         torque = W @ x
         if np.any(self.known):
             torque = torque + self._gains(values) * (self.regressor(*motion) @ self.known)

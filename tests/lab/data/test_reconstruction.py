@@ -81,6 +81,16 @@ def test_decimation_of_a_window_equals_that_of_the_whole(factor, first):
     np.testing.assert_allclose(window[chosen], whole[inside], rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize(("factor", "step"), [(1, 1), (5, 1), (8, 2), (12, 3)])
+def test_dense_samples_of_decimation_are_the_decimated_ones_and_those_between(factor, step):
+    x = np.random.default_rng(factor).normal(size=(1501, 2))
+    at, dense = Decimator(factor).dense(x, first=7)
+    assert np.all((at + 7) % step == 0)
+    assert np.all(np.diff(at) == step)
+    shared = np.isin(at, np.arange(-7 % factor, len(x), factor))
+    np.testing.assert_allclose(dense[shared], Decimator(factor)(x, first=7), rtol=0, atol=1e-14)
+
+
 def test_decimation_keeps_the_equations_and_rejects_what_would_alias():
     rng = np.random.default_rng(0)
     W, x = rng.normal(size=(2000, 2, 4)), rng.normal(size=4)

@@ -127,7 +127,7 @@ def _of_sample(
     if laws is not None and findings and not plainly.state.causes:  # else the laws were fitted to other torques
         known = sample.without(beyond_linear(laws, regressor.estimated))
         beside = Comparison(regressor, uncorrected(known, regressor).sample, inside)
-        findings = [finding for finding in findings if beside.findings([finding.outcome.hypothesis])]
+        findings = [finding for finding in findings if beside.is_explained_by(finding.outcome.hypothesis)]
         errors = errors if findings else beside.joint_errors({})
     findings = [finding for finding in findings if not is_held(finding, period)]
     causes = [*plainly.state.causes, *impossible(plainly.state)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,11 @@ MOST_ROWS = 3000
 MOST_READ = 200_000  # samples that are read of a long recording
 SHORTEST_STRETCH = 4  # rows, which a cubic spline needs
 BESIDE_REVERSAL = 0.1  # difference of the filtered sign of a speed from the sign of the filtered speed
-WHOLE = 0.999  # gain of the filter below which a sample lies at a border or next to an invalid one
+WHOLE = 1e-3
+"""Difference from 1 of the sum of the filter's taps over valid samples, from which on it misses samples that matter.
+
+Beside a border the sum overshoots to 1.05. A torque filtered there and read later is not that of the filtered motion.
+"""
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ class Sample:
     """Motion and torque (N, n) at N times ``t`` (N,), s, passed through the same filter.
 
     ``use`` (N, n) is False where the equation of a joint is left out; ``stretch`` (N,) is the number of the
-    uninterrupted stretch, whose torques the splines ``curves`` hold as functions of time.
+    uninterrupted stretch, whose torques the splines ``curves`` hold as functions of time, with more knots than there
+    are samples (:meth:`Decimator.dense`).
     """
 
     q: Array
@@ -62,16 +66,20 @@ class Sample:
 
     def slowed(self, factor: float) -> Sample:
         """A copy with time stretched by ``factor``: speeds are divided by it, accelerations by its square."""
-        curves = tuple(_changed(curve, factor, np.eye(self.n)) for curve in self.curves)
+        curves = tuple(_changed(curve, slower=factor) for curve in self.curves)
         return replace(self, dq=self.dq / factor, ddq=self.ddq / factor**2, t=self.t * factor, curves=curves)
 
     def mixed(self, mix: Array) -> Sample:
         """A copy with the torques ``tau @ mix``, (n, n)."""
-        return replace(self, tau=self.tau @ mix, curves=tuple(_changed(curve, 1.0, mix) for curve in self.curves))
+        return replace(self, tau=self.tau @ mix, curves=tuple(_changed(curve, mix=mix) for curve in self.curves))
 
     def without(self, torque: Array) -> Sample:
         """A copy whose torques are less by ``torque`` (N, n)."""
-        return replace(self, tau=self.tau - torque, curves=_curves(self.t, self.tau - torque, self.stretch))
+        curves = []
+        for k, curve in enumerate(self.curves):
+            less = _spline(self.t[self.stretch == k], torque[self.stretch == k])
+            curves.append(_spline(curve.x, curve(curve.x) - less(curve.x)))
+        return replace(self, tau=self.tau - torque, curves=tuple(curves))
 
     def thinned(self, count: int) -> Sample:
         """A copy with at most ``count`` samples, spread evenly over those in use."""
@@ -80,35 +88,31 @@ class Sample:
         named = {name: getattr(self, name)[kept] for name in ("q", "dq", "ddq", "tau", "use", "t", "stretch")}
         return replace(self, **named)
 
-    def later(self, delays: Array) -> Array:
-        """Torques (N, n) recorded ``delays`` (n,), s, after the times; at the ends of a stretch the nearest ones."""
+    def later(self, delays: Array, derivative: int = 0) -> Array:
+        """Torques (N, n), or a ``derivative`` by time, recorded ``delays`` (n,), s, after the times.
+
+        At the ends of a stretch the nearest ones.
+        """
         found = np.empty_like(self.tau)
         for k, curve in enumerate(self.curves):
             here = self.stretch == k
             for j, delay in enumerate(delays):
-                found[here, j] = curve(np.clip(self.t[here] + delay, curve.x[0], curve.x[-1]))[:, j]
-        return found
-
-    @cached_property
-    def torque_rate(self) -> Array:
-        """Derivatives of the torques by time (N, n)."""
-        found = np.empty_like(self.tau)
-        for k, curve in enumerate(self.curves):
-            found[self.stretch == k] = curve(self.t[self.stretch == k], 1)
+                found[here, j] = curve(np.clip(self.t[here] + delay, curve.x[0], curve.x[-1]), derivative)[:, j]
         return found
 
 
-def _curves(t: Array, tau: Array, stretch: NDArray[np.int64]) -> tuple[Any, ...]:
-    """Splines of the torques (N, n) over time in every stretch."""
+def _spline(t: Array, tau: Array) -> Any:
+    """Cubic spline of the torques (N, n) over time."""
     from scipy.interpolate import CubicSpline
 
-    return tuple(CubicSpline(t[stretch == k], tau[stretch == k]) for k in range(int(stretch[-1]) + 1))
+    return CubicSpline(t, tau)
 
 
 def joined_samples(samples: Sequence[Sample]) -> Sample:
     """Several samples as one, each a second after the one before it."""
     names = ("q", "dq", "ddq", "tau", "use", "t", "stretch")
     found: dict[str, list[Any]] = {name: [] for name in names}
+    curves: list[Any] = []
     later, count = 0.0, 0
     for sample in samples:
         later = float(found["t"][-1][-1] - sample.t[0]) + 1.0 if count else 0.0
@@ -116,16 +120,17 @@ def joined_samples(samples: Sequence[Sample]) -> Sample:
         count = int(moved.stretch[-1]) + 1
         for name in names:
             found[name].append(getattr(moved, name))
-    whole = {name: np.concatenate(parts) for name, parts in found.items()}
-    return Sample(**whole, curves=_curves(whole["t"], whole["tau"], whole["stretch"]))
+        curves += [_changed(curve, later=later) for curve in sample.curves]
+    return Sample(**{name: np.concatenate(parts) for name, parts in found.items()}, curves=tuple(curves))
 
 
-def _changed(curve: Any, slower: float, mix: Array) -> Any:
-    """A cubic spline of torques in a time stretched by ``slower``, times the matrix ``mix``."""
+def _changed(curve: Any, slower: float = 1.0, mix: Array | None = None, later: float = 0.0) -> Any:
+    """A cubic spline of torques in a time stretched by ``slower``, times the matrix ``mix``, and ``later`` (s)."""
     from scipy.interpolate import PPoly
 
     powers = slower ** -np.arange(3.0, -1.0, -1.0)
-    return PPoly((curve.c * powers[:, None, None]) @ mix, curve.x * slower)
+    c = curve.c * powers[:, None, None]
+    return PPoly(c if mix is None else c @ mix, curve.x * slower + later)
 
 
 def sample_of(recording: Recording, processing: Processing, torque: KnownTorque | None = None) -> Sample | None:
@@ -136,13 +141,14 @@ def sample_of(recording: Recording, processing: Processing, torque: KnownTorque 
     decimate = Decimator(processing.decimate or 1)
     memory = RowMaker(lambda q, dq, ddq: q, processing, 1).memory(recording.period)
     found: dict[int, list[tuple[Any, ...]]] = {}
+    knots: dict[int, list[tuple[Array, Array]]] = {}
     read = 0
     for window in windows(recording, memory):
         part = window.part.aligned()
         if part.tau is None:
             return None
         motion = reconstruct(part, processing)
-        usable = decimate(part.valid.astype(float), part.first) > WHOLE
+        usable = np.abs(decimate(part.valid.astype(float), part.first) - 1.0) < WHOLE
         tau = part.tau if torque is None else torque(motion)
         parts = [decimate(x, part.first) for x in (motion.q, motion.dq, motion.ddq, tau)]
         use = usable & (np.abs(parts[1]) >= (np.asarray(processing.low_speed) if processing.low_speed else 0.0))
@@ -152,16 +158,21 @@ def sample_of(recording: Recording, processing: Processing, torque: KnownTorque 
         kept = kept_of(decimate, part.first, window.start, window.stop, len(part))
         row = (*parts, use, decimate.times(part.t, part.first))
         found.setdefault(part.segment, []).append(tuple(x[kept] for x in row))
+        at, dense = decimate.dense(tau, part.first)
+        inside = (at >= window.start) & (at < window.stop)
+        knots.setdefault(part.segment, []).append((part.t[at[inside]], dense[inside]))
         read += window.stop - window.start
         if read >= MOST_READ:
             break
-    stretches = [tuple(np.concatenate(x) for x in zip(*pieces, strict=True)) for pieces in found.values()]
-    stretches = [rows for rows in stretches if len(rows[-1]) >= SHORTEST_STRETCH]
+    joined = {k: tuple(np.concatenate(x) for x in zip(*pieces, strict=True)) for k, pieces in found.items()}
+    joined = {k: rows for k, rows in joined.items() if len(rows[-1]) >= SHORTEST_STRETCH}
+    stretches = list(joined.values())
     if not stretches or not any(rows[4].any() for rows in stretches):
         return None
     number = np.repeat(np.arange(len(stretches)), [len(rows[-1]) for rows in stretches])
     q, dq, ddq, tau, use, t = (np.concatenate(x) for x in zip(*stretches, strict=True))
-    return Sample(q, dq, ddq, tau, use.astype(bool), t, number, _curves(t, tau, number))
+    curves = tuple(_spline(*(np.concatenate(x) for x in zip(*knots[k], strict=True))) for k in joined)
+    return Sample(q, dq, ddq, tau, use.astype(bool), t, number, curves)
 
 
 # ------------------------------------------------------------------------------------------------------------------
