@@ -357,10 +357,11 @@ WIDTH = 0.3  # rad/s or m/s, width of tanh(v / WIDTH) in place of sgn(v) where s
 
 @dataclass(frozen=True)
 class ChangedFriction:
-    """Friction of a robot by its laws with other parameters than those of its file, none of them zero.
+    """Friction by the laws of the robot file with other parameters, none of them zero, so that each is compared.
 
-    ``values`` are the parameters in the order in which the emitted functions take them, ``laws`` is the number of
-    joints and motors with friction.
+    ``stated`` are these laws of all joints, then of coupled motors, None where there is no friction. ``values`` are the
+    parameters in the order in which the emitted functions take them, ``laws`` is the number of joints and motors with
+    friction.
     """
 
     spec: RobotSpec

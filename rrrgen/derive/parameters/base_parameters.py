@@ -81,7 +81,10 @@ below 100; an angle of 1.5708 instead of pi/2 gives 3e5."""
 
 
 def sampled_rows(model: RobotModel, parameters: list[Parameter], seed: int, states: int) -> list[list[int]]:
-    """The rows of the regressor for ``parameters`` at ``states`` random rational states, in the finite field."""
+    """The rows of the regressor at ``states`` random states, a column for each of ``parameters``.
+
+    All numbers are residues modulo a prime: states, and with them the rows, are rational and computed without rounding.
+    """
     constants = ResidueConstants(seed, model.nominal if model.closures else None)
     rows: list[list[int]] = []
     for _ in range(states):
@@ -519,9 +522,10 @@ def _lift(model: RobotModel, ring: PolynomialRing, kept: list[Parameter]) -> tup
 def regroupings(
     model: RobotModel, compiler_set: BaseSet, names: Sequence[str], projection: Sequence[Sequence[sp.Expr]]
 ) -> list[Regrouping]:
-    """Make the regrouping table: one entry per standard parameter, link by link.
+    """Tell of every standard parameter, link by link, whether it is kept, regrouped with others or has no effect.
 
-    ``names`` are the base parameters, ``projection`` (b, 10 n) their coefficients over the standard parameters.
+    ``compiler_set`` are the base parameters as sums of standard ones, ``names`` (b) their names and ``projection``
+    (b, 10 n) their coefficients over the standard parameters.
     """
     entries = []
     for j, symbol in enumerate(standard_symbols(model.links)):

@@ -232,7 +232,11 @@ class Comparison(NuisanceFit):
         )
 
     def _rivals(self, best: Outcome, rivals: list[Outcome], after: Sequence[Outcome]) -> list[Outcome]:
-        """The ``rivals`` of an accepted hypothesis that explain little once it is repaired; others are faults too."""
+        """Those ``rivals`` that explain the same errors as the accepted hypothesis ``best``.
+
+        A rival that explains little once ``best`` is repaired stands for the same fault. One that still explains
+        :data:`AT_ONCE` of what it did is a fault of its own, and no rival. ``after`` are the outcomes beside ``best``.
+        """
         later = {outcome.hypothesis: float(np.sum(outcome.before - outcome.errors)) for outcome in after}
         return [
             rival
