@@ -19,7 +19,7 @@ from bench.contenders.cases import make_case
 from bench.contenders.hand_casadi import HandArm
 from bench.contenders.joint_frames import joint_frames, regrouped
 from rrrgen.derive import derive_once
-from rrrgen.emit.casadi import function
+from rrrgen.emit.casadi.function import function
 from rrrgen.program import Program, count_operations
 from rrrgen.robot.file import load_spec
 

@@ -20,7 +20,7 @@ import click
 
 from bench.measurements.ik_targets import Task, mixed
 from bench.templates import render
-from rrrgen.emit.c.ik.passes import PASSES, LoopPass
+from rrrgen.emit.c.ik.loop_nest import PASSES, LoopPass
 from rrrgen.robot.file import bundled_names, load_spec
 
 TARGETS = 10_000

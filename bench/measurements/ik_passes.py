@@ -16,7 +16,7 @@ from pathlib import Path
 import click
 
 from bench.measurements.ik_change import compared, machine_code, write
-from rrrgen.emit.c.ik.passes import PASSES
+from rrrgen.emit.c.ik.loop_nest import PASSES
 
 ROBOTS = ("rrr", "puma560", "ur10e", "scara", "iiwa14")
 

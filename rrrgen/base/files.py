@@ -12,8 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from rrrgen.base.errors import InternalError, OutputError, cannot_write, storage_error
-from rrrgen.base.exchange import CannotExchangeError, replace_directory
-from rrrgen.base.journal import FILES, complete, move_in
+from rrrgen.base.exchange import FILES, CannotExchangeError, complete, move_in, replace_directory
 from rrrgen.base.staging import locked, remove, remove_abandoned, staging_directory, staging_file
 
 MANIFEST = "manifest.json"
@@ -30,7 +29,7 @@ def write(files: Mapping[str, Contents], directory: Path) -> None:
     If the system can exchange two directories, the directory is in its old or its new state even if the process is
     killed (:mod:`rrrgen.base.exchange`). Otherwise, or if another process works in the directory and would stay in
     the old state, files are moved one by one, and the next run completes an interrupted one
-    (:mod:`rrrgen.base.journal`). Files listed in an earlier manifest but no longer emitted are removed; other files
+    (:mod:`rrrgen.base.exchange`). Files listed in an earlier manifest but no longer emitted are removed; other files
     stay. Staging files of ended processes are removed. Raises OutputError if the directory cannot be written,
     StorageError if the disk is full.
     """

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.studies.results import StudyResult
     from rrrgen.robot.spec import RobotSpec
 
+
 SHORT = 3
 """Largest number of joints for which closed forms are shown by default."""
 

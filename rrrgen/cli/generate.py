@@ -24,8 +24,7 @@ from rrrgen.cli.arguments import (
     unit_options,
     words,
 )
-from rrrgen.cli.long_help import LongHelpCommand
-from rrrgen.cli.terminal import progress_bar, say
+from rrrgen.cli.terminal import LongHelpCommand, progress_bar, say
 from rrrgen.controller.table import GROUPS as UNIT_GROUPS
 from rrrgen.derive import derive_once
 from rrrgen.robot.file.fields import EMIT, LANGUAGES
@@ -234,8 +233,6 @@ def controller_options(function: F) -> F:
 
 def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -> dict[str, str]:
     """The C files that the options of :func:`controller_options` ask for, for the robot of ``model``."""
-    from rrrgen.emit.c.function_files import function_files
-
     spec = model.spec
     options = options | {"rate": options["rate"] or RATE, "real": real}
     parts: list[tuple[str, str, list[Program]]] = []
@@ -249,6 +246,8 @@ def controller_files(model: DerivedModel, real: Real, options: dict[str, Any]) -
         parts.append(("friction", f"friction in the joints of {spec.name}", programs))
     files = estimator_files_of(model, options)
     for kind, title, programs in parts:
+        from rrrgen.emit.c.function_files import function_files
+
         files |= function_files(f"{spec.name}_{kind}", title, programs, real)
     return files
 
@@ -492,7 +491,6 @@ def emitted(
     ``tell(done, total, message)`` is called as the work proceeds. ``proven`` returns what header and manifest
     state about the rounding errors of a model.
     """
-    from rrrgen.controller.files import unit_check, unit_files
     from rrrgen.emit.controller.template_files import checks_beside, files_beside
     from rrrgen.emit.package import emit
 
@@ -514,12 +512,14 @@ def emitted(
     checks = checks_beside(spec, groups)
     chosen = _chosen(experiment, spec.n) if "controller" in wanted else {}
     if chosen:
+        from rrrgen.controller.files import unit_check, unit_files
+
         unit = _unit(model, any_gravity, chosen)
         code |= unit_files(unit, real, trig)
         checks = (*checks, unit_check(unit))
     files = emit(model, real, casadi, trig, jobs, languages, any_gravity, tell, code, checks, proven(model))
     if {"controller", "rust"} <= wanted:
-        from rrrgen.controller.rust import rust_files
+        from rrrgen.controller.files import rust_files
 
         files |= rust_files(unit, real)
     return model, files | _exported(spec, real, further, chosen)

@@ -13,8 +13,7 @@ from typing import Any, NoReturn
 
 import click
 
-from rrrgen.base.errors import InputError, InternalError, RrrgenError, missing_extra, storage_error
-from rrrgen.base.option_names import options_written
+from rrrgen.base.errors import InputError, InternalError, RrrgenError, missing_extra, options_written, storage_error
 from rrrgen.base.version import VERSION
 from rrrgen.cli.arguments import flag_here
 from rrrgen.cli.commands import COMMANDS, FURTHER, GROUPS, RENAMED, further_commands, load_command, load_further_command

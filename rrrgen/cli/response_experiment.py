@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrrgen.base.errors import require
-from rrrgen.base.option_names import option_name
+from rrrgen.base.errors import option_name, require
 from rrrgen.cli.arguments import described_files, print_json, read_with_warnings
 from rrrgen.cli.terminal import doubtful, progress_bar, say
 

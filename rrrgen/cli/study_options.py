@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
-from rrrgen.base.option_names import options_written, with_names
+from rrrgen.base.errors import options_written, with_names
 from rrrgen.cli.arguments import flag_here
 from rrrgen.lab.studies.options import OptionError, OptionField, StudyOptions, option_fields, with_changes
 

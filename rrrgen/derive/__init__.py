@@ -105,7 +105,7 @@ def _nominal_standard(spec: RobotSpec) -> list[Fraction] | None:
     """The standard parameters phi (10 n,), SI units, of the links in the robot file; None if it states no links."""
     if spec.links is None:
         return None
-    from rrrgen.robot.model.inertial_parameters import standard_parameters
+    from rrrgen.robot.spec import standard_parameters
 
     phi: list[Fraction] = []
     for link in spec.links:

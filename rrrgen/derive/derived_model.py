@@ -20,7 +20,7 @@ from rrrgen.derive.functions.recording import FunctionBuilder, Parametrization
 from rrrgen.derive.parameters.base_parameters import BaseParameter, BaseSet, Regrouping
 from rrrgen.derive.parameters.user_basis import BasisChange
 from rrrgen.program import OperationCount, Port, Program, Role, nominal_name
-from rrrgen.program.passes.interface import PassReport
+from rrrgen.program.passes import PassReport
 from rrrgen.program.program import ARITY, Domain, Failure, Node, Op, Status
 from rrrgen.robot.identity import Identity
 from rrrgen.robot.model import RobotModel

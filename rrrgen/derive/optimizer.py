@@ -13,9 +13,9 @@ from rrrgen.derive.derived_model import Derivation, DerivedModel, RecordedModel
 from rrrgen.derive.functions.table import TABLE, combine, named, with_sources
 from rrrgen.program import Builder, Op, Program, Role, Value, nominal_name, specialization
 from rrrgen.program.guard import guarded
+from rrrgen.program.passes import PassReport
 from rrrgen.program.passes.cheapest import Cheapest, Choice, PassLog
 from rrrgen.program.passes.folding import Fold
-from rrrgen.program.passes.interface import PassReport
 from rrrgen.program.passes.rewriting import CutSet
 from rrrgen.program.program import Node, count_operations, uses
 from rrrgen.robot.spec import RobotSpec

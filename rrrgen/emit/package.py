@@ -56,7 +56,6 @@ def emit(
         MissingExtraError: ``casadi_files`` without CasADi.
     """
     from rrrgen.base.files import MANIFEST
-    from rrrgen.emit import casadi
     from rrrgen.emit.c.robot_files import build_files
     from rrrgen.emit.manifest import manifest
     from rrrgen.robot.identity import identify
@@ -76,7 +75,9 @@ def emit(
     files |= build_files(files, model, identity, real, listed)
     files[MANIFEST] = manifest(model, identity, real, files, data, any_gravity, rounding)
     if casadi_files:  # their bytes depend on the version of CasADi, so the manifest does not list them
-        files |= {f"casadi/{name}": data for each in models for name, data in casadi.serialized(each).items()}
+        from rrrgen.emit.casadi.files import serialized
+
+        files |= {f"casadi/{name}": data for each in models for name, data in serialized(each).items()}
     return files
 
 

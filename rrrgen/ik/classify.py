@@ -12,15 +12,18 @@ from typing import TYPE_CHECKING
 from rrrgen.base.errors import DerivationError
 from rrrgen.base.small_matrices import singular_values
 from rrrgen.ik import families
-from rrrgen.ik.geometry.chain import KinematicChain, extended, numeric_chain
+from rrrgen.ik.families import equipped, works
+from rrrgen.ik.geometry.chain import KinematicChain, Matrix, extended, numeric_chain
 from rrrgen.ik.geometry.mechanism import coupling_of, largest_tilt, solved_chain
 from rrrgen.ik.geometry.nearly_special import changes, deviation, nearest_special, snapped, with_near_frames
 from rrrgen.ik.plan import ARM_ANGLE, NominalFirst, SolverPlan
 from rrrgen.ik.tolerances import EXACT, NEARLY, RANK, SPECIAL
 from rrrgen.robot.model.mechanism import chain_to_tip, tip_arm
+from rrrgen.robot.spec import FixedTransform
 
 if TYPE_CHECKING:
     from rrrgen.robot.spec import RobotSpec
+
 
 TRIALS = 3
 """Number of random configurations that a plan must find again from their poses."""
@@ -267,3 +270,36 @@ def _only_nearby(reason: str) -> str:
 def _none(chain: KinematicChain, reason: str) -> SolverPlan:
     task = "position" if chain.n <= 3 else "pose"
     return SolverPlan("none", "no closed form", task, chain, chain, reason=reason)  # type: ignore[arg-type]
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Inverse kinematics of positions with the tool as an input: the same equations, with the point they move unknown.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def plan_with_tool(spec: RobotSpec) -> SolverPlan:
+    """Plan the inverse kinematics of a position task in which the position of the tool is an input.
+
+    A target is six numbers, the position of the tool in the base frame and its position in the frame of the last link.
+    The family is that of the arm with the tool of its robot file, since it depends on the axes and not on the point
+    that they move. Raises DerivationError with the reason for an arm that has no such solver.
+    """
+    found = plan(spec)
+    if not found.solvable:
+        raise DerivationError(f"{spec.name}: no inverse kinematics is emitted: {found.reason}")
+    if found.task != "position":
+        raise DerivationError(
+            f"{spec.name}: its inverse kinematics solves for poses, and a tool only changes its target: see tool_target"
+        )
+    tooled = _tooled(found, solved_chain(replace(spec, tool=FixedTransform()))[0].tip)
+    if tooled is None or not works(tooled, TRIALS):
+        raise DerivationError(f"{spec.name}: {found.title}: its equations do not hold for other tools")
+    return tooled
+
+
+def _tooled(part: SolverPlan, last_link: Matrix) -> SolverPlan | None:
+    """The plan ``part``, and its companion, with the tool as an input; None where the equations degenerate."""
+    companion = part.companion and _tooled(part.companion, last_link)
+    if part.companion is not None and companion is None:
+        return None
+    return equipped(replace(part, companion=companion, last_link=last_link))

@@ -8,6 +8,7 @@ import numpy as np
 
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.classify import plan_with_tool
 from rrrgen.ik.families import parameter
 from rrrgen.ik.interpreter.solve import solve
 from rrrgen.ik.plan import SolverPlan
@@ -22,7 +23,6 @@ from rrrgen.ik.result_layout import (
     status_texts,
 )
 from rrrgen.ik.results import Answer, IKBatch, IKResult, SolverEngine, batch_of
-from rrrgen.ik.run_time_tool import plan_with_tool
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrrgen.emit.c.ik.files import Emitted, emit
-from rrrgen.emit.c.ik.tool_input import emit_tool_solver
+from rrrgen.emit.c.ik.files import Emitted, emit, emit_tool_solver
 from rrrgen.ik.inverse_kinematics import InverseKinematics, evaluated_solver, evaluated_tool_solver, solvable_plan
 from rrrgen.ik.plan import SolverPlan
 from rrrgen.ik.result_layout import most_rows

@@ -387,12 +387,13 @@ class Model(
             spec = self.tip_arm(tip).spec if tip in self.spec.tips else self.spec
             return branch_function(spec, tool=name.startswith("tool_"))
         program = self._with(name).derived.programs[name]
-        from rrrgen.emit.casadi import function
+        from rrrgen.emit.casadi.function import function
 
         made = function(program, name, smooth_sign)
         if not hessian:
             return made
-        from rrrgen.emit.casadi import derivative_functions, with_own_derivatives
+        from rrrgen.emit.casadi.files import derivative_functions
+        from rrrgen.emit.casadi.own_derivatives import with_own_derivatives
 
         models = (*self.parts, self._with("inverse_dynamics_hessian"))
         programs = {each: one for model in models for each, one in model.derived.programs.items()}

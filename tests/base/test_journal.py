@@ -9,7 +9,7 @@ import os
 import pytest
 
 from base.killed_runs import FOREIGN, NEW, OLD, contents, killed_at, own, prepare, state
-from rrrgen.base import exchange, journal
+from rrrgen.base import exchange
 from rrrgen.base import files as writer
 from rrrgen.base.files import write
 
@@ -30,8 +30,8 @@ def test_where_folders_cannot_be_exchanged_the_next_run_completes_what_was_decid
         out, numbers = prepare(folder)
         killed = killed_at(step, after, lambda out=out: write(NEW, out))
         found = own(contents(out))
-        whole = {name: text for name, text in found.items() if not name.startswith((journal.COMMIT, ".new"))}
-        decided = (out / journal.COMMIT).exists()
+        whole = {name: text for name, text in found.items() if not name.startswith((exchange.COMMIT, ".new"))}
+        decided = (out / exchange.COMMIT).exists()
         assert whole in (OLD, NEW) or (decided and whole.get("manifest.json") != OLD["manifest.json"]), step
         other = state(**{"a.h": "third"})
         write(other, out)
@@ -46,10 +46,10 @@ def test_where_folders_cannot_be_exchanged_the_next_run_completes_what_was_decid
 
 def test_a_commit_names_no_file_outside(tmp_path):
     out, _ = prepare(tmp_path)
-    commit = out / journal.COMMIT
-    (commit / journal.FILES).mkdir(parents=True)
+    commit = out / exchange.COMMIT
+    (commit / exchange.FILES).mkdir(parents=True)
     (tmp_path / "precious").write_text("mine")
-    (commit / journal.STALE).write_text(json.dumps(["../precious", str(tmp_path / "precious"), "gone/c.c"]))
+    (commit / exchange.STALE).write_text(json.dumps(["../precious", str(tmp_path / "precious"), "gone/c.c"]))
     write(NEW, out)
     assert (tmp_path / "precious").read_text() == "mine"
     assert own(contents(out)) == NEW

@@ -77,7 +77,7 @@ def test_optimized_functions_of_bundled_robots_against_pinocchio(name):
 def test_derivatives_are_those_that_casadi_finds(name):
     """CasADi differentiates the emitted inverse and forward dynamics."""
     pytest.importorskip("casadi")
-    from rrrgen.emit.casadi import function
+    from rrrgen.emit.casadi.function import function
 
     robot, beta = with_random_links(name)
     programs = bundled(name).programs

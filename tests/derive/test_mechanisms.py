@@ -15,7 +15,7 @@ from rrrgen.derive.functions.table import recorders
 from rrrgen.program.evaluation import evaluate
 from rrrgen.robot.file import dumps, load_spec, loads_spec
 from rrrgen.robot.model import build_model
-from rrrgen.robot.model.inertial_parameters import standard_parameters
+from rrrgen.robot.spec import standard_parameters
 from rrrgen.verify import verify
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import chain_of

@@ -10,7 +10,7 @@ import pytest
 
 from rrrgen.base.parallel import without_collection
 from rrrgen.derive import derive_model, prepare
-from rrrgen.derive.functions.quantities import ArgumentKind
+from rrrgen.derive.functions.model_function import ArgumentKind
 from rrrgen.derive.functions.table import FUNCTIONS, GROUPS, OF_TIP, TABLE, exists, find, recorders
 from rrrgen.program import Role
 from rrrgen.robot.file import load_spec, loads_spec

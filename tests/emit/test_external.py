@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from emit.casadi_cases import arguments, as_matrices, build, call, every_shape, pendulum, random_program
-from rrrgen.emit.casadi import external_sources, function, jacobian, routine, smooth_sign
+from rrrgen.emit.casadi.derivatives import jacobian, routine
+from rrrgen.emit.casadi.external import external_sources
+from rrrgen.emit.casadi.function import function, smooth_sign
 from rrrgen.program import Program, evaluate
 
 ca = pytest.importorskip("casadi")

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 
 from emit.casadi_cases import arguments, as_matrices, call, every_shape, pendulum, random_program
 from rrrgen.derive.parameters.listing import ParameterListing, PrintedParameter
-from rrrgen.emit.casadi import function, rebuild_module, smooth_sign
+from rrrgen.emit.casadi.function import function, smooth_sign
+from rrrgen.emit.casadi.module import rebuild_module
 from rrrgen.program import Builder, Port, evaluate
 
 ca = pytest.importorskip("casadi")
@@ -127,7 +128,9 @@ _TEXTS = """
 import hashlib, sys
 import numpy as np
 from emit.casadi_cases import every_shape, pendulum, random_program
-from rrrgen.emit.casadi import external_sources, rebuild_module, smooth_sign
+from rrrgen.emit.casadi.external import external_sources
+from rrrgen.emit.casadi.function import smooth_sign
+from rrrgen.emit.casadi.module import rebuild_module
 rng = np.random.default_rng(1)
 programs = [("shapes", every_shape()), ("fd", pendulum()), ("smooth", smooth_sign(pendulum()))]
 programs += [(f"r{k}", random_program(rng)) for k in range(3)]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from rrrgen.emit.c.ik.files import emit
-from rrrgen.emit.c.ik.loop_nest import Hoist, TakeArcsTogether
-from rrrgen.emit.c.ik.passes import PASSES
+from rrrgen.emit.c.ik.loop_nest import PASSES, Hoist, TakeArcsTogether
 from rrrgen.ik.classify import plan
 from rrrgen.robot.file import load_spec
 

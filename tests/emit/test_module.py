@@ -20,8 +20,8 @@ from emit.casadi_cases import arguments, as_matrices, build, call
 from pipeline.optimized import bundled
 from rrrgen.derive import derive
 from rrrgen.derive.parameters.listing import listing
-from rrrgen.emit.casadi import function, is_reproducible, serialized, sources
-from rrrgen.emit.casadi.files import casadi_programs, derivatives_of
+from rrrgen.emit.casadi.files import casadi_programs, derivatives_of, is_reproducible, serialized, sources
+from rrrgen.emit.casadi.function import function
 from rrrgen.program import Program, Role, evaluate
 from rrrgen.robot.file import load_spec, loads_spec
 
@@ -210,7 +210,7 @@ def test_second_derivatives_come_with_the_nominal_twin() -> None:
 
 _HASH = """
 import hashlib
-from rrrgen.emit.casadi import sources
+from rrrgen.emit.casadi.files import sources
 from rrrgen.derive import derive
 from rrrgen.robot.file import load_spec
 print(hashlib.sha256("".join(sources(derive(load_spec("rrr"))).values()).encode()).hexdigest())

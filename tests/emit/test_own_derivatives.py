@@ -15,14 +15,10 @@ import rrrgen
 from emit.casadi_cases import build
 from rrrgen.derive import derive_once
 from rrrgen.derive.derived_model import DerivedModel
-from rrrgen.emit.casadi import (
-    derivative_functions,
-    external_functions,
-    external_sources,
-    function,
-    module_file,
-    with_own_derivatives,
-)
+from rrrgen.emit.casadi.external import external_sources
+from rrrgen.emit.casadi.files import derivative_functions, external_functions, module_file
+from rrrgen.emit.casadi.function import function
+from rrrgen.emit.casadi.own_derivatives import with_own_derivatives
 from rrrgen.robot.file import load_spec
 
 ca = pytest.importorskip("casadi")

@@ -77,7 +77,7 @@ def test_the_emitted_c_and_its_evaluation_agree(spec):
 
 def test_casadi_takes_the_tool_too():
     pytest.importorskip("casadi")
-    from rrrgen.emit.casadi import branch_function, branch_signs
+    from rrrgen.emit.casadi.inverse_kinematics import branch_function, branch_signs
 
     spec = read("rrr")
     solver, f = load_tool_solver(spec, backend="numpy"), branch_function(spec, tool=True)

@@ -12,9 +12,9 @@ from ik.checks import sample
 from ik.robots import ROWS, make
 from rrrgen.emit.latex.inverse_kinematics import closed_form
 from rrrgen.ik.classify import plan
-from rrrgen.ik.geometry.symbolic_chain import number_chain, symbolic_chain
 from rrrgen.ik.plan import record_exactly
 from rrrgen.ik.recording.float_builder import FloatBuilder, every_branch
+from rrrgen.ik.singularities import number_chain, symbolic_chain
 from rrrgen.robot.file import load_spec
 
 SAME = 1e-9  # rad; the reading form evaluates in double as the emitted code does

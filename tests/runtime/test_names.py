@@ -95,7 +95,7 @@ def test_arguments_and_results(name):
 @pytest.mark.parametrize("name", ["rrr", "gantry", "with_friction"])
 def test_casadi_functions(name):
     pytest.importorskip("casadi")
-    from rrrgen.emit.casadi import function
+    from rrrgen.emit.casadi.function import function
 
     for title, program in programs(name).items():
         made = function(program)

@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Literal, NamedTuple, TypeVar
 
 from rrrgen.base.yamltext.document import FaultList, MappingNode, Node, ScalarNode, SequenceNode, describe, shorten
-from rrrgen.base.yamltext.signal_units import read_quantity
 from rrrgen.base.yamltext.suggestions import comma_advice, did_you_mean, key_cut_by_comma, nearest, number_cut_by_comma
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -326,6 +325,8 @@ class Reader:
         """
         if node is None:
             return None
+        from rrrgen.base.yamltext.signal_units import read_quantity
+
         value = read_quantity(node, what, table, bare, self.faults)
         if value is not None and positive and value <= 0.0:
             self.faults.error(node, f"{what} must be positive")
@@ -351,6 +352,8 @@ class Reader:
 
         ``table`` and ``bare`` are those of :meth:`quantity`; a value that cannot be read is None.
         """
+        from rrrgen.base.yamltext.signal_units import read_quantity
+
         items = node.items if isinstance(node, SequenceNode) else [node] * joints
         if len(items) != joints:
             self.faults.error(node, f"{what} has {len(items)} entries for {joints} joints")

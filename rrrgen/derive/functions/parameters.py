@@ -24,7 +24,7 @@ from rrrgen.derive.recursions.link_frames import Placement
 from rrrgen.program import Port, Program, Role
 from rrrgen.program.polynomials import to_expression
 from rrrgen.robot.model import RigidTransform
-from rrrgen.robot.model.inertial_parameters import STANDARD
+from rrrgen.robot.spec import STANDARD
 
 Parameters = Sequence[Sequence[Any]]
 

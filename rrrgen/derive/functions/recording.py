@@ -9,8 +9,7 @@ from typing import Any, TypeAlias
 
 import sympy as sp
 
-from rrrgen.derive.functions.model_function import ModelFunction
-from rrrgen.derive.functions.quantities import QUANTITIES
+from rrrgen.derive.functions.model_function import QUANTITIES, ModelFunction
 from rrrgen.derive.parameters.base_parameters import BaseSet
 from rrrgen.derive.parameters.user_basis import BasisChange
 from rrrgen.derive.recursions.drive_inertia import DriveInertia, directions

@@ -27,7 +27,7 @@ from rrrgen.derive.recursions.regressor import (
 )
 from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, forward
 from rrrgen.program import Port, Program
-from rrrgen.robot.model.inertial_parameters import STANDARD
+from rrrgen.robot.spec import STANDARD
 
 
 def regressor_rows(r: FunctionBuilder, columns: list[list[Any]], drives: list[list[Any]]) -> list[list[Any]]:

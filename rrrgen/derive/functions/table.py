@@ -14,8 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.derive.functions.model_function import ModelFunction, Needs, about_tip
-from rrrgen.derive.functions.quantities import ArgumentKind, like
+from rrrgen.derive.functions.model_function import ArgumentKind, ModelFunction, Needs, about_tip, like
 from rrrgen.program import Op, Program
 
 if TYPE_CHECKING:

@@ -30,7 +30,6 @@ import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
 from rrrgen.base.errors import InternalError
-from rrrgen.derive.parameters.loop_dependencies import Dependency, loop_dependencies, numerical_dependencies
 from rrrgen.derive.recursions.following_joints import Turning, UnitAngles
 from rrrgen.derive.recursions.link_frames import (
     Chain,
@@ -44,11 +43,11 @@ from rrrgen.derive.recursions.link_frames import (
     rotate_quarters,
 )
 from rrrgen.derive.recursions.pseudo_inertia import ENTRIES, PseudoInertia, from_standard
-from rrrgen.derive.recursions.regressor import Parameter, regressor
+from rrrgen.derive.recursions.regressor import Dependency, Parameter, regressor
 from rrrgen.program.finite_field import PRIME, Residue, row_echelon
 from rrrgen.program.polynomials import Polynomial, PolynomialRing, to_expression
 from rrrgen.robot.model import RigidTransform, RobotModel, cosine_sine
-from rrrgen.robot.model.inertial_parameters import STANDARD
+from rrrgen.robot.spec import STANDARD
 
 # ------------------------------------------------------------------------------------------------------------------
 # Exact linear dependencies between columns of the regressor.
@@ -106,8 +105,12 @@ def find_dependencies(
     if not candidates:
         return []
     if model.spec.newton:
+        from rrrgen.derive.parameters.loop_dependencies import numerical_dependencies
+
         return numerical_dependencies(model, candidates, seed)
     if model.closures:
+        from rrrgen.derive.parameters.loop_dependencies import loop_dependencies
+
         return loop_dependencies(model, candidates, partial(sampled_rows, model), seed)
     dependencies = _from_the_left(model, ring, candidates, seed)
     # an exchange multiplies the volume that the remaining columns span by its factor, so none comes back

@@ -18,7 +18,6 @@ that are fractions of few digits there are written as such, others with 40 digit
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
 from itertools import combinations
@@ -32,7 +31,7 @@ from rrrgen.base.errors import DerivationError, InternalError
 from rrrgen.derive.recursions.link_frames import PRECISE, Chain, ResidueConstants, exact_constants, precise_chain
 from rrrgen.derive.recursions.loop_positions import LoopClosure, parts_of
 from rrrgen.derive.recursions.loops import NewtonLoops
-from rrrgen.derive.recursions.regressor import Parameter, regressor
+from rrrgen.derive.recursions.regressor import Dependency, Parameter, regressor
 from rrrgen.program.finite_field import PRIME, Residue, row_echelon
 from rrrgen.robot.model import RobotModel
 
@@ -68,17 +67,6 @@ that near to one."""
 
 STROLL = 0.4
 """Longest step, rad or m, of the random walk over the states of loops that Newton's method solves."""
-
-
-@dataclass(frozen=True)
-class Dependency:
-    """A linear relation: the regressor column of ``parameter`` is a combination of other columns.
-
-    ``combination`` maps the other parameters to their factors; it is empty if the column is zero.
-    """
-
-    parameter: Parameter
-    combination: dict[Parameter, sp.Expr]
 
 
 Rows = Callable[[list[Parameter], int, int], list[list[int]]]

@@ -21,8 +21,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError, require
 from rrrgen.base.yamltext.suggestions import did_you_mean
-from rrrgen.robot.model.inertial_parameters import link_of, standard_parameters
-from rrrgen.robot.spec import RobotSpec
+from rrrgen.robot.spec import RobotSpec, link_of, standard_parameters
 
 SMALLEST = 1e-9  # of the largest eigenvalue of a pseudo-inertia: below it MuJoCo refuses the body
 DEFAULT_STRENGTH = 1.0

@@ -19,8 +19,7 @@ from rrrgen.derive.recursions.linear_algebra import dot
 from rrrgen.derive.recursions.link_frames import ResidueConstants
 from rrrgen.program.finite_field import Residue, row_echelon
 from rrrgen.program.polynomials import Polynomial, PolynomialRing, to_expression
-from rrrgen.robot.model.inertial_parameters import STANDARD
-from rrrgen.robot.spec import BasisSpec, RobotSpec
+from rrrgen.robot.spec import STANDARD, BasisSpec, RobotSpec
 
 INERTIA_SIGN = {"Ixy": -1, "Ixz": -1, "Iyz": -1}
 

@@ -10,7 +10,10 @@ unit rate of each joint gives the link. The second method rotates few axes inste
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
+
+import sympy as sp
 
 from rrrgen.derive.recursions.kinematics import to_link_frame
 from rrrgen.derive.recursions.linear_algebra import dot, is_number
@@ -22,6 +25,17 @@ from rrrgen.derive.recursions.velocities_and_accelerations import LinkMotion, fo
 
 Parameter = tuple[int, str]
 """An inertial parameter: (link index from 0, entry of the link's pseudo-inertia in its canonical frame)."""
+
+
+@dataclass(frozen=True)
+class Dependency:
+    """A linear relation: the regressor column of ``parameter`` is a combination of other columns.
+
+    ``combination`` maps the other parameters to their factors; it is empty if the column is zero.
+    """
+
+    parameter: Parameter
+    combination: dict[Parameter, sp.Expr]
 
 
 def all_parameters(n: int) -> list[Parameter]:

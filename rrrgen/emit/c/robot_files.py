@@ -16,7 +16,6 @@ from rrrgen.emit.c.division import divided
 from rrrgen.emit.c.header_comments import explanation, prototype
 from rrrgen.emit.c.language import Dialect, LibmSinCos, SinCos, Trig, nonfinite_function, print_body, sincos_strategy
 from rrrgen.emit.c.parts import Part, print_in_parts
-from rrrgen.emit.c.path_timing import timing_files
 from rrrgen.emit.c.stack import STACK_RULE
 from rrrgen.emit.description import facts, large_angles, programs_of, title
 from rrrgen.emit.interface import Rounding, SelfTestCheck
@@ -276,6 +275,8 @@ class CBackend:
         dialect = Dialect(model.spec.name, real)
         files = header_and_sources(model, identity, dialect, sincos_strategy(self.trig), self.rounding)
         if "path_dynamics" in model.programs:
+            from rrrgen.emit.c.path_timing import timing_files
+
             files |= timing_files(model.programs["path_dynamics"], dialect)
         return files
 

@@ -22,7 +22,7 @@ from rrrgen.emit.interface import SelfTestCheck
 from rrrgen.program import REFUSED, Domain, Op, Port, Program, Role, evaluate_floats, specialization
 from rrrgen.robot.identity import Identity
 from rrrgen.robot.model import build_model
-from rrrgen.robot.model.inertial_parameters import standard_parameters
+from rrrgen.robot.spec import standard_parameters
 
 if TYPE_CHECKING:
     from rrrgen.derive.derived_model import DerivedModel

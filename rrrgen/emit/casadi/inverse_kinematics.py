@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import DerivationError
 from rrrgen.ik.classify import plan as make_plan
+from rrrgen.ik.classify import plan_with_tool
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector, dot
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
-from rrrgen.ik.run_time_tool import plan_with_tool
 from rrrgen.ik.tolerances import ON_COUPLING
 
 if TYPE_CHECKING:

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING
 
 from rrrgen.base.templates import render
 from rrrgen.emit import Real
-from rrrgen.emit.c.ik.tool_input import tool_solver_check, tool_solver_files
+from rrrgen.emit.c.ik.files import tool_solver_check, tool_solver_files
 from rrrgen.emit.c.language import Trig, sincos_strategy
-from rrrgen.emit.controller.differential_ik import differential_ik_files
-from rrrgen.emit.controller.fourier_series import fourier_series_files
 from rrrgen.emit.interface import SelfTestCheck
 
 if TYPE_CHECKING:
@@ -21,8 +19,12 @@ def files_beside(spec: RobotSpec, real: Real, groups: Iterable[str], trig: Trig 
     """Headers and sources, name -> text, that belong to the emitted ``groups`` "control", "points" and "trajectory"."""
     wanted, files = set(groups), dict[str, str]()
     if "control" in wanted:
+        from rrrgen.emit.controller.differential_ik import differential_ik_files
+
         files |= differential_ik_files(spec.name, spec.n, real)
     if "trajectory" in wanted:
+        from rrrgen.emit.controller.fourier_series import fourier_series_files
+
         files |= fourier_series_files(spec.name, spec.n, real, sincos_strategy(trig))
     if "points" in wanted:
         files |= tool_solver_files(spec, real)

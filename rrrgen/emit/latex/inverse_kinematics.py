@@ -13,11 +13,10 @@ from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.mechanism import solved_chain
 from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector, dot
-from rrrgen.ik.geometry.symbolic_chain import number_chain, symbolic_chain
 from rrrgen.ik.plan import Singularity, SolverPlan, record_exactly
 from rrrgen.ik.recording.builder import Feasible, Label, Turn, between
 from rrrgen.ik.result_layout import most_rows
-from rrrgen.ik.singularities import singular_sets
+from rrrgen.ik.singularities import number_chain, singular_sets, symbolic_chain
 from rrrgen.robot.model.mechanism import chain_to_tip
 
 if TYPE_CHECKING:

@@ -10,9 +10,8 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.robot.model.canonical_frames import dh_rows
-from rrrgen.robot.model.inertial_parameters import standard_parameters
 from rrrgen.robot.model.mechanism import refuse_loops
-from rrrgen.robot.spec import FixedTransform, JointSpec, RobotSpec
+from rrrgen.robot.spec import FixedTransform, JointSpec, RobotSpec, standard_parameters
 
 _ROUND_OFF = 1e-15  # of entries of rotation matrices of right angles
 

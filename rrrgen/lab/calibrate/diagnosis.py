@@ -17,8 +17,7 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import DerivationError, Fault, InputError
-from rrrgen.base.option_names import option_name
+from rrrgen.base.errors import DerivationError, Fault, InputError, option_name
 from rrrgen.lab.calibrate.estimation import USED, Calibration, calibrate, fit_ends, largest_consensus
 from rrrgen.lab.calibrate.geometry import Geometry, rotation, rotation_vectors
 from rrrgen.lab.calibrate.measurements import ANGLES, POSITION, QUATERNION, Measurements, MeasurementTable

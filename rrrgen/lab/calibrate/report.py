@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.option_names import option_name
+from rrrgen.base.errors import option_name
 from rrrgen.lab.calibrate.estimation import USED, Calibration
 from rrrgen.lab.calibrate.measurements import COUNT, Measurements
 from rrrgen.lab.data.figure_style import new_figure, style_axes

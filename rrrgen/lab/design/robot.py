@@ -69,7 +69,7 @@ def _loop_margins(spec: Any) -> Any:
     from rrrgen.derive import prepare
     from rrrgen.derive.functions.loops import loop_margins
     from rrrgen.derive.functions.recording import FunctionBuilder
-    from rrrgen.emit.casadi import function
+    from rrrgen.emit.casadi.function import function
 
     derivation = prepare(spec)
     return function(loop_margins(FunctionBuilder(derivation.model, derivation.parametrization)), "loop_margins")

@@ -14,7 +14,7 @@ from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.lab.estimate.linear import scaled
 from rrrgen.lab.estimate.regression import Estimate, weighted_least_squares
 from rrrgen.lab.estimate.tsqr import JointFactors
-from rrrgen.robot.model.inertial_parameters import STANDARD, standard_names
+from rrrgen.robot.spec import STANDARD, standard_names
 
 # ------------------------------------------------------------------------------------------------------------------
 # Essential parameters: the smallest set that explains the torques as well as all parameters do, within the noise.

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import DerivationError, InputError
-from rrrgen.base.option_names import option_name
+from rrrgen.base.errors import DerivationError, InputError, option_name
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.estimate.identifiability import structure_of
 from rrrgen.lab.estimate.linear import solve

@@ -83,7 +83,7 @@ from rrrgen.lab.identify.scores import (
     left_in_rows,
     score_models,
 )
-from rrrgen.robot.model.inertial_parameters import standard_names
+from rrrgen.robot.spec import standard_names
 
 # ------------------------------------------------------------------------------------------------------------------
 # The estimate that is written to the robot file, with its uncertainty.

@@ -28,7 +28,7 @@ from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
 from rrrgen.lab.identify.diagnosis.trial_fits import FLOOR, Regressor, Sample, fit_products, solve_normal_equations
 from rrrgen.lab.identify.regressor import RigidModel
-from rrrgen.robot.model.inertial_parameters import standard_parameters
+from rrrgen.robot.spec import standard_parameters
 
 Kind = Literal["zero", "gain", "delay", "tilt", "viscous drift", "Coulomb drift", "column", "ratio"]
 ALL = -1  # place of a delay that all joints share

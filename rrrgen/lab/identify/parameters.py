@@ -14,7 +14,7 @@ from rrrgen.base.errors import InputError
 from rrrgen.lab.estimate.identifiability import combination
 from rrrgen.robot.model.drives import KINDS, SYMBOLS, drive_terms, unit
 from rrrgen.robot.model.drives import Kind as DriveKind
-from rrrgen.robot.model.inertial_parameters import standard_names
+from rrrgen.robot.spec import standard_names
 
 if TYPE_CHECKING:
     from rrrgen.lab.estimate.identifiability import Structure

@@ -29,8 +29,7 @@ from rrrgen.lab.identify.regressor import assembled
 from rrrgen.lab.identify.rows import body_columns, deviations, factored, inertial, slow_samples
 from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
 from rrrgen.lab.identify.validation import robot_model
-from rrrgen.robot.model.inertial_parameters import STANDARD, link_of, standard_parameters
-from rrrgen.robot.spec import RobotSpec
+from rrrgen.robot.spec import STANDARD, RobotSpec, link_of, standard_parameters
 from rrrgen.runtime.regressor_columns import drive_columns
 
 NAMES = ("mass", "com_x", "com_y", "com_z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")

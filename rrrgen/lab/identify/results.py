@@ -17,8 +17,7 @@ from rrrgen.lab.identify.consistency import ConsistentEstimate
 from rrrgen.lab.identify.scores import held_out_notes
 from rrrgen.robot.friction.laws import LEAST
 from rrrgen.robot.model.drives import SYMBOLS
-from rrrgen.robot.model.inertial_parameters import STANDARD, link_of, standard_names
-from rrrgen.robot.spec import DriveSpec, FrictionSpec, LawSpec
+from rrrgen.robot.spec import STANDARD, DriveSpec, FrictionSpec, LawSpec, link_of, standard_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,7 +17,7 @@ from rrrgen.lab.identify.factoring import FittedRows, factor_recordings, fits_in
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.observations import Observations, Recording, RowMaker, reconstruct
 from rrrgen.lab.identify.regressor import RigidModel
-from rrrgen.robot.model.inertial_parameters import STANDARD
+from rrrgen.robot.spec import STANDARD
 
 SLOW = 0.05
 """Speed below which a sample is left out, as a share of the largest speed of its joint."""

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import DerivationError, InputError, require
-from rrrgen.base.option_names import option_name
+from rrrgen.base.errors import DerivationError, InputError, option_name, require
 from rrrgen.lab.estimate.linear import scaled, solve
 from rrrgen.lab.estimate.remainder import Errors, Piece, Remainder, remainder_record, remainders
 from rrrgen.lab.estimate.search import search

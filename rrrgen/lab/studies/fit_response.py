@@ -10,8 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
-from rrrgen.base.errors import InputError, require
-from rrrgen.base.option_names import with_names
+from rrrgen.base.errors import InputError, require, with_names
 from rrrgen.lab.studies.frequency_response import FrequencyResponseResult
 from rrrgen.lab.studies.options import OptionError, StudyOptions, option, with_changes
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult

@@ -17,8 +17,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from rrrgen.base.errors import InputError
-from rrrgen.base.option_names import with_names
+from rrrgen.base.errors import InputError, with_names
 from rrrgen.base.yamltext.suggestions import did_you_mean
 
 OptionsType = TypeVar("OptionsType", bound="StudyOptions")

@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from rrrgen.base.errors import Fault, require
-from rrrgen.base.option_names import option_name, with_names
+from rrrgen.base.errors import Fault, option_name, require, with_names
 from rrrgen.lab.studies.experiment_options import ExperimentOptions
 from rrrgen.lab.studies.options import OptionError, option, with_changes
 from rrrgen.lab.studies.results import Run, StudyResult

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import Fault, InputError
-from rrrgen.base.option_names import option_name
+from rrrgen.base.errors import Fault, InputError, option_name
 from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.lab.data.mapping import (
     BASE_COLUMNS,

@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rrrgen.base.errors import require
-from rrrgen.base.option_names import with_names
+from rrrgen.base.errors import require, with_names
 from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.preprocessing import PreprocessingOptions
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult

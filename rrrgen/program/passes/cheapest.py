@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rrrgen.program import Program, count_operations
+from rrrgen.program.passes import Pass, PassReport
 from rrrgen.program.passes.common_factors import Collect
 from rrrgen.program.passes.doubling import DoubleByAddition
-from rrrgen.program.passes.interface import Pass, PassReport
 from rrrgen.program.passes.rewriting import MAX_PAIRS, MAX_TERMS, CutSet, ExpandAndFactor, SeenExpansions
 
 

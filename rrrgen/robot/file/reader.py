@@ -30,8 +30,7 @@ from rrrgen.robot.file.drives import read_drives
 from rrrgen.robot.file.fields import FIT, HASH_DIGITS, MAX_FITS, ROBOT, ROBOT_FILE, UNITS
 from rrrgen.robot.file.joints import read_joints, refuse_placements
 from rrrgen.robot.file.links import read_floating_base, read_links
-from rrrgen.robot.file.loops import read_loops
-from rrrgen.robot.file.mechanism import fixed_rows, on_floating_base, read_mechanism
+from rrrgen.robot.file.mechanism import fixed_rows, on_floating_base, read_loops, read_mechanism
 from rrrgen.robot.file.parameter_basis import read_basis
 from rrrgen.robot.file.quantities import Scope, read_parameters, read_value, read_vector
 from rrrgen.robot.model import build_model

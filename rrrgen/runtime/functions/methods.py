@@ -14,8 +14,7 @@ import textwrap
 from collections.abc import Iterator
 from typing import Any
 
-from rrrgen.derive.functions.model_function import ModelFunction, Needs
-from rrrgen.derive.functions.quantities import ArgumentKind
+from rrrgen.derive.functions.model_function import ArgumentKind, ModelFunction, Needs
 from rrrgen.derive.functions.table import ALWAYS, FUNCTIONS, TABLE
 
 WIDTH = 120

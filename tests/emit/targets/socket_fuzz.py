@@ -22,9 +22,8 @@ from typing import Any
 import click
 import numpy as np
 
-from rrrgen.controller.files import derived_unit, standalone_files
+from rrrgen.controller.files import derived_unit, rust_files, standalone_files
 from rrrgen.controller.python_class import Controller
-from rrrgen.controller.rust import rust_files
 from rrrgen.emit import Real
 from rrrgen.emit.targets.interface import ExportOptions
 from rrrgen.exporting import export_robot

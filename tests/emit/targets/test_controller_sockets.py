@@ -22,9 +22,8 @@ from bench.machines import MACHINES
 from emit.targets.arm import arm
 from emit.targets.rrr_library import STRICT, run
 from emit.targets.test_embedded import check_sample, check_sketch
-from rrrgen.controller.files import standalone_files
+from rrrgen.controller.files import rust_files, standalone_files
 from rrrgen.controller.python_class import Controller
-from rrrgen.controller.rust import rust_files
 from rrrgen.controller.table import GROUPS, unit_of
 from rrrgen.emit import Real
 from rrrgen.emit.targets.c_package import derived_model

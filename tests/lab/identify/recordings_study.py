@@ -29,7 +29,7 @@ from rrrgen.lab.identify.identification import Identification, Options, identify
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
 from rrrgen.lab.identify.scores import BAND
-from rrrgen.robot.model.inertial_parameters import standard_parameters
+from rrrgen.robot.spec import standard_parameters
 from samples.recordings import fourier_motion
 
 PERIOD = 0.01

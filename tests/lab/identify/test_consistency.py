@@ -10,7 +10,7 @@ from rrrgen.lab.estimate.tsqr import Rows, factor_rows
 from rrrgen.lab.identify.consistency import consistent_estimate, indefinite_share, mass_matrix
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
-from rrrgen.robot.model.inertial_parameters import standard_names
+from rrrgen.robot.spec import standard_names
 from samples.recordings import fourier_motion, point_masses
 from samples.stand_in import RRR_ROWS, NumericModel
 

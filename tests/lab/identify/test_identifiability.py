@@ -7,7 +7,7 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.estimate.identifiability import combination, fix_standard, structure_of, structure_of_matrix
 from rrrgen.lab.identify.parameters import CoupledDrive, DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
-from rrrgen.robot.model.inertial_parameters import standard_names
+from rrrgen.robot.spec import standard_names
 from rrrgen.runtime.regressor_columns import drive_columns
 from samples.stand_in import HALF_PI, RRR_ROWS, TX40_ROWS, NumericModel, Row
 

@@ -15,7 +15,7 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import run
 from rrrgen.lab.identify.payload import identify_payload
 from rrrgen.lab.identify.rows import inertial, standard_of
-from rrrgen.robot.model.inertial_parameters import standard_parameters
+from rrrgen.robot.spec import standard_parameters
 from rrrgen.runtime import load
 from samples.recordings import write_log
 

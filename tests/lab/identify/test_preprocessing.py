@@ -3,8 +3,7 @@
 import pytest
 
 from lab.identify.slow_recording import chosen, mapping, recording
-from rrrgen.base.errors import InputError
-from rrrgen.base.option_names import options_written
+from rrrgen.base.errors import InputError, options_written
 from rrrgen.lab.data.mapping import loads_mapping
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.identify.bandwidth import tune

@@ -26,7 +26,7 @@ def test_program_numpy_and_casadi_agree(name: str) -> None:
     scale = np.abs(friction.torque(speeds, load=loads)).max()
     assert np.abs(tau - friction.torque(speeds, load=loads)).max() <= ROUND_OFF * scale
     pytest.importorskip("casadi", reason="CasADi is an optional extra")
-    from rrrgen.emit.casadi import function
+    from rrrgen.emit.casadi.function import function
 
     exact = function(program)
     smooth = function(program, name="smooth", smooth_sign=0.05)

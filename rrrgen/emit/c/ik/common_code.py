@@ -7,8 +7,19 @@ from collections.abc import Sequence
 from rrrgen.base.errors import InternalError
 from rrrgen.base.templates import render
 from rrrgen.emit.c.ik.kernels import KernelDialect, KernelSettings, specialize
-from rrrgen.emit.c.ik.loop_nest import ARC, RESERVED, STOP, ArcTangent, Flip, Item, Leaf, LoopNest, RootLoop, Statement
-from rrrgen.emit.c.ik.passes import LoopPass
+from rrrgen.emit.c.ik.loop_nest import (
+    ARC,
+    RESERVED,
+    STOP,
+    ArcTangent,
+    Flip,
+    Item,
+    Leaf,
+    LoopNest,
+    LoopPass,
+    RootLoop,
+    Statement,
+)
 from rrrgen.emit.c.ik.statements import CBody, printed
 from rrrgen.emit.c.language import CTarget, Dialect, LibmSinCos
 from rrrgen.emit.interface import Target

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from math import tau
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import DerivationError
@@ -31,12 +32,12 @@ from rrrgen.emit.c.ik.kernels import (
     specialize,
     target_size,
 )
-from rrrgen.emit.c.ik.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
-from rrrgen.emit.c.ik.passes import PASSES, LoopPass
+from rrrgen.emit.c.ik.loop_nest import PASSES, LoopPass
 from rrrgen.emit.c.ik.statements import CBody
 from rrrgen.emit.c.language import CTarget, Dialect, LibmSinCos
+from rrrgen.emit.interface import SelfTestCheck
 from rrrgen.ik.classify import plan as make_plan
-from rrrgen.ik.classify import tip_plans
+from rrrgen.ik.classify import plan_with_tool, tip_plans
 from rrrgen.ik.plan import NominalFirst, SolverPlan
 from rrrgen.ik.recording.newton_step import newton_program
 from rrrgen.ik.result_layout import labels, may_lack, most_rows, opens, parts_of, reasons_of, status_texts
@@ -208,6 +209,8 @@ def _source(plan: SolverPlan, bodies: list[CBody | None], dialect: Dialect, mode
             *(kernel(f"ik/{name}.c", chosen) for name in PUBLIC),
         ]
     else:
+        from rrrgen.emit.c.ik.mechanisms import chain_settings, chain_type, mechanism_parts, mechanism_settings
+
         stem, inner = f"{dialect.prefix}_ik_chain", chain_settings(chosen, dialect)
         outer = mechanism_settings(inner, plan, plan.coupling, dialect)
         parts = [chain_type(plan, dialect), *_chain_parts(chain, bodies, inner, stem, dialect), *mechanism_parts(outer)]
@@ -277,3 +280,42 @@ def _header_values(spec: RobotSpec, plan: SolverPlan, dialect: Dialect, operatio
         "explanation": explanation(plan),
         "opening": opening(spec, plan, dialect.real, operations),
     }
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The emitted inverse kinematics with the tool as an input: ``<name>_tool_ik.h`` and ``.c``.
+#
+# Only arms of one to three joints, which are solved for positions, have it. Poses need no solver of their own: there
+# another tool changes the target alone.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def emit_tool_solver(spec: RobotSpec, real: Real = "double") -> Emitted:
+    """The files of the inverse kinematics of positions with the tool as an input; DerivationError if there is none."""
+    return emit(replace(spec, name=f"{spec.name}_tool"), plan_with_tool(spec), real)
+
+
+def tool_solver_files(spec: RobotSpec, real: Real) -> dict[str, str]:
+    """The same files by name; none for an arm without such a solver."""
+    try:
+        return emit_tool_solver(spec, real).files
+    except DerivationError:
+        return {}
+
+
+def tool_solver_check(spec: RobotSpec) -> SelfTestCheck | None:
+    """The part of the self-test for this solver: every solution is checked by ``tool_kinematics``; None without it."""
+    try:
+        plan = plan_with_tool(spec)
+    except DerivationError:
+        return None
+    turning = [tau * joint.revolute for joint in plan.chain.joints]
+    periods = turning if plan.coupling is None else plan.coupling.periods
+    text = render(
+        "c/ik/tool_selftest.c.j2",
+        p=spec.name,
+        M=f"{spec.name.upper()}_TOOL_IK",
+        reach=plan.chain.reach,
+        periods=", ".join(f"R({period!r})" for period in periods),
+    )
+    return SelfTestCheck("tool_inverse_kinematics", f"{spec.name}_tool_ik.h", text)

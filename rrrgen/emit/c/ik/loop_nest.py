@@ -1,7 +1,7 @@
 """The loop nest: statements of an inverse kinematics in nested loops over the roots of its equations.
 
 The builder writes a :class:`LoopNest` in the order of the derivation: every statement stands inside all loops opened
-so far, and every value is computed where it is first used. The passes of :mod:`rrrgen.emit.c.ik.passes` rewrite
+so far, and every value is computed where it is first used. The passes of :mod:`rrrgen.emit.c.ik.loop_nest` rewrite
 the nest, :mod:`rrrgen.emit.c.ik.statements` prints it; it can be printed before and after every pass.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from rrrgen.ik.recording.scalar import SolverScalar
 from rrrgen.program import Op
@@ -435,3 +435,22 @@ class DropUnused:
             for operand in item.operands:
                 collect(operand, used)
         return replace(nest, items=tuple(reversed(kept)))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Passes over the loop nest of an inverse kinematics, in the order in which they run.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+class LoopPass(Protocol):
+    """Rewrites a loop nest to one that finds the same candidates with less work, or returns it unchanged.
+
+    Passes are frozen dataclasses: their fields are their options.
+    """
+
+    def __call__(self, nest: LoopNest) -> LoopNest:
+        """The rewritten nest."""
+        ...
+
+
+PASSES: tuple[LoopPass, ...] = (DropUnused(), Hoist(), TakeArcsTogether())

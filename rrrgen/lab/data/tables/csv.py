@@ -13,8 +13,7 @@ from typing import IO, AnyStr, TextIO
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import InputError
-from rrrgen.base.option_names import with_names
+from rrrgen.base.errors import InputError, with_names
 from rrrgen.lab.data.mapping import FileSource
 from rrrgen.lab.data.tables.interface import named_column, table_fault
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rrrgen.robot.file import load_spec
-from rrrgen.robot.model.inertial_parameters import link_of, standard_names, standard_parameters
+from rrrgen.robot.spec import link_of, standard_names, standard_parameters
 from rrrgen.verify.references.numeric_robot import nominal_parameters
 
 
