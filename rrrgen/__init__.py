@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.studies.frequency_response import FrequencyResponseOptions, frequency_response
     from rrrgen.lab.studies.identify import IdentifyOptions, identify
     from rrrgen.lab.studies.matrix_response import MatrixResponseOptions, matrix_response
-    from rrrgen.lab.studies.preprocessing import MotionOptions
+    from rrrgen.lab.studies.options import MotionOptions
     from rrrgen.lab.studies.reconstruct import reconstruct
     from rrrgen.lab.studies.simulate import SimulateOptions, simulate
     from rrrgen.lab.studies.validate import ValidateOptions, validate

@@ -32,8 +32,7 @@ POSIX_NAMES = {
 
 GUARDED = {
     "base/cache.py": {"os.geteuid"},  # hasattr
-    "base/exchange.py": {"os.chown"},  # where owners differ; on Windows all are 0
-    "base/staging.py": {"fcntl"},  # ImportError
+    "base/exchange.py": {"fcntl", "os.chown"},  # ImportError; where owners differ, on Windows all are 0
     "base/parallel.py": {"os.sched_getaffinity"},  # on Linux only
     "runtime/build.py": {"os.statvfs"},  # hasattr
     "lab/data/tables/reading_process.py": {"resource", "os.sysconf"},  # not on win32; after /proc was read

@@ -20,7 +20,7 @@ import rrrgen
 from bench.toolchain import FLAGS
 from rrrgen.emit.c.compilers import find_compiler
 from rrrgen.emit.controller.differential_ik import declaration, differential_ik_files
-from rrrgen.runtime.differential_ik import compiled_solver
+from rrrgen.runtime.functions.differential import compiled_solver
 
 ROBOTS = ("puma560", "iiwa14", "panda")
 MOTIONS, TICKS, TAKEN = 6, 1000, 3  # motions of a robot, ticks of a motion, one of so many is timed

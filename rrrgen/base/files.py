@@ -12,8 +12,18 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from rrrgen.base.errors import InternalError, OutputError, cannot_write, storage_error
-from rrrgen.base.exchange import FILES, CannotExchangeError, complete, move_in, replace_directory
-from rrrgen.base.staging import locked, remove, remove_abandoned, staging_directory, staging_file
+from rrrgen.base.exchange import (
+    FILES,
+    CannotExchangeError,
+    complete,
+    locked,
+    move_in,
+    remove,
+    remove_abandoned,
+    replace_directory,
+    staging_directory,
+    staging_file,
+)
 
 MANIFEST = "manifest.json"
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.data.mapping import LogMapping
     from rrrgen.lab.data.repair import Repairs
     from rrrgen.lab.identify.diagnosis.causes import Cause
+    from rrrgen.lab.studies.options import StudyOptions
     from rrrgen.lab.studies.results import StudyResult
     from rrrgen.robot.spec import RobotSpec
 
@@ -292,6 +293,31 @@ def run_study(
     else:
         say(*result.lines(terminal_width()), *([last] if last else []))
     return result
+
+
+def run_on_recordings(
+    study: Callable[..., ResultType],
+    robot: str,
+    logs: tuple[Path, ...],
+    options: StudyOptions,
+    output: Path,
+    as_json: bool,
+    findings: FindingsPrinter | None = None,
+    written: str = "results",
+    **more: Any,
+) -> ResultType:
+    """Run a ``study`` of the recordings ``logs`` of a ``robot`` and print its result, and what is ``written`` where."""
+    return run_study(
+        study,
+        robot_source(robot),
+        logs,
+        options=options,
+        folder=output,
+        findings=findings or FindingsPrinter(as_json),
+        as_json=as_json,
+        last=f"{written} in {output}",
+        **more,
+    )
 
 
 def input_files(robot: str, logs: tuple[Path, ...], mappings: list[LogMapping], role: str = "log") -> dict[str, Path]:

@@ -22,27 +22,27 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "verify": ("rrrgen.cli.verify:verify", "Compare a compiled model with independent dynamics."),
     "ik": ("rrrgen.cli.ik:ik", "Solve the inverse kinematics for a pose."),
     "calibrate": ("rrrgen.cli.calibrate:calibrate", "Calibrate the geometry from measured poses or distances."),
-    "identify": ("rrrgen.cli.identify:identify", "Estimate parameters from recordings."),
+    "identify": ("rrrgen.cli.estimates:identify", "Estimate parameters from recordings."),
     "experiment excite": ("rrrgen.cli.excite:excite", "Design an exciting trajectory."),
     "experiment simulate": ("rrrgen.cli.simulate:simulate", "Run an experiment on the virtual robot."),
-    "experiment reconstruct": ("rrrgen.cli.reconstruct:reconstruct", "Reconstruct the joint motion of a recording."),
-    "experiment validate": ("rrrgen.cli.validate:validate", "Score a robot file against recordings."),
-    "experiment friction": ("rrrgen.cli.friction:friction", "Estimate the friction of one joint by experiment."),
-    "experiment payload": ("rrrgen.cli.payload:payload", "Estimate a payload at the last link of a known arm."),
-    "experiment drive-gains": ("rrrgen.cli.drive_gains:drive_gains", "Estimate drive gains with a known payload."),
+    "experiment reconstruct": ("rrrgen.cli.estimates:reconstruct", "Reconstruct the joint motion of a recording."),
+    "experiment validate": ("rrrgen.cli.estimates:validate", "Score a robot file against recordings."),
+    "experiment friction": ("rrrgen.cli.estimates:friction", "Estimate the friction of one joint by experiment."),
+    "experiment payload": ("rrrgen.cli.estimates:payload", "Estimate a payload at the last link of a known arm."),
+    "experiment drive-gains": ("rrrgen.cli.estimates:drive_gains", "Estimate drive gains with a known payload."),
     "experiment elastic-joints": (
-        "rrrgen.cli.elastic_joints:elastic_joints",
+        "rrrgen.cli.estimates:elastic_joints",
         "Estimate stiffness, damping and rotor inertia of joints.",
     ),
     "experiment contact-thresholds": (
-        "rrrgen.cli.contact_thresholds:contact_thresholds",
+        "rrrgen.cli.estimates:contact_thresholds",
         "Find thresholds of contact detection.",
     ),
     "experiment case-study": ("rrrgen.cli.case_study:case_study", "Run the whole case study on the virtual RRR."),
-    "response linearise": ("rrrgen.cli.linearise:linearise", "Turn recordings of torques into recordings for frf."),
-    "response frf": ("rrrgen.cli.frf:frf", "Estimate a frequency response with its uncertainty."),
-    "response matrix": ("rrrgen.cli.matrix_response:matrix", "Estimate the frequency response of a whole arm."),
-    "response model": ("rrrgen.cli.response_model:response_model", "Fit a linear model with its resonances."),
+    "response linearise": ("rrrgen.cli.responses:linearise", "Turn recordings of torques into recordings for frf."),
+    "response frf": ("rrrgen.cli.responses:frf", "Estimate a frequency response with its uncertainty."),
+    "response matrix": ("rrrgen.cli.responses:matrix", "Estimate the frequency response of a whole arm."),
+    "response model": ("rrrgen.cli.responses:response_model", "Fit a linear model with its resonances."),
     "response vibration": ("rrrgen.cli.vibration:vibration", "Design input shapers and notch filters."),
     "export": ("rrrgen.cli.export:export", "Write files of a robot for other programs."),
     "certify": ("rrrgen.cli.certify:certify", "Write code with a certificate of what is proven and tested."),
@@ -51,7 +51,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "schema": ("rrrgen.cli.new:schema", "Print the JSON Schema of robot files, for editors."),
     "doctor": ("rrrgen.cli.doctor:doctor", "Say what this installation can do, and what is missing."),
 }
-"""The commands: (module and attribute, one-line help). A new command takes one line here, and one file."""
+"""The commands: (module and attribute, one-line help). A new command takes one line here."""
 
 GROUPS = {
     "experiment": "Plan, simulate and evaluate experiments on an arm.",

@@ -16,7 +16,7 @@ from rrrgen.cli.terminal import doubtful, progress_bar, say
 if TYPE_CHECKING:
     from rrrgen.lab.design.plan import ResponseDesign
     from rrrgen.lab.studies.excite import ExciteOptions
-    from rrrgen.lab.studies.experiment_options import ExperimentOptions
+    from rrrgen.lab.studies.options import ExperimentOptions
     from rrrgen.lab.studies.simulate import SimulateOptions
 
 OTHERS = ("harmonics", "starts", "cluster", "duration", "bandwidth", "control")
@@ -30,7 +30,7 @@ def excite_response(robot: str, joint: str, options: ExciteOptions, output: Path
     experiment = options.of_file(spec.n)
     _refuse(options)
     from rrrgen.lab.data.run_folder import RunFolder
-    from rrrgen.lab.design.response_plots import plot_response_excitation
+    from rrrgen.lab.design.plots import plot_response_excitation
     from rrrgen.lab.experiment.response import response_design, response_plan
     from rrrgen.runtime import load
 

@@ -10,7 +10,15 @@ from typing import Any, TypeVar
 import click
 
 from rrrgen.base.errors import options_written, with_names
-from rrrgen.cli.arguments import flag_here
+from rrrgen.cli.arguments import (
+    flag_here,
+    fresh_option,
+    json_option,
+    log_option,
+    output_option,
+    robot_argument,
+    truncated_option,
+)
 from rrrgen.lab.studies.options import OptionError, OptionField, StudyOptions, option_fields, with_changes
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -43,6 +51,19 @@ def click_options(kind: type[StudyOptions]) -> Callable[[F], F]:
         for entry in reversed(fields.values()):
             decorated = click_option(entry, shown)(decorated)
         return decorated  # type: ignore[no-any-return]
+
+    return decorate
+
+
+def recording_options(kind: type[StudyOptions], *more: Callable[[Any], Any]) -> Callable[[F], F]:
+    """Add the arguments of a study of recordings: ROBOT, ``--log``, ``more`` options, the folder, those of ``kind``."""
+
+    def decorate(function: F) -> F:
+        own: Callable[[F], F] = click_options(kind)
+        function = truncated_option(output_option(own(fresh_option(json_option(function)))))
+        for option in reversed((robot_argument, log_option, *more)):
+            function = option(function)
+        return function
 
     return decorate
 

@@ -19,8 +19,7 @@ from rrrgen.runtime.engines import BoundFunction, Engine
 from rrrgen.runtime.functions.calls import Array
 from rrrgen.runtime.functions.differential import DifferentialFunctions
 from rrrgen.runtime.functions.hessians import HessianFunctions
-from rrrgen.runtime.functions.parameters import ParameterFunctions
-from rrrgen.runtime.functions.regressors import RegressorFunctions
+from rrrgen.runtime.functions.parameters import ParameterFunctions, RegressorFunctions
 from rrrgen.runtime.paths import PathFunctions
 from rrrgen.runtime.results import JointLimits
 

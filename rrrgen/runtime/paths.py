@@ -15,7 +15,7 @@ from rrrgen.base.errors import BuildError, InputError
 from rrrgen.emit import Real
 from rrrgen.emit.c.path_timing import further_inputs, timing_files, work_size
 from rrrgen.program import Program
-from rrrgen.runtime.functions.friction import FrictionFunctions
+from rrrgen.runtime.functions.parameters import FrictionFunctions
 from rrrgen.runtime.results import Motion
 
 # ------------------------------------------------------------------------------------------------------------------

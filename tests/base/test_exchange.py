@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from base.killed_runs import FOREIGN, NEW, OLD, contents, killed_at, own, prepare, state
 from rrrgen.base import exchange
+from rrrgen.base import files as writer
 from rrrgen.base.errors import OutputError
 from rrrgen.base.files import write
 
@@ -135,3 +139,85 @@ def test_two_runs_at_once_leave_one_whole_state(tmp_path):
     assert own(found) in states
     assert {name: found[name] for name in FOREIGN} == FOREIGN
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The journal of an unfinished exchange: the next run completes what was decided, and nothing outside.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.sweep(but=["True"])
+@pytest.mark.parametrize("after", [False, True])
+def test_where_folders_cannot_be_exchanged_the_next_run_completes_what_was_decided(tmp_path, after, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.EINVAL, "no exchange here")
+
+    monkeypatch.setattr(exchange, "exchange", refuse)
+    step = 0
+    while True:
+        step += 1
+        folder = tmp_path / str(step)
+        out, numbers = prepare(folder)
+        killed = killed_at(step, after, lambda out=out: write(NEW, out))
+        found = own(contents(out))
+        whole = {name: text for name, text in found.items() if not name.startswith((exchange.COMMIT, ".new"))}
+        decided = (out / exchange.COMMIT).exists()
+        assert whole in (OLD, NEW) or (decided and whole.get("manifest.json") != OLD["manifest.json"]), step
+        other = state(**{"a.h": "third"})
+        write(other, out)
+        assert own(contents(out)) == other
+        assert {name: (out / name).stat().st_ino for name in FOREIGN} == numbers
+        assert not [path for path in out.iterdir() if path.name.startswith(".")]
+        assert [path.name for path in folder.iterdir()] == ["out"]
+        if not killed:
+            break
+    assert step > 8
+
+
+def test_a_commit_names_no_file_outside(tmp_path):
+    out, _ = prepare(tmp_path)
+    commit = out / exchange.COMMIT
+    (commit / exchange.FILES).mkdir(parents=True)
+    (tmp_path / "precious").write_text("mine")
+    (commit / exchange.STALE).write_text(json.dumps(["../precious", str(tmp_path / "precious"), "gone/c.c"]))
+    write(NEW, out)
+    assert (tmp_path / "precious").read_text() == "mine"
+    assert own(contents(out)) == NEW
+    assert writer.listed_files(out)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Places of unfinished files: what a living process has not finished stays, the rest is cleaned up.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def test_what_a_living_process_has_not_finished_stays(tmp_path):
+    place = exchange.staging_directory(tmp_path, "out")
+    with exchange.locked(place):
+        write(NEW, tmp_path / "out")
+        assert place.exists()
+    write(OLD, tmp_path / "out")
+    assert not place.exists()
+
+
+def test_sigterm_cleans_up_at_once(tmp_path):
+    """In the middle of generating: at once, without files or staging folders, with the exit code of the signal."""
+    program = (
+        "import sys, time\n"
+        "from rrrgen.base import files as writer\n"
+        "def slow(folder, files, fill=writer._fill):\n"
+        "    fill(folder, files)\n"
+        "    print('filled', flush=True)\n"
+        "    time.sleep(30)\n"
+        "writer._fill = slow\n"
+        "from rrrgen.cli.main import main\n"
+        "main(['generate', 'pendulum', '-o', sys.argv[1], '--no-casadi-files', '-j', '1'])\n"
+    )
+    running = subprocess.Popen([sys.executable, "-c", program, tmp_path / "out"], stdout=subprocess.PIPE)
+    assert running.stdout.readline() == b"filled\n"
+    assert list(tmp_path.iterdir())
+    start = time.monotonic()
+    running.terminate()
+    assert running.wait() == 128 + signal.SIGTERM
+    assert time.monotonic() - start < 5.0
+    assert not list(tmp_path.iterdir())

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from bench import session
-from rrrgen.cli import reconstruct, show
+from rrrgen.cli import estimates, show
 from rrrgen.cli.commands import COMMANDS, load_command
 from rrrgen.cli.main import cli
 from rrrgen.cli.terminal import working
@@ -27,7 +27,7 @@ def test_reconstruct_tells_every_step(tmp_path, monkeypatch):
     def bar():
         yield lambda *step: told.append(step)
 
-    monkeypatch.setattr(reconstruct, "progress_bar", bar)
+    monkeypatch.setattr(estimates, "progress_bar", bar)
     t = 1e-2 * np.arange(400)
     q, _, _ = fourier_motion(t, 1, 0)
     write_log(tmp_path / "log.csv", Log(("a",), t, q, np.zeros_like(q), period=1e-2))

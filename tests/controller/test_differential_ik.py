@@ -14,7 +14,7 @@ from rrrgen.derive.functions.kinematics import jacobian
 from rrrgen.emit.controller.differential_ik import differential_ik_files
 from rrrgen.program import evaluate
 from rrrgen.robot.file import load_spec
-from rrrgen.runtime.differential_ik import INVALID, LIMITS, OK, compiled_solver, numpy_solver
+from rrrgen.runtime.functions.differential import INVALID, LIMITS, OK, compiled_solver, numpy_solver
 
 STRICT = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror"]
 Ts = 1e-3

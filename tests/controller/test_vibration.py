@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete
 from emit.c_tools import C99, CXX, SANITIZERS, compile_all, compiler
 from rrrgen.base.errors import InputError
 from rrrgen.cli.main import run
-from rrrgen.lab.response.aliases import aliases
+from rrrgen.lab.response.fitting import aliases
 from rrrgen.lab.response.response_model import Resonance
 from rrrgen.lab.vibration import KINDS, Vibration, design_notches, design_shaper, impulses, phase_lag
 

@@ -26,7 +26,7 @@ from rrrgen.emit.targets.rust import _RESERVED, LARGEST, ROUGH, RustBackend, _fu
 from rrrgen.program import Builder, Port
 from rrrgen.robot.file import load_spec
 from rrrgen.runtime import load
-from rrrgen.runtime.differential_ik import compiled_solver
+from rrrgen.runtime.functions.differential import compiled_solver
 
 RUSTC = shutil.which("rustc") or shutil.which("rustc", path=Path.home() / ".cargo" / "bin")
 needs_rustc = pytest.mark.skipif(RUSTC is None, reason="rustc is not installed")

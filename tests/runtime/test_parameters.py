@@ -36,3 +36,17 @@ def test_without_links_the_parameters_must_be_given(states):
     close(model.gravity(q, np.array([float(x) for x in BETA_NOMINAL])), load_model(planar_model(), IDENTITY).gravity(q))
     with pytest.raises(ValueError, match="gives no drive inertia"):
         model.mass_matrix(q, np.ones(6), Ia=[1, 1])
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Regressors of a model: times the nominal parameters they are the whole torque.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def test_the_identification_regressor_times_its_nominal_parameters_is_the_whole_torque(model, states):
+    q, dq, ddq, _ = states
+    assert model.identification_parameter_names[6:] == ("Ia1", "Ia2", "fv1", "fv2", "fc2", "off2")
+    W = model.identification_regressor(q, dq, ddq)
+    expected = model.inverse_dynamics(q, dq, ddq) + model.friction(dq)
+    close(W @ model.identification_parameters, expected)
+    close(model.identification_regressor(q, dq[0], np.zeros(2))[4], model.identification_regressor(q[4], dq[0], [0, 0]))

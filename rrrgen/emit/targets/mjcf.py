@@ -14,8 +14,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.emit.notes import unused_entries
-from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
+from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries
 from rrrgen.emit.targets.rigid_bodies import NumericBody, NumericChain, number, numbers, numeric_chain
 from rrrgen.robot.spec import FrictionSpec, MotorSpec, RobotSpec
 

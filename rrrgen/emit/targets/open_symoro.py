@@ -13,8 +13,7 @@ from typing import Any
 
 import sympy as sp
 
-from rrrgen.emit.notes import unused_entries
-from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
+from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries
 from rrrgen.robot.file.writer import number_text
 from rrrgen.robot.model.canonical_frames import NO_TWIST, Twist, dh_rows
 from rrrgen.robot.model.exact_transforms import normal_form, rotation_x

@@ -10,8 +10,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
-from rrrgen.emit.notes import unused_entries
-from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
+from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions, unused_entries
 from rrrgen.emit.targets.rigid_bodies import NumericBody, number, numbers, numeric_chain
 from rrrgen.robot.spec import JointSpec, RobotSpec
 

@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from rrrgen.base.errors import InputError
+from rrrgen.base.exchange import is_staged, remove_abandoned
 from rrrgen.base.files import write_file
-from rrrgen.base.staging import is_staged, remove_abandoned
 from rrrgen.base.version import VERSION
 
 if TYPE_CHECKING:

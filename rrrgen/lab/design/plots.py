@@ -11,6 +11,7 @@ from rrrgen.lab.data.figure_style import new_figure, style_axes
 from rrrgen.lab.design.check import ProblemFunctions, check_trajectory
 from rrrgen.lab.design.design import ExcitationDesign, ExcitationLimits
 from rrrgen.lab.design.fourier_series import Floats, FourierTrajectory
+from rrrgen.lab.design.plan import ResponseDesign
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,4 +129,31 @@ def plot_information(design: ExcitationDesign, samples: int = 400) -> Figure:
     figure, axes = new_figure(1, 1, height=3.0)
     axes[0].semilogy(t, np.sqrt(ratio))
     style_axes(axes[0], "t [s]", "cond of Φ up to t")
+    return figure
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Figure of a designed frequency response experiment: the excitation over time and its spectrum.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+def plot_response_excitation(design: ResponseDesign, unit: str = "rad/s²") -> Figure:
+    """Plot the excitation of the first run, in ``unit``, over one period (noise: over all of it), and its spectrum."""
+    run = design.runs[0]
+    n = run.n[: design.signal_period]
+    amplitude = 2.0 * np.abs(np.fft.rfft(n)) / len(n)
+    frequency = np.fft.rfftfreq(len(n), design.period)
+    excited = amplitude > 1e-3 * np.max(amplitude)
+    figure, axes = new_figure(2, 1, height=4.4)
+    axes[0].plot(design.period * np.arange(len(n)), n, linewidth=0.6)
+    axes[0].set_title(
+        f"{design.joint_name}: {design.signal.replace('_', ' ')}, rms {n.std():.3g}, crest factor "
+        f"{np.abs(n).max() / n.std():.2f}, speed {abs(run.speed):.4g}",
+        fontsize=9,
+        loc="left",
+    )
+    style_axes(axes[0], "t [s]", f"n [{unit}]")
+    axes[1].semilogx(frequency[excited], amplitude[excited], ".", markersize=2.5)
+    axes[1].set_ylim(0.0, 1.2 * float(np.max(amplitude)))
+    style_axes(axes[1], "frequency [Hz]", f"amplitude of n [{unit}]")
     return figure

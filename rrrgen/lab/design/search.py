@@ -7,6 +7,10 @@ added to these times and IPOPT continues (the exchange method of semi-infinite p
 
 from __future__ import annotations
 
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +19,6 @@ import numpy as np
 from rrrgen.base.errors import InputError
 from rrrgen.lab.design.check import ExcitationCheck, ProblemFunctions, check_trajectory, limited_quantities
 from rrrgen.lab.design.fourier_series import Floats, FourierTrajectory
-from rrrgen.lab.design.interrupts import reraised_interrupts
 from rrrgen.lab.design.nonlinear_program import MARGIN, ExcitationProgram
 from rrrgen.lab.design.problem import LEAST_SINE, ExcitationProblem
 
@@ -50,6 +53,50 @@ STAGES: dict[str, tuple[tuple[str, int], ...]] = {
     "logdet": (("logdet", 0),),
 }
 """Objectives in the order they are minimised, with the exponent p of their norms."""
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Makes Ctrl-C end work in CasADi: an interruption that its solver or its Python code swallows is raised again.
+#
+# IPOPT takes an interruption for a failed evaluation and goes on from another point. The Python code of CasADi catches
+# every exception in some places (``vertcat`` and the conversion of arrays, for instance), the interruption among them.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def reraised_interrupts() -> Iterator[None]:
+    """Raise KeyboardInterrupt at the end of the block if Ctrl-C was pressed in it, even if its code swallowed that.
+
+    The previous signal handler is still called at once. Has no effect outside the main thread, which alone receives
+    signals, or if the signal is ignored or handled outside Python. Blocks may be nested; also usable as a decorator.
+    """
+    before: Any = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    heard = False
+
+    def remember(number: int, frame: Any) -> None:
+        nonlocal heard
+        heard = True
+        before(number, frame)
+
+    signal.signal(signal.SIGINT, remember)
+    try:
+        yield
+    finally:
+        try:
+            signal.signal(signal.SIGINT, before)
+        except BaseException:  # a signal that waited is handled before the handler is replaced: replace it again
+            signal.signal(signal.SIGINT, before)
+            raise
+        if heard:
+            raise KeyboardInterrupt
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The search from random starts.
+# ------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)

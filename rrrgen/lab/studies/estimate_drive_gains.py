@@ -9,8 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import require
-from rrrgen.lab.studies.options import OptionError, StudyOptions, group, with_changes
-from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+from rrrgen.lab.studies.options import OptionError, PreprocessingOptions, StudyOptions, group, with_changes
 from rrrgen.lab.studies.results import FittedResult, Run
 
 if TYPE_CHECKING:

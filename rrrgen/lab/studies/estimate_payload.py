@@ -8,8 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import require
-from rrrgen.lab.studies.options import StudyOptions, group, option, with_changes
-from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+from rrrgen.lab.studies.options import PreprocessingOptions, StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.results import FittedResult, Run
 
 if TYPE_CHECKING:

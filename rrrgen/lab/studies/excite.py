@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import require
 from rrrgen.base.parallel import CLUSTER
-from rrrgen.lab.studies.experiment_options import ExperimentOptions
-from rrrgen.lab.studies.options import option, with_changes
+from rrrgen.lab.studies.options import ExperimentOptions, option, with_changes
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
 
 if TYPE_CHECKING:

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from rrrgen.lab.response.fitting import FittedModels
     from rrrgen.lab.response.frequency_response import FrequencyResponse
     from rrrgen.lab.response.response_model import ResponseModel
-    from rrrgen.lab.studies.response_sources import ResponseSource
-    from rrrgen.lab.studies.sources import FindingsCallback, ProgressCallback, RobotSource
+    from rrrgen.lab.studies.sources import FindingsCallback, ProgressCallback, ResponseSource, RobotSource
     from rrrgen.program import Program
 
 
@@ -91,7 +90,7 @@ class FitResponseResult(StudyResult):
 
     def _alias_lines(self) -> list[str]:
         """Sentences on the frequencies above half the sampling rate that the resonances may stand for."""
-        from rrrgen.lab.response.aliases import alias_lines
+        from rrrgen.lab.response.fitting import alias_lines
 
         rates = {round(1.0 / model.period, 9): model for model in self.fitted.models}
         return [line for rate, model in rates.items() for line in alias_lines(model.resonances, rate)]
@@ -210,8 +209,7 @@ def fit_response(
     from rrrgen.lab.experiment.experiment_file import load_experiment
     from rrrgen.lab.experiment.response import beside, expected_modes
     from rrrgen.lab.response.fitting import fit_recordings, fit_responses
-    from rrrgen.lab.studies.response_sources import response_input
-    from rrrgen.lab.studies.sources import ignore, robot_input
+    from rrrgen.lab.studies.sources import ignore, response_input, robot_input
 
     files = {"log": Path(response)} if isinstance(response, (str, os.PathLike)) else {}
     if (robot is None) != (experiment is None):

@@ -14,8 +14,7 @@ from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
 if TYPE_CHECKING:
     from rrrgen.lab.data.run_folder import RunFolder
     from rrrgen.lab.response.frequency_response import FrequencyResponse
-    from rrrgen.lab.studies.response_sources import ResponseSource
-    from rrrgen.lab.studies.sources import ProgressCallback
+    from rrrgen.lab.studies.sources import ProgressCallback, ResponseSource
 
 
 @dataclass(frozen=True)
@@ -129,8 +128,7 @@ def frequency_response(
     chosen = with_changes(FrequencyResponseOptions, options, changes)
     require("rrrgen response frf", "scipy", "matplotlib")
     from rrrgen.lab.response.estimation import estimate_responses
-    from rrrgen.lab.studies.response_sources import response_input
-    from rrrgen.lab.studies.sources import ignore
+    from rrrgen.lab.studies.sources import ignore, response_input
 
     given = response_input(data)
     (progress or ignore)(0, 0, "estimating the frequency response")

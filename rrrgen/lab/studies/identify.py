@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rrrgen.base.errors import InputError, require
 from rrrgen.base.parallel import CLUSTER
-from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, with_changes
-from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+from rrrgen.lab.studies.options import OptionError, PreprocessingOptions, StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.results import EstimateResult, FigureMaker, Run
 
 if TYPE_CHECKING:
@@ -30,9 +29,9 @@ if TYPE_CHECKING:
     from rrrgen.lab.identify.identification import Identification, Options
     from rrrgen.lab.identify.observations import Recording
     from rrrgen.lab.identify.regressor import RigidModel
-    from rrrgen.lab.studies.loop_inputs import LoopInputs
     from rrrgen.lab.studies.sources import (
         FindingsCallback,
+        LoopInputs,
         ProgressCallback,
         RecordingInputs,
         RecordingSources,
@@ -348,8 +347,7 @@ def identify(
         raise OptionError(
             "{controller} simulates the loop as it was recorded: correct the recording by {estimate} first"
         )
-    from rrrgen.lab.studies.loop_inputs import read_loop
-    from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input
+    from rrrgen.lab.studies.sources import chosen_processing, ignore, read_loop, recording_inputs, robot_input
 
     findings, progress = findings or ignore, progress or ignore
     arm = robot_input(robot, findings)
@@ -440,8 +438,7 @@ def _estimate(
     from rrrgen.lab.identify.bias import check_bias
     from rrrgen.lab.identify.cross_validation import cross_validate
     from rrrgen.lab.identify.diagnosis.causes import merged
-    from rrrgen.lab.identify.diagnosis.report import diagnose_fit
-    from rrrgen.lab.identify.diagnosis.swinging import swinging_notes
+    from rrrgen.lab.identify.diagnosis.report import diagnose_fit, swinging_notes
     from rrrgen.lab.identify.floating_base import FloatingModel, check_base, measured_rows, on_floating_base
     from rrrgen.lab.identify.identification import identify as estimate
     from rrrgen.lab.studies.sources import tell_causes

@@ -15,10 +15,14 @@ from dataclasses import dataclass, field
 from numbers import Integral, Real
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from rrrgen.base.errors import InputError, with_names
 from rrrgen.base.yamltext.suggestions import did_you_mean
+
+if TYPE_CHECKING:
+    from rrrgen.lab.experiment.experiment_file import Experiment
+
 
 OptionsType = TypeVar("OptionsType", bound="StudyOptions")
 
@@ -229,3 +233,74 @@ def _single(entry: OptionField, kind: Any, value: Any) -> Any:
     if above is not None and value <= above:
         raise OptionError(f"{name} is {value:g}{unit}, but must be above {above:g}{unit}", entry.name)
     return kind(value)
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Options of the preprocessing of recordings, which several studies share.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MotionOptions(StudyOptions):
+    """How the motion is reconstructed from recorded positions; None: as the mapping file says."""
+
+    method: Literal["butterworth", "kalman", "kalman_filter", "differences", "logged"] | None = option(
+        None, "How speeds and accelerations are obtained from the positions; default kalman, a smoother."
+    )
+    cutoff: float | None = option(
+        None,
+        "Cut-off frequency of the Butterworth filter; implies {method} butterworth if no method is named.",
+        unit="Hz",
+        above=0,
+    )
+
+
+@dataclass(frozen=True)
+class PreprocessingOptions(MotionOptions):
+    """How recordings are processed before parameters are estimated; None: as the mapping file says."""
+
+    decimate: int | None = option(
+        None,
+        "Decimation factor k: low-pass filter, then keep every k-th row; default: from the bandwidth of the motion.",
+        least=1,
+        metavar="K",
+    )
+    low_speed: tuple[float, ...] | None = option(
+        None, "Rows of a joint below this speed are left out, rad/s (m/s), one number a joint.", command=False
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Options of designed and simulated experiments, which override the sections of an experiment file.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ExperimentOptions(StudyOptions):
+    """What every experiment takes from its file or from options."""
+
+    experiment: Path | None = option(
+        None,
+        "Experiment file: limits, objective, writing task, virtual robot, control; other options override it.",
+        metavar="FILE",
+        recorded=False,
+    )
+    rate: float | None = option(None, "Sampling rate of the controller; default 1000.", unit="Hz", above=0)
+    seed: int | None = option(None, "Seed for all random numbers; default 0.", recorded=False)
+
+    def of_file(self, joints: int) -> Experiment:
+        """The experiment file, or the defaults, for a robot of ``joints`` joints, with what the options override."""
+        from dataclasses import replace
+
+        from rrrgen.lab.experiment.experiment_file import Experiment, load_experiment
+
+        found = Experiment() if self.experiment is None else load_experiment(self.experiment, joints)
+        return replace(
+            found,
+            seed=found.seed if self.seed is None else self.seed,
+            period=found.period if self.rate is None else 1.0 / self.rate,
+        )
+
+    def files(self) -> dict[str, Path]:
+        """The experiment file by its role."""
+        return {} if self.experiment is None else {"experiment": self.experiment}

@@ -8,8 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import require
-from rrrgen.lab.studies.options import with_changes
-from rrrgen.lab.studies.preprocessing import MotionOptions
+from rrrgen.lab.studies.options import MotionOptions, with_changes
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from rrrgen.base.errors import Fault, option_name, require, with_names
-from rrrgen.lab.studies.experiment_options import ExperimentOptions
-from rrrgen.lab.studies.options import OptionError, option, with_changes
+from rrrgen.lab.studies.options import ExperimentOptions, OptionError, option, with_changes
 from rrrgen.lab.studies.results import Run, StudyResult
 
 if TYPE_CHECKING:
@@ -262,7 +261,7 @@ def _followed(arm: RobotInput, experiment: Experiment, motion: Any, reference: R
     from rrrgen.lab.experiment.feedback_linearisation import RecordedMotion
     from rrrgen.lab.experiment.setup import writing_path
     from rrrgen.lab.studies.excite import ExcitationResult
-    from rrrgen.lab.studies.preprocessing import MotionOptions
+    from rrrgen.lab.studies.options import MotionOptions
     from rrrgen.lab.studies.sources import chosen_processing, recording_inputs
 
     if reference is not None:

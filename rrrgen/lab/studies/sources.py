@@ -15,6 +15,8 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError, option_name
 from rrrgen.base.yamltext.suggestions import did_you_mean
+from rrrgen.lab.closed_loop.controller import LoopController, load_controller
+from rrrgen.lab.closed_loop.loop_recording import NEEDED, require_inputs, require_joints
 from rrrgen.lab.data.mapping import (
     BASE_COLUMNS,
     SIGNALS,
@@ -31,8 +33,8 @@ from rrrgen.lab.data.repair import Repairs
 from rrrgen.lab.data.uniform_stream import LogStream
 from rrrgen.lab.identify.diagnosis.causes import Cause
 from rrrgen.lab.identify.observations import Recording
-from rrrgen.lab.studies.options import OptionError
-from rrrgen.lab.studies.preprocessing import MotionOptions
+from rrrgen.lab.response.response_file import ResponseFile, SignalColumn, load_response
+from rrrgen.lab.studies.options import MotionOptions, OptionError
 from rrrgen.robot.spec import RobotSpec
 from rrrgen.runtime.load import compile as compile_model
 from rrrgen.runtime.model import Model
@@ -347,3 +349,95 @@ def chosen_processing(mappings: Iterable[LogMapping], options: MotionOptions) ->
     # if the options name another method, the mapping file's settings of its own method are dropped
     settings = {name: value for name, value in settings.items() if method in METHODS_OF_SETTING.get(name, (method,))}
     return Processing(**{**settings, **named})
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Recordings of a loop for its frequency response, from a response file or from arrays.
+# ------------------------------------------------------------------------------------------------------------------
+
+ResponseSource = str | os.PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]]
+"""A response file, arrays by name (``t``, ``n``, ``u``, ``q``, (N,) each), or a list of these: realisations."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseInput:
+    """A ``response`` file or what it would say of arrays, the ``files`` read by role, and the hashes of arrays."""
+
+    response: ResponseFile
+    files: dict[str, Path]
+    settings: dict[str, Any]
+
+
+def response_input(data: ResponseSource) -> ResponseInput:
+    """Find out how recordings of a loop are read; raises :class:`InputError` for a faulty file or arrays."""
+    if isinstance(data, (str, os.PathLike)):
+        response = load_response(data)
+        files = {f"file {source.name}": Path(source.path) for source in response.files}
+        return ResponseInput(response, {"log": Path(data)} | files, {})
+    recordings = [data] if isinstance(data, Mapping) else list(data)
+    sources, hashes = [], {}
+    for k, recording in enumerate(recordings, start=1):
+        name = f"recording{k}"
+        if not isinstance(recording, Mapping):
+            raise InputError(f"recording {k} is of type {type(recording).__name__}, not arrays by name")
+        arrays = checked_arrays(recording, 1, name, allowed=("t", "n", "u", "q"), needed=("t", "u", "q"))
+        hashes[name] = hash_of_arrays(arrays)
+        columns = {key: values.ravel() for key, values in arrays.items()}
+        sources.append(FileSource(name, Path(name), arrays=columns))
+    if not sources:
+        raise InputError("there is no recording")
+    excited = ["n" in (source.arrays or {}) for source in sources]
+    if any(excited) and not all(excited):
+        raise InputError("some recordings have the excitation 'n' and some have not")
+    u, q, n = (SignalColumn("", key) for key in ("u", "q", "n"))
+    response = ResponseFile(tuple(sources), TimeSource(column="t"), u, q, n if all(excited) else None)
+    return ResponseInput(response, {}, {"arrays": hashes})
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The recorded control loop as an input of a study: its controller file, and recordings that are only scored.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LoopInputs:
+    """The ``controller`` of the recorded loop, None without one, and the recordings ``tests`` on which it is scored.
+
+    ``files`` are the files read, by role.
+    """
+
+    controller: LoopController | None = None
+    tests: RecordingInputs | None = None
+    files: dict[str, Path] = field(default_factory=dict)
+
+    def open(self) -> list[Recording]:
+        """The test recordings."""
+        return [] if self.tests is None else self.tests.open()
+
+
+def read_loop(
+    controller: Path | None, tests: Sequence[Path], spec: RobotSpec, recorded: RecordingInputs, skip_truncated: bool
+) -> LoopInputs:
+    """Read the ``controller`` file and the recordings ``tests``, which are scored but not fitted.
+
+    Raises :class:`InputError` for a controller whose joints or inputs are not those of the recordings ``recorded`` and
+    ``tests`` of the robot ``spec``.
+    """
+    if controller is None:
+        if tests:
+            raise OptionError("{tests} scores the simulated loop: give its {controller}, too")
+        return LoopInputs()
+    loop = load_controller(controller)
+    scored = None
+    if tests:
+        scored = recording_inputs(tests, spec, skip_truncated_line=skip_truncated, role="test")
+    for source in (*recorded.sources, *(() if scored is None else scored.sources)):
+        require_joints(loop, source.joints if isinstance(source, Log) else source.names)
+        require_inputs(loop, {name for name in NEEDED if _has(source, name)})
+    files = {} if scored is None else scored.files
+    return LoopInputs(loop, scored, files | {"controller": controller})
+
+
+def _has(source: LogMapping | Log, signal: str) -> bool:
+    """Whether a recording holds a signal of the controller."""
+    return getattr(source, signal) is not None if isinstance(source, Log) else source.has(signal)  # type: ignore[arg-type]

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.errors import require, with_names
-from rrrgen.lab.studies.options import OptionError, StudyOptions, group, option, with_changes
-from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+from rrrgen.lab.studies.options import OptionError, PreprocessingOptions, StudyOptions, group, option, with_changes
 from rrrgen.lab.studies.results import FigureMaker, Run, StudyResult
 
 if TYPE_CHECKING:
@@ -23,9 +22,9 @@ if TYPE_CHECKING:
     from rrrgen.lab.identify.observations import Recording
     from rrrgen.lab.identify.scores import Common
     from rrrgen.lab.identify.validation import Validation
-    from rrrgen.lab.studies.loop_inputs import LoopInputs
     from rrrgen.lab.studies.sources import (
         FindingsCallback,
+        LoopInputs,
         ProgressCallback,
         RecordingInputs,
         RecordingSources,
@@ -212,8 +211,7 @@ def validate(
     chosen = with_changes(ValidateOptions, options, changes)
     require("rrrgen experiment validate", "scipy", "matplotlib")
     from rrrgen.lab.identify.held_out_data import Split
-    from rrrgen.lab.studies.loop_inputs import read_loop
-    from rrrgen.lab.studies.sources import chosen_processing, ignore, recording_inputs, robot_input
+    from rrrgen.lab.studies.sources import chosen_processing, ignore, read_loop, recording_inputs, robot_input
 
     findings, progress = findings or ignore, progress or ignore
     arm = robot_input(robot, findings)

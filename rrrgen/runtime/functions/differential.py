@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from rrrgen.emit.controller.differential_ik import DAMPING, declaration
+from rrrgen.emit import Real
+from rrrgen.emit.controller.differential_ik import DAMPING, TOLERANCE, declaration, differential_ik_files, steps
 from rrrgen.runtime.arguments import prepare
 from rrrgen.runtime.functions.table_functions import TableFunctions
-
-if TYPE_CHECKING:
-    from rrrgen.runtime.differential_ik import Solve
 
 
 class DifferentialFunctions(TableFunctions):
@@ -94,8 +93,6 @@ class DifferentialFunctions(TableFunctions):
 
     def _solver(self) -> Solve:
         if self._differential is None:
-            from rrrgen.runtime.differential_ik import compiled_solver, numpy_solver
-
             if self.engine.name == "numpy":
                 self._differential = numpy_solver
             else:
@@ -107,9 +104,121 @@ class DifferentialFunctions(TableFunctions):
         if with_status:
             return dq, status
         if np.any(status):
-            from rrrgen.runtime.differential_ik import MESSAGES
-
             first = int(np.argmax(status != 0))
             place = f"; {np.count_nonzero(status)} of {status.size} states" if status.ndim else ""
             raise np.linalg.LinAlgError(f"differential_ik: {MESSAGES[int(status.flat[first])]}{place}")
         return dq
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Differential inverse kinematics in Python: calls the emitted C, or the same active-set method in NumPy.
+# ------------------------------------------------------------------------------------------------------------------
+
+Array: TypeAlias = NDArray[Any]
+Solve: TypeAlias = Callable[[Sequence[Array], Array], int]
+"""Takes the arguments of the C function in its order, and the array for dq; returns the status."""
+
+OK, LIMITS, STOPPED, INVALID = range(4)
+MESSAGES = (
+    "ok",
+    "a joint is too fast for its limits",
+    "no solution within the steps",
+    "an input is not finite, limits contradict each other, a weight is negative, or damping or Ts is not positive",
+)
+"""Text for each status code."""
+
+
+def compiled_solver(robot: str, n: int, real: Real) -> Solve:
+    """Compile the emitted C function for a robot of ``n`` joints; the result calls it through cffi."""
+    from rrrgen.runtime.build import build_extension
+
+    name = f"{robot}_differential_ik"
+    vectors, scalar = [f"const {real} *"] * 6, f"{real}"
+    arguments = ", ".join([*vectors, scalar, *vectors[:4], scalar, f"{real} *"])
+    ffi, lib = build_extension(differential_ik_files(robot, n, real), f"int {name}({arguments});", name)
+    function, kind = getattr(lib, name), f"{real}[]"
+
+    def solve(values: Sequence[Array], dq: Array) -> int:
+        given = [float(value) if value.ndim == 0 else ffi.from_buffer(kind, value) for value in values]
+        return int(function(*given, ffi.from_buffer(kind, dq)))
+
+    return solve
+
+
+def numpy_solver(values: Sequence[Array], dq: Array) -> int:
+    """Solve one tick in NumPy, by the method of the emitted C; writes the speeds to ``dq`` (n,), returns the status.
+
+    ``values`` are the inputs of the C function in its order.
+    """
+    q, dq_last, J, V, weight, dq_ref, damping, q_min, q_max, dq_max, ddq_max, Ts = values
+    n = len(q)
+    H = J.reshape(6, n).T @ (weight[:, None] * J.reshape(6, n)) + damping**2 * np.eye(n)
+    g = -(J.reshape(6, n).T @ (weight * V)) - damping**2 * dq_ref
+    finite = all(np.all(np.isfinite(each)) for each in (H, g, q, dq_last, Ts))
+    ordered = np.all(q_max >= q_min) and np.all(dq_max >= 0) and np.all(ddq_max >= 0)
+    if not (finite and ordered and damping > 0 and Ts > 0 and np.all(weight >= 0)):
+        dq[:] = _slower(dq_last, ddq_max, float(Ts))
+        return INVALID
+    low, high, met = _box(q, dq_last, (q_min, q_max), dq_max, ddq_max, float(Ts))
+    x, found = _active_set(H, g, low, high)
+    dq[:] = np.minimum(np.maximum(x, low), high)
+    return (OK if met else LIMITS) if found else STOPPED
+
+
+def _slower(last: Array, ddq_max: Array, Ts: float) -> Array:
+    """The speeds (n,) that are left of ``last`` after a period of braking; 0 where that is not known."""
+    with np.errstate(invalid="ignore"):
+        change = ddq_max * Ts
+        known = np.isfinite(last) & np.isfinite(change) & (ddq_max >= 0) & (Ts > 0) & (np.abs(last) > change)
+        return np.where(known, last - np.sign(last) * change, 0.0)
+
+
+def _approach(d: Array, ddq_max: Array, Ts: float) -> Array:
+    """Largest joint speeds v (n,) that still allow a stop within the distances ``d`` (n,), rad or m.
+
+    ``d = v Ts + v^2/(2 ddq_max)``: one period ``Ts`` (s) at that speed, then braking with ``ddq_max``.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = 2 * d / (Ts + np.sqrt(Ts * Ts + 2 * np.maximum(d, 0) / ddq_max))
+    return np.where(d > 0, np.where(np.isinf(d), d, speed), 0.0)
+
+
+def _box(
+    q: Array, dq_last: Array, limits: tuple[Array, Array], dq_max: Array, ddq_max: Array, Ts: float
+) -> tuple[Array, Array, bool]:
+    """Lower and upper bounds of the joint speeds (n,) that follow from all limits, and whether they can all be met.
+
+    They cannot if a joint is too fast to keep its limits of speed or position with the largest acceleration.
+    """
+    slowest, fastest = dq_last - ddq_max * Ts, dq_last + ddq_max * Ts
+    high = np.minimum(_approach(limits[1] - q, ddq_max, Ts), dq_max)
+    low = -np.minimum(_approach(q - limits[0], ddq_max, Ts), dq_max)
+    above, below = high < slowest, low > fastest
+    low, high = np.maximum(low, slowest), np.minimum(high, fastest)
+    low, high = np.where(below, fastest, low), np.where(above, slowest, high)
+    return low, high, not np.any(above | below)
+
+
+def _active_set(H: Array, g: Array, low: Array, high: Array) -> tuple[Array, bool]:
+    """Minimize ``x' H x/2 + g' x`` subject to ``low <= x <= high`` by block pivoting; False if it did not converge."""
+    n, tolerance = len(g), TOLERANCE * float(np.finfo(float).eps)
+    fixed = low >= high
+    at = np.where(fixed, -1, 0)
+    x = low.astype(float)
+    fewest, patience = n + 1, 0
+    for _ in range(steps(n)):
+        x = np.where(at < 0, low, np.where(at > 0, high, 0.0))
+        free = at == 0
+        if np.any(free):
+            x[free] = np.linalg.solve(H[np.ix_(free, free)], -g[free] - H[np.ix_(free, ~free)] @ x[~free])
+        slack = tolerance * np.abs(x)
+        outside = np.where(x < low - slack, -1, np.where(x > high + slack, 1, 0))
+        slope, size = g + H @ x, np.abs(g) + np.abs(H) @ np.abs(x)
+        leaves = (np.where(at < 0, slope, -slope) < -tolerance * size) & ~fixed
+        to = np.where(free, outside, np.where(leaves, 0, at))
+        wrong = np.flatnonzero(to != at)
+        if not len(wrong):
+            return x, True
+        fewest, patience = (len(wrong), 3) if len(wrong) < fewest else (fewest, patience - 1)
+        at = to if patience >= 0 else np.where(np.arange(n) == wrong[-1], to, at)
+    return np.where(at < 0, low, np.where(at > 0, high, x)), False

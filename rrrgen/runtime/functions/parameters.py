@@ -1,14 +1,25 @@
-"""Methods of a model that compute base parameters: from link parameters, and with a payload."""
+"""Methods of a model around its parameters: base parameters and payloads, friction, the regressor of identification."""
 
 from __future__ import annotations
 
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rrrgen.runtime.arguments import joined
+from rrrgen.derive.functions.friction import friction_parameters
+from rrrgen.program import Port, Role
+from rrrgen.robot.model.drives import DriveTerm, drive_terms
+from rrrgen.runtime.arguments import joined, prepare, read_only
 from rrrgen.runtime.functions.calls import Array, Calls
+from rrrgen.runtime.functions.table_functions import TableFunctions
+from rrrgen.runtime.regressor_columns import drive_columns
+
+if TYPE_CHECKING:
+    from rrrgen.derive.derived_model import DerivedModel
+    from rrrgen.runtime.engines import Engine
+
 
 ASYMMETRY = 1e-9
 """Largest difference between mirrored entries of an inertia tensor, relative to its largest entry."""
@@ -120,3 +131,94 @@ class ParameterFunctions(Calls):
         if np.max(np.abs(tensor - np.swapaxes(tensor, -1, -2))) > ASYMMETRY * np.max(np.abs(tensor)):
             raise ValueError(f"{function}: the inertia tensor is not symmetric")
         return tensor, parameters
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Friction as the robot file states it: torques, zero where it states none, and the parameters at run time.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+class FrictionFunctions(TableFunctions):
+    """Friction of the robot file, and its parameters."""
+
+    def friction(self, dq: ArrayLike, tau_load: ArrayLike | None = None) -> Array:
+        """Friction torques of the laws of the robot file, such as ``tau_f = fv dq + fc sgn(dq) + offset``.
+
+        They add to the torques of the rigid body. Laws with a state are taken in steady sliding. Coupled motors add
+        ``S^-T tau_fm(S^-1 dq)``, the laws at their shafts. Source: (14.11)-(14.14).
+
+        Args:
+            dq: joint velocities, (..., n), rad/s or m/s.
+            tau_load: torques without friction, (..., n), N m or N, as of :meth:`inverse_dynamics`; needed where a law
+                depends on the load.
+
+        Returns:
+            tau_f, (..., n), N m or N; zero where the file states no friction.
+
+        Raises:
+            ValueError: a law depends on the load and ``tau_load`` is missing.
+        """
+        if "friction" in self.derived.programs:
+            return self._call("friction", dq, *self._loads("friction", tau_load))
+        port = Port("dq", (self.n,), meaning="joint velocities", role=Role.VELOCITY)
+        return np.zeros_like(prepare("friction", [port], [dq], self.engine.dtype)[1][0])
+
+    @property
+    def friction_parameter_names(self) -> tuple[str, ...]:
+        """Names of the friction parameters at run time, such as q1_viscous, q1_coulomb, q1_offset."""
+        return tuple(name for name, _ in friction_parameters(self.spec))
+
+    @cached_property
+    def friction_parameters(self) -> Array:
+        """Friction parameters (k,) of the robot file, SI units, in the order of their names; 0 if the file has none."""
+        return read_only(np.array([float(value) for _, value in friction_parameters(self.spec)]))
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# The regressor of a model as identification uses it: torques as a matrix times base parameters and drive terms.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+class RegressorFunctions(TableFunctions):
+    """The regressor as identification uses it, with the columns of the drives.
+
+    Args:
+        derived: the programs of the robot's functions, with its base parameters and their nominal values.
+        engine: evaluates a program by its name, compiled or with NumPy.
+    """
+
+    def __init__(self, derived: DerivedModel, engine: Engine) -> None:
+        super().__init__(derived, engine)
+        self.base_parameter_names: tuple[str, ...] = tuple(p.name for p in derived.base_parameters)
+        self._terms: tuple[DriveTerm, ...] = drive_terms(derived.spec)
+
+    def identification_regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+        """Base regressor followed by the columns of the drive inertia, friction and offset that the robot file states.
+
+        ``tau = Y beta + Ia ddq + fv dq + fc sgn(dq) + offset``. These are the columns that `rrrgen identify` fits:
+        sgn(dq) is 0 at speeds up to :data:`rrrgen.runtime.regressor_columns.STANDSTILL`, where reconstructed speeds
+        have no reliable sign.
+
+        Args:
+            q: joint positions, (..., n), rad or m.
+            dq: joint velocities, (..., n), rad/s or m/s.
+            ddq: joint accelerations, (..., n), rad/s^2 or m/s^2.
+
+        Returns:
+            The wide regressor, (..., n, b + extra), in SI units; its columns belong to
+            ``identification_parameter_names``.
+        """
+        Y = self.regressor(q, dq, ddq)
+        drives = drive_columns(self._terms, np.asarray(dq, dtype=float), np.asarray(ddq, dtype=float))
+        wide = np.broadcast_to(drives, (*Y.shape[:-1], len(self._terms)))
+        return np.concatenate([Y, wide.astype(Y.dtype)], axis=-1)
+
+    @property
+    def identification_parameter_names(self) -> tuple[str, ...]:
+        """Names of the columns of :meth:`identification_regressor`: base parameters, then terms of the drives."""
+        return (*self.base_parameter_names, *(term.name for term in self._terms))
+
+    @property
+    def identification_parameters(self) -> Array | None:
+        """Nominal values of :attr:`identification_parameter_names` in SI units; None if the file has no links."""
+        return None if self.beta is None else np.concatenate([self.beta, [term.value for term in self._terms]])

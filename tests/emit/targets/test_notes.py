@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rrrgen.emit.notes import unused_entries
+from rrrgen.emit.targets.interface import unused_entries
 from rrrgen.robot.file import load_spec
 
 ARM = """

@@ -14,8 +14,7 @@ from rrrgen.lab.closed_loop.controller import loads_controller
 from rrrgen.lab.closed_loop.joint_friction import refine
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.friction.candidate_laws import Candidate
-from rrrgen.lab.friction.choice import LawScore
-from rrrgen.lab.friction.estimation import FrictionEstimate, LawEstimate, reported
+from rrrgen.lab.friction.estimation import FrictionEstimate, LawEstimate, LawScore, reported
 from rrrgen.lab.friction.joint_recording import joint_data
 from rrrgen.robot.file import load_spec
 from rrrgen.robot.friction.laws import LAWS

@@ -6,7 +6,7 @@ from rrrgen.lab.data.mapping import loads_mapping
 from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.identify.parameters import DriveTerms
 from rrrgen.lab.identify.regressor import FullRegressor
-from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+from rrrgen.lab.studies.options import PreprocessingOptions
 from rrrgen.lab.studies.sources import chosen_processing
 from samples.recordings import fourier_motion, planar_arm
 

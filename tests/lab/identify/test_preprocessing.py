@@ -7,8 +7,7 @@ from rrrgen.base.errors import InputError, options_written
 from rrrgen.lab.data.mapping import loads_mapping
 from rrrgen.lab.data.preprocessing import Processing
 from rrrgen.lab.identify.bandwidth import tune
-from rrrgen.lab.studies.options import OptionError
-from rrrgen.lab.studies.preprocessing import PreprocessingOptions
+from rrrgen.lab.studies.options import OptionError, PreprocessingOptions
 from rrrgen.lab.studies.sources import chosen_processing
 
 

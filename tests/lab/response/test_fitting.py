@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rrrgen.lab.response.aliases import alias_lines, aliases, rates_decide
+from rrrgen.lab.response.fitting import alias_lines, aliases, rates_decide
 from rrrgen.lab.response.response_model import Resonance
 
 
