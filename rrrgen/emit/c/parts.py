@@ -14,7 +14,7 @@ from rrrgen.program import Port, Program
 
 
 @dataclass(frozen=True)
-class Part:
+class FunctionPart:
     """The texts of one static function: prototype and lines of its body."""
 
     prototype: str
@@ -23,7 +23,7 @@ class Part:
 
 def print_in_parts(
     program: Program, division: Division, dialect: Dialect, sincos: SinCos
-) -> tuple[tuple[Part, ...], list[str]]:
+) -> tuple[tuple[FunctionPart, ...], list[str]]:
     """The parts of a long function, and the lines of the body of the function itself."""
     target = CTarget(dialect, sincos)
     ports = (*program.inputs, *program.outputs)
@@ -42,7 +42,7 @@ def print_in_parts(
             output_parameter(array, dialect) if writes else input_parameter(array, dialect),
             *(output_parameter(port, dialect) for port in outputs),
         ]
-        parts.append(Part(declaration(f"static void {name}(", parameters), tuple(lines)))
+        parts.append(FunctionPart(declaration(f"static void {name}(", parameters), tuple(lines)))
         calls.append(f"{name}({', '.join(port.name for port in (*inputs, array, *outputs))});")
     head = f"{dialect.real_type} {shared}[{division.size}]; /* values that several parts need */"
     return tuple(parts), [head, *printed.unused, *calls, *printed.lines]

@@ -15,7 +15,7 @@ from rrrgen.emit import Real
 from rrrgen.emit.c.division import divided
 from rrrgen.emit.c.header_comments import explanation, prototype
 from rrrgen.emit.c.language import Dialect, LibmSinCos, SinCos, Trig, nonfinite_function, print_body, sincos_strategy
-from rrrgen.emit.c.parts import Part, print_in_parts
+from rrrgen.emit.c.parts import FunctionPart, print_in_parts
 from rrrgen.emit.c.stack import STACK_RULE
 from rrrgen.emit.description import facts, large_angles, programs_of, title
 from rrrgen.emit.interface import Rounding, SelfTestCheck
@@ -87,7 +87,7 @@ class Function:
     prototype: str
     explanation: tuple[str, ...]
     body: tuple[str, ...]
-    parts: tuple[Part, ...] = ()
+    parts: tuple[FunctionPart, ...] = ()
 
 
 def header_and_sources(

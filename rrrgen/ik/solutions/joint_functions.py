@@ -28,7 +28,7 @@ from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
 
 
 @dataclass(frozen=True)
-class Form:
+class JointFunction:
     """A function of one joint variable x, given by its coefficients ``k``.
 
     Revolute joint (``turning``): ``k[0] + k[1] cos x + k[2] sin x``, and with five coefficients also
@@ -38,28 +38,28 @@ class Form:
     turning: bool
     k: tuple[S, ...]
 
-    def __add__(self, other: Form) -> Form:
+    def __add__(self, other: JointFunction) -> JointFunction:
         size = max(len(self.k), len(other.k))
         pads = [(*form.k, *(0 for _ in range(size - len(form.k)))) for form in (self, other)]
-        return Form(self.turning, tuple(total(x, y) for x, y in zip(*pads, strict=True)))
+        return JointFunction(self.turning, tuple(total(x, y) for x, y in zip(*pads, strict=True)))
 
-    def __sub__(self, other: Form) -> Form:
+    def __sub__(self, other: JointFunction) -> JointFunction:
         return self + other.times(-1)
 
-    def times(self, factor: S) -> Form:
+    def times(self, factor: S) -> JointFunction:
         """Multiply the function by the constant ``factor``."""
-        return Form(self.turning, tuple(product(factor, x) for x in self.k))
+        return JointFunction(self.turning, tuple(product(factor, x) for x in self.k))
 
-    def plus(self, constant: S) -> Form:
+    def plus(self, constant: S) -> JointFunction:
         """Add the number ``constant`` to the function."""
-        return Form(self.turning, (total(self.k[0], constant), *self.k[1:]))
+        return JointFunction(self.turning, (total(self.k[0], constant), *self.k[1:]))
 
-    def squared(self) -> Form:
+    def squared(self) -> JointFunction:
         """Square the function; a trigonometric one must have degree 1 (three coefficients)."""
         k = self.k
         if self.turning:
             k0, kc, ks = k
-            return Form(
+            return JointFunction(
                 True,
                 (
                     total(product(k0, k0), product(0.5, total(product(kc, kc), product(ks, ks)))),
@@ -70,7 +70,7 @@ class Form:
                 ),
             )
         size = len(k)
-        return Form(
+        return JointFunction(
             False,
             tuple(
                 total(*(product(k[i], k[j - i]) for i in range(size) if 0 <= j - i < size)) for j in range(2 * size - 1)
@@ -86,7 +86,7 @@ class Form:
             value = total(product(value, x), coefficient)
         return value
 
-    def trimmed(self) -> Form:
+    def trimmed(self) -> JointFunction:
         """Drop the highest terms whose coefficients are exactly zero."""
         k = list(self.k)
         if self.turning:
@@ -95,7 +95,7 @@ class Form:
         else:
             while len(k) > 1 and is_zero(k[-1]):
                 k.pop()
-        return Form(self.turning, tuple(k))
+        return JointFunction(self.turning, tuple(k))
 
     @property
     def constant(self) -> bool:
@@ -121,10 +121,10 @@ class Moving:
     ``c`` is the point in the frame after the joint, ``M`` a constant transform, and ``J`` the motion of the joint.
     """
 
-    x: Form
-    y: Form
-    z: Form
-    length2: Form
+    x: JointFunction
+    y: JointFunction
+    z: JointFunction
+    length2: JointFunction
     """The squared distance from the origin."""
 
     @staticmethod
@@ -136,8 +136,8 @@ class Moving:
             v0 = plus(tuple(product(e, c[2]) for e in column(M.R, 2)), M.t)
             vc = tuple(total(product(M.R[i][0], c[0]), product(M.R[i][1], c[1])) for i in range(3))
             vs = tuple(total(product(M.R[i][1], c[0]), -product(M.R[i][0], c[1])) for i in range(3))
-            forms = [Form(True, (v0[i], vc[i], vs[i])) for i in range(3)]
-            length2 = Form(
+            forms = [JointFunction(True, (v0[i], vc[i], vs[i])) for i in range(3)]
+            length2 = JointFunction(
                 True,
                 (
                     total(fixed, product(2, c[2], back[2])),
@@ -147,8 +147,10 @@ class Moving:
             )
         else:
             v0 = plus(rotate(M.R, c), M.t)
-            forms = [Form(False, (v0[i], M.R[i][2])) for i in range(3)]
-            length2 = Form(False, (total(fixed, product(2, dot(c, back))), product(2, total(c[2], back[2])), 1))
+            forms = [JointFunction(False, (v0[i], M.R[i][2])) for i in range(3)]
+            length2 = JointFunction(
+                False, (total(fixed, product(2, dot(c, back))), product(2, total(c[2], back[2])), 1)
+            )
         return Moving(forms[0], forms[1], forms[2], length2)
 
     def at(self, x: Turn | S) -> Vector:

@@ -28,7 +28,7 @@ from rrrgen.ik.geometry.rigid_transforms import (
     transposed,
 )
 from rrrgen.ik.recording.builder import DerivationBuilder, Label, Turn
-from rrrgen.ik.solutions.joint_functions import Form, Moving
+from rrrgen.ik.solutions.joint_functions import JointFunction, Moving
 from rrrgen.ik.solutions.parallel import Frame, finish_plane
 from rrrgen.ik.solutions.planar import triple_of
 from rrrgen.ik.solutions.position import solve_linear
@@ -195,14 +195,14 @@ def derive_point(b: DerivationBuilder, chain: KinematicChain, length: float, las
         b.residual((total(at[0], -p[0]), total(at[1], -p[1]), 0))
 
 
-def _best(b: DerivationBuilder, joint: Joint, equations: list[tuple[Form, Form, float]]) -> Motion:
+def _best(b: DerivationBuilder, joint: Joint, equations: list[tuple[JointFunction, JointFunction, float]]) -> Motion:
     """Solve for ``joint`` the one of several equations that depends most strongly on it.
 
     ``equations`` holds (form, like, unit): the function of the joint that must vanish, a function with the same
     dependence on the joint in the numbers of the robot file, and the natural size of the terms.
     """
 
-    def slope(entry: tuple[Form, Form, float]) -> float:
+    def slope(entry: tuple[JointFunction, JointFunction, float]) -> float:
         _, form, unit = entry
         first = sum(abs(float(k)) for k in form.k[1 : 2 if not form.turning else 3])
         length = unit if len(form.k) == 2 else unit**0.5
