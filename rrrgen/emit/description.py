@@ -7,7 +7,8 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from rrrgen.derive.functions.friction import friction_parameters
-from rrrgen.emit.printing import decimal, plain
+from rrrgen.derive.parameters.listing import listing
+from rrrgen.emit.printing import columns, decimal, mathematics, plain, wrapped
 from rrrgen.program import Builder, Op, Port, Program, Role
 from rrrgen.robot.model.drives import coupling_equations, motor_facts
 from rrrgen.robot.model.mechanism import mechanism_equations
@@ -114,3 +115,10 @@ def _nominal_parameters(model: DerivedModel) -> Program:
     )
     summary = "The nominal values of the parameters that the other functions take at run time."
     return Builder().program("nominal_parameters", [(port, values)], summary)
+
+
+def parameter_lines(model: DerivedModel, size: str) -> list[str]:
+    """The lines of a comment that list the base parameters ``beta[size]``: name, unit and expression of each."""
+    parameters = listing(model)
+    rows = [(f"beta[{k}]", p.name, p.unit or "-", mathematics(p.expression)) for k, p in enumerate(parameters.beta)]
+    return [*wrapped(parameters.heading(f"beta[{size}]")), *columns(rows)]

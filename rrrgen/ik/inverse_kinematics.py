@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from rrrgen.base.arrays import real_array
 from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.ik.classify import plan as make_plan
 from rrrgen.ik.classify import plan_with_tool
@@ -48,19 +49,6 @@ def flag(name: str, value: Any) -> bool:
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} must be True or False, not {value!r}")
     return bool(value)
-
-
-def real_array(name: str, value: Any) -> NDArray[np.float64]:
-    """``value`` as float64. Raises TypeError for complex, boolean, text, object or masked arrays."""
-    if isinstance(value, np.ma.MaskedArray):
-        raise TypeError(f"{name} is a masked array; its mask would be lost. Fill it first")
-    try:
-        array = np.asarray(value)
-    except ValueError as error:
-        raise ValueError(f"{name} is no rectangular array of numbers: {error}") from None
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"{name} must hold real numbers, not {array.dtype}")
-    return array.astype(np.float64, copy=False)
 
 
 def real_number(name: str, value: Any) -> float:

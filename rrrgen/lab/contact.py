@@ -13,6 +13,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.kalman import KalmanMatrices, KalmanSmoother, tune_stretches
 from rrrgen.lab.data.recordings import Log
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
 
 if TYPE_CHECKING:
@@ -431,8 +432,8 @@ def findings_of_recordings(
     J = model.jacobian(q[::every])
     responses = step_responses(kalman.matrices(period, model.n), gain, LONGEST_DELAY)
     detection = expected_detection(found, J[:: max(1, len(J) // POSES)], responses, period, gain, force)
-    size = np.sqrt(np.mean(np.concatenate([tau for _, tau in stretches]) ** 2, axis=0))
-    shares = np.sqrt(np.mean(r**2, axis=0)) / np.maximum(size, np.finfo(float).tiny)
+    size = rms(np.concatenate([tau for _, tau in stretches]), axis=0)
+    shares = rms(r, axis=0) / np.maximum(size, np.finfo(float).tiny)
     covariance = residual_covariance(r[::every], J)
     return ContactFindings(found, covariance, detection, gain, period, tuple(shares.tolist()))
 

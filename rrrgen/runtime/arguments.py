@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rrrgen.base.arrays import real_array
 from rrrgen.program import REFUSED, Port, Program, Status
 
 Array = NDArray[Any]
@@ -26,7 +27,11 @@ def prepare(
     arrays: list[Array] = []
     batches: list[Batch] = []
     for port, value in zip(ports, values, strict=True):
-        array = value if type(value) is np.ndarray and value.dtype == dtype else _real(function, port, value, dtype)
+        array = (
+            value
+            if type(value) is np.ndarray and value.dtype == dtype
+            else real_array(f"{function}: {port.name}", value, dtype)
+        )
         shape, wanted = array.shape, port.shape
         if shape == wanted:
             batches.append(())
@@ -44,19 +49,6 @@ def prepare(
             array = np.require(array, dtype, ["C_CONTIGUOUS", "ALIGNED"])
         arrays[k] = array
     return batch, arrays
-
-
-def _real(function: str, port: Port, value: Any, dtype: np.dtype[Any]) -> Array:
-    """Convert ``value`` to an array of ``dtype``; raises TypeError unless it holds real numbers."""
-    if isinstance(value, np.ma.MaskedArray):
-        raise TypeError(f"{function}: {port.name} is a masked array; its mask would be lost. Fill it first")
-    try:
-        array = np.asarray(value)
-    except ValueError as error:
-        raise ValueError(f"{function}: {port.name} is no rectangular array of numbers: {error}") from None
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"{function}: {port.name} must hold real numbers, not {array.dtype}")
-    return array.astype(dtype, copy=False)
 
 
 def _common(function: str, ports: Sequence[Port], batches: Sequence[Batch]) -> Batch:

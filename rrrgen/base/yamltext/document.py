@@ -6,10 +6,12 @@ exact, ``no`` and ``1:30`` stay text, and no object is ever constructed from a t
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
 
 from rrrgen.base.errors import Fault, InputError
 
@@ -124,6 +126,31 @@ def place_at(text: str, offset: int) -> Place:
     for line_break in _LINE_BREAK.finditer(text, 0, offset):
         line, start = line + 1, line_break.end()
     return Place(line, offset - start + 1)
+
+
+Read = TypeVar("Read")
+
+
+def file_text(path: str | os.PathLike[str], what: str) -> str:
+    """The text of the YAML file ``path``; messages of InputError name ``what`` it is, such as "mapping file"."""
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError([Fault(str(path), 0, 0, f"cannot read the {what}: {error.strerror or error}")]) from None
+    return decode(data, str(path))
+
+
+def read_document(text: str, file: str, what: str, read: Callable[[Node, FaultList], Read | None]) -> Read:
+    """What ``read`` makes of the YAML ``text`` of ``file``, which is a ``what``, such as "mapping file".
+
+    Raises InputError with every fault that ``read`` reports, and where it returns None for an empty document.
+    """
+    faults = FaultList(file, text)
+    found = read(parse_document(text, faults), faults)
+    faults.raise_errors()
+    if found is None:
+        raise InputError([Fault(file, 0, 0, f"the {what} says nothing")])
+    return found
 
 
 def decode(data: bytes, file: str) -> str:

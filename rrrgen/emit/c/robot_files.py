@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 from rrrgen.base.templates import render
 from rrrgen.derive.functions.table import ARGUMENT_ORDER, find
-from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
 from rrrgen.emit.c.division import divided
 from rrrgen.emit.c.header_comments import explanation, prototype
 from rrrgen.emit.c.language import Dialect, LibmSinCos, SinCos, Trig, nonfinite_function, print_body, sincos_strategy
 from rrrgen.emit.c.parts import FunctionPart, print_in_parts
 from rrrgen.emit.c.stack import STACK_RULE
-from rrrgen.emit.description import facts, large_angles, programs_of, title
+from rrrgen.emit.description import facts, large_angles, parameter_lines, programs_of, title
 from rrrgen.emit.interface import Rounding, SelfTestCheck
-from rrrgen.emit.printing import columns, mathematics, wrapped
+from rrrgen.emit.printing import columns, wrapped
 from rrrgen.program import Failure, Op, Program, count_operations, nominal_name
 from rrrgen.robot.identity import Identity
 from rrrgen.robot.spec import RobotSpec, joint_units
@@ -226,12 +225,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect, sincos: 
         "overlap each other. No function has state, allocates, or fails silently; all may be called from several "
         "threads at once."
     )
-    parameters = listing(model)
-    lines += ["", *wrapped(parameters.heading(f"beta[{macro}_B]"))]
-    lines += columns(
-        [(f"beta[{k}]", p.name, p.unit or "-", mathematics(p.expression)) for k, p in enumerate(parameters.beta)]
-    )
-    return lines
+    return [*lines, "", *parameter_lines(model, f"{macro}_B")]
 
 
 # ------------------------------------------------------------------------------------------------------------------

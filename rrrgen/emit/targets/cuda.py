@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 from rrrgen.base.templates import render
 from rrrgen.derive.derived_model import DerivedModel
-from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit import Real
 from rrrgen.emit.c.header_comments import explanation, function_name
 from rrrgen.emit.c.language import Dialect, print_body
 from rrrgen.emit.c.robot_files import failures_of
-from rrrgen.emit.description import facts, programs_of, title
-from rrrgen.emit.printing import columns, mathematics, with_free_ports, wrapped
+from rrrgen.emit.description import facts, parameter_lines, programs_of, title
+from rrrgen.emit.printing import columns, with_free_ports, wrapped
 from rrrgen.emit.targets.c_package import derived_model
 from rrrgen.emit.targets.interface import Exported, Exporter, ExportOptions
 from rrrgen.program import Op, Port, Program, Role
@@ -98,12 +97,7 @@ def _opening(model: DerivedModel, identity: Identity, dialect: Dialect) -> list[
         "parameters, named lengths and gravity are shared by all states: element e is at [e]. Any grid and block size "
         "is right. Outputs must not overlap inputs."
     )
-    parameters = listing(model)
-    lines += ["", *wrapped(parameters.heading(f"beta[{model.beta_size}]"))]
-    lines += columns(
-        [(f"beta[{k}]", p.name, p.unit or "-", mathematics(p.expression)) for k, p in enumerate(parameters.beta)]
-    )
-    return lines
+    return [*lines, "", *parameter_lines(model, str(model.beta_size))]
 
 
 def _is_shared(port: Port) -> bool:

@@ -11,6 +11,7 @@ from rrrgen.base.errors import option_name
 from rrrgen.lab.calibrate.estimation import USED, Calibration
 from rrrgen.lab.calibrate.measurements import COUNT, Measurements
 from rrrgen.lab.data.figure_style import new_figure, style_axes
+from rrrgen.lab.estimate.statistics import rms
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -100,7 +101,7 @@ def to_text(found: Calibration, measured: Measurements, inside: Array) -> str:
 def _expected(found: Calibration, inside: Array) -> tuple[float, float]:
     """Expected rms error of the tip, in m: over the postures ``inside``, and in the worst of them."""
     expected = found.position_deviation(inside)
-    return float(np.sqrt(np.mean(expected**2))), float(expected.max())
+    return float(rms(expected)), float(expected.max())
 
 
 def _doubts(found: Calibration, measured: Measurements) -> list[str]:
@@ -123,9 +124,9 @@ def _doubts(found: Calibration, measured: Measurements) -> list[str]:
         ]
     used = found.residuals[found.weights >= USED]
     share = np.sqrt(used.size / max(found.degrees_of_freedom, 1))
-    noise = f"{option_name('sigma')} {share * np.sqrt(np.mean(used[:, :3] ** 2)):.2g}"
+    noise = f"{option_name('sigma')} {share * rms(used[:, :3]):.2g}"
     if measured.kind == "pose":
-        noise += f" {option_name('sigma_angle')} {share * np.sqrt(np.mean(used[:, 3:] ** 2)):.2g}"
+        noise += f" {option_name('sigma_angle')} {share * rms(used[:, 3:]):.2g}"
     return [
         *lines,
         f"  {noise} would fit, if the device is no better; otherwise the arm has errors that no table states",

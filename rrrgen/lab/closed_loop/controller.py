@@ -11,16 +11,15 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import Fault, InputError
+from rrrgen.base.errors import InputError
 from rrrgen.base.yamltext import signal_units as units
-from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, decode, describe, parse_document
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, describe, file_text, read_document
 from rrrgen.base.yamltext.fields import Entry, Reader, hint_for, read_entries, words
 
 INPUTS = ("position", "reference", "reference_velocity", "feedforward", "constant")
@@ -241,12 +240,7 @@ OPERATIONS = {
 
 def load_controller(path: str | os.PathLike[str]) -> LoopController:
     """Read the controller file ``path``; raises :class:`InputError` with every fault and its line and column."""
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        message = f"cannot read the controller file: {error.strerror or error}"
-        raise InputError([Fault(str(path), 0, 0, message)]) from None
-    return loads_controller(decode(data, str(path)), str(path))
+    return loads_controller(file_text(path, "controller file"), str(path))
 
 
 def loads_controller(text: str, file: str = "controller.yaml") -> LoopController:
@@ -254,12 +248,11 @@ def loads_controller(text: str, file: str = "controller.yaml") -> LoopController
 
     Raises :class:`InputError` with every fault and its line and column.
     """
-    faults = FaultList(file, text)
-    found = _ControllerReader(faults).controller(parse_document(text, faults))
-    faults.raise_errors()
-    if found is None:
-        raise InputError([Fault(file, 0, 0, "the controller file says nothing")])
-    return found
+
+    def read(root: Node, faults: FaultList) -> LoopController | None:
+        return _ControllerReader(faults).controller(root)
+
+    return read_document(text, file, "controller file", read)
 
 
 class _ControllerReader(Reader):

@@ -20,7 +20,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as log_units
-from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, decode, describe, parse_document
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, describe, file_text, read_document
 from rrrgen.base.yamltext.fields import Entry, Reader, read_entries, words
 from rrrgen.lab.data.preprocessing import read_processing
 
@@ -499,12 +499,7 @@ def load_mapping(path: str | os.PathLike[str]) -> LogMapping:
 
     Raises :class:`InputError` with every fault and its line and column.
     """
-    place = Path(path)
-    try:
-        data = place.read_bytes()
-    except OSError as error:
-        raise InputError([Fault(str(path), 0, 0, f"cannot read the mapping file: {error.strerror or error}")]) from None
-    return loads_mapping(decode(data, str(path)), str(path))
+    return loads_mapping(file_text(path, "mapping file"), str(path))
 
 
 def loads_mapping(text: str, file: str = "log.yaml") -> LogMapping:
@@ -512,12 +507,11 @@ def loads_mapping(text: str, file: str = "log.yaml") -> LogMapping:
 
     Raises :class:`InputError` with every fault and its line and column.
     """
-    faults = FaultList(file, text)
-    mapping = _MappingReader(faults, Path(file).parent).mapping(parse_document(text, faults))
-    faults.raise_errors()
-    if mapping is None:
-        raise InputError([Fault(file, 0, 0, "the mapping file says nothing")])
-    return mapping
+
+    def read(root: Node, faults: FaultList) -> LogMapping | None:
+        return _MappingReader(faults, Path(file).parent).mapping(root)
+
+    return read_document(text, file, "mapping file", read)
 
 
 class _MappingReader(SourceReader):

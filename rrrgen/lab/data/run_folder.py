@@ -21,7 +21,7 @@ from dataclasses import asdict, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,8 @@ from rrrgen.base.version import VERSION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+Content = TypeVar("Content")
 
 SCHEMA = "rrrgen-run/1"
 PACKAGES = ("numpy", "scipy", "casadi", "cvxpy", "clarabel")
@@ -205,6 +207,19 @@ def plain(value: Any) -> Any:
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(value) else None
     return value if value is None or isinstance(value, str) else str(value)
+
+
+def read_json(path: str | os.PathLike[str], what: str, read: Callable[[Any], Content]) -> Content:
+    """What ``read`` makes of the content of a JSON file, which is ``what``, such as "frequency response of `...`".
+
+    Raises :class:`InputError` where the file cannot be read or ``read`` raises for a file of another kind.
+    """
+    try:
+        return read(json.loads(Path(path).read_text(encoding="utf-8")))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path} is no {what}: {error!r}") from None
 
 
 def hash_of(path: Path) -> str:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
+from rrrgen.lab.estimate.statistics import rms
 
 SIGNALS = ("multisine", "odd_multisine", "noise", "swept_sine")
 TRIALS = 50
@@ -73,7 +74,7 @@ def multisine(lines: NDArray[np.int64], samples: int, rng: np.random.Generator) 
         spectrum = np.zeros(samples // 2 + 1, dtype=complex)
         spectrum[lines] = np.exp(2j * np.pi * rng.uniform(size=len(lines)))
         signal = np.fft.irfft(spectrum, samples)
-        signal = signal / np.sqrt(np.mean(signal**2))
+        signal = signal / rms(signal)
         if not best.any() or np.abs(signal).max() < np.abs(best).max():
             best = signal
     return best
@@ -84,7 +85,7 @@ def band_noise(lines: NDArray[np.int64], samples: int, rng: np.random.Generator)
     spectrum = np.zeros(samples // 2 + 1, dtype=complex)
     spectrum[lines] = rng.normal(size=len(lines)) + 1j * rng.normal(size=len(lines))
     signal = np.fft.irfft(spectrum, samples)
-    return np.asarray(signal / np.sqrt(np.mean(signal**2)))
+    return np.asarray(signal / rms(signal))
 
 
 def swept_sine(first: int, last: int, samples: int) -> Array:
@@ -93,4 +94,4 @@ def swept_sine(first: int, last: int, samples: int) -> Array:
     top = last - (first + last) % 2  # a whole number of cycles in a period
     signal = np.sin(2.0 * np.pi * (first * t + 0.5 * (top - first) * t**2))
     signal = signal - np.mean(signal)
-    return np.asarray(signal / np.sqrt(np.mean(signal**2)))
+    return np.asarray(signal / rms(signal))

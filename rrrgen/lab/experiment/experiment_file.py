@@ -9,12 +9,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as units
-from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, decode, describe, parse_document
+from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, describe, file_text, read_document
 from rrrgen.base.yamltext.fields import UNITLESS, Entries, Entry, Reader, read_entries, words
 from rrrgen.lab.design.problem import OBJECTIVES, ExcitationLimits
 from rrrgen.lab.design.signals import SIGNALS
@@ -198,12 +197,7 @@ class Experiment:
 
 def load_experiment(path: str | os.PathLike[str], joints: int) -> Experiment:
     """Read the experiment file ``path`` for a robot of ``joints`` joints; raises InputError with every fault."""
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        message = f"cannot read the experiment file: {error.strerror or error}"
-        raise InputError([Fault(str(path), 0, 0, message)]) from None
-    return loads_experiment(decode(data, str(path)), joints, str(path))
+    return loads_experiment(file_text(path, "experiment file"), joints, str(path))
 
 
 def loads_experiment(text: str, joints: int, file: str = "experiment.yaml") -> Experiment:
@@ -211,10 +205,11 @@ def loads_experiment(text: str, joints: int, file: str = "experiment.yaml") -> E
 
     Raises InputError with every fault and its line and column.
     """
-    faults = FaultList(file, text)
-    found = _ExperimentReader(faults, joints).experiment(parse_document(text, faults))
-    faults.raise_errors()
-    return found
+
+    def read(root: Node, faults: FaultList) -> Experiment:
+        return _ExperimentReader(faults, joints).experiment(root)
+
+    return read_document(text, file, "experiment file", read)
 
 
 Take = Callable[[Node, str], Any]

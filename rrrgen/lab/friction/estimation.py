@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.friction.candidate_laws import DELAY, Candidate, candidates
 from rrrgen.lab.friction.drift import Drift, friction_drift
 from rrrgen.lab.friction.initial_values import LEAST_INERTIA, best_delay, growth_rate, sliding_samples, start_values
@@ -474,7 +475,7 @@ def _estimate(
     values = reported(law, found.theta, data.period)
     std = {name: _deviation(np.array([each[name] for each in drawn]), name) for name in values}
     # a relative error of the simulated torque also shifts what may be zero: offset, angle of gravity, delay
-    scale = {"offset": float(np.sqrt(np.mean(data.u**2))), "gravity_angle": 1.0, DELAY: data.period}
+    scale = {"offset": float(rms(data.u)), "gravity_angle": 1.0, DELAY: data.period}
     std = {name: float(np.hypot(own, DISCRETE * scale.get(name, abs(values[name])))) for name, own in std.items()}
     samples = sliding_samples(data, float(found.theta[-1]))
     model = found.theta[0] * samples.ddq + law.gravity_torque(samples.q, found.theta)

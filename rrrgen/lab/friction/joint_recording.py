@@ -15,6 +15,7 @@ from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.lab.data.mapping import LogMapping
 from rrrgen.lab.data.reconstruction import Butterworth
 from rrrgen.lab.data.recordings import Log, check_robot
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.friction.joint_simulation import Torque, Windows
 from rrrgen.lab.response.response_file import ResponseRecording
 from rrrgen.verify.references.numeric_robot import chain_of
@@ -77,7 +78,7 @@ class JointData:
     @cached_property
     def speed(self) -> float:
         """Root mean square of the speed, rad/s (m/s), the scale for thresholds."""
-        return float(np.sqrt(np.mean(self.motion[1] ** 2)))
+        return float(rms(self.motion[1]))
 
     @property
     def speed_noise(self) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.friction.candidate_laws import Candidate
 from rrrgen.lab.friction.joint_simulation import Windows, joint_simulation
 
@@ -281,7 +282,7 @@ class _Problem:
         known = np.zeros((own_k, k + own_k, len(self.windows)))
         known[range(own_k), range(k, k + own_k)] = 1.0
         counted = self.errors(base)[self.windows.used]
-        sigma = max(_scale(counted), quadratic * float(np.sqrt(np.mean(counted**2))))
+        sigma = max(_scale(counted), quadratic * float(rms(counted)))
         weight = np.sqrt(_weights(base / sigma))
         rows = -self.whitened(slopes, known) * weight[:, None] / sigma
         J, B = rows[:, :k], rows[:, k:]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.estimate.tsqr import Rows
 from rrrgen.lab.identify.identification import Identification
 from rrrgen.lab.identify.observations import Recording
@@ -109,7 +110,7 @@ def position_difference(q: Array, other: Array) -> float:
     """Largest RMS difference of the positions ``q`` and ``other`` (N, n) of a joint, over their spread."""
     spread = np.std(q, axis=0)
     least = max(STILL * float(np.max(spread)), np.finfo(float).tiny)
-    return float(np.max(np.sqrt(np.mean((q - other) ** 2, axis=0)) / np.maximum(spread, least)))
+    return float(np.max(rms(q - other, axis=0) / np.maximum(spread, least)))
 
 
 def _later(q: Array, shift: int) -> float:

@@ -39,7 +39,7 @@ from rrrgen.lab.data.recordings import Log
 from rrrgen.lab.estimate.linear import project, solve
 from rrrgen.lab.estimate.regression import correlated_covariance, least_squares
 from rrrgen.lab.estimate.search import Search, search
-from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness
+from rrrgen.lab.estimate.statistics import correlation_lags, residual_whiteness, rms
 from rrrgen.lab.estimate.tsqr import Rows, factor_rows
 from rrrgen.lab.identify.scores import UNEXPLAINED, not_explained
 
@@ -115,7 +115,7 @@ class ElasticJoints:
             written.append(
                 f"  {joint}: drive: {{inertia: {inertia:.6g}, stiffness: {k:.6g}, damping: {max(d, 0.0):.4g}}}"
             )
-        before, after = (100.0 * float(np.sqrt(np.mean(error**2))) for error in (self.rigid_error, self.error))
+        before, after = (100.0 * float(rms(error)) for error in (self.rigid_error, self.error))
         lines.append(
             f"relative torque error below {self.bandwidth:.3g} Hz: {after:.3g} % with elastic joints, "
             f"{before:.3g} % with rigid ones"

@@ -23,6 +23,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.emit.controller.state_space import StateSpace
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.plant.elastic_modes import linear_model
 from rrrgen.lab.plant.plant import FlexibleBase, FlexibleJoints
 
@@ -187,4 +188,4 @@ def torque_noise(system: StateSpace) -> float:
     It is the square root of the mean squared magnitude of the frequency response.
     """
     z = np.exp(2j * np.pi * (np.arange(512) + 0.5) / 1024.0)
-    return float(np.sqrt(np.mean(np.abs(_response(system, z)) ** 2)))
+    return float(rms(np.abs(_response(system, z))))

@@ -18,7 +18,7 @@ from rrrgen.lab.estimate.remainder import Errors, Piece, Remainder, remainder_re
 from rrrgen.lab.estimate.search import search
 from rrrgen.lab.response.resonances import check_resonances
 from rrrgen.lab.response.response_file import ResponseRecording
-from rrrgen.lab.response.response_model import ControllerTransferFunction, ResponseModel
+from rrrgen.lab.response.response_model import ControllerTransferFunction, ResponseModel, polynomial_sum
 
 # ------------------------------------------------------------------------------------------------------------------
 # The difference equation of a linear model, and its least-squares fit (14.41).
@@ -457,9 +457,7 @@ def plant_of_loop(a: Array, b: Array, delay: int, controller: ControllerTransfer
     """
     N, D = np.array(controller.numerator), np.array(controller.denominator)
     A, B = np.concatenate([[1.0], -a]), np.concatenate([np.zeros(delay), b])
-    left, right = np.convolve(A, D), np.convolve(N, B)
-    size = max(len(left), len(right))
-    denominator = np.pad(left, (0, size - len(left))) - np.pad(right, (0, size - len(right)))
+    denominator = polynomial_sum(np.convolve(A, D), -np.convolve(N, B))
     return -denominator[1:] / denominator[0], np.convolve(b, D) / denominator[0]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.response.averaged_spectra import averaged_spectra
 from rrrgen.lab.response.frequency_response import FrequencyResponse, smooth
 from rrrgen.lab.response.local_polynomial import LineEstimates, noise_lines, periodic_lines, radius
@@ -86,7 +87,7 @@ def _shift(n: Array, longest: int) -> int | None:
     peaks = np.flatnonzero(top) + 1
     for lag in peaks[(peaks >= SHORTEST) & (peaks <= longest)]:
         part = x[lag:] - x[:-lag]
-        if len(part) >= max(LEAST_OVERLAP * len(x), SHORTEST) and np.sqrt(np.mean(part**2)) < SAME * np.std(x):
+        if len(part) >= max(LEAST_OVERLAP * len(x), SHORTEST) and rms(part) < SAME * np.std(x):
             return int(lag)
     return None
 

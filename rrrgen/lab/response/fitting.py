@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.base.errors import DerivationError, InputError
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.response.difference_models import fit_difference_model
 from rrrgen.lab.response.estimation import estimate_one, estimate_responses
 from rrrgen.lab.response.frequency_response import FrequencyResponse
@@ -117,7 +118,7 @@ def _modes_of(record: ResponseRecording, period: float | None, rows: tuple[int, 
         return found
     relative = np.abs(found.models[0].response(other.frequency[use]) / other.P[use] - 1.0)
     fit |= {
-        "value": 100.0 * (1.0 - float(np.sqrt(np.mean(relative**2)))),
+        "value": 100.0 * (1.0 - float(rms(relative))),
         "protocol": "frequency response of the scored rows at its trusted lines, which includes their own noise",
         "scored_rows": [last + 1, len(record.q)],
         "held_out": True,

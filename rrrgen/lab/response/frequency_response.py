@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import InputError
+from rrrgen.lab.data.run_folder import read_json
 from rrrgen.lab.response.local_polynomial import GROWTH, MANY, PARABOLA_AT_ITS_CENTRE, radius, running_mean
 from rrrgen.lab.response.nonlinear_distortion import Caution
 from rrrgen.lab.response.response_model import Complex
@@ -110,13 +109,11 @@ def read_responses(path: Path) -> list[FrequencyResponse]:
 
     Raises :class:`InputError` for any other file.
     """
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+
+    def read(found: Any) -> list[FrequencyResponse]:
         return [_of_json(each) for each in found.get("postures", [found])]
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path} is no frequency response of `rrrgen response frf`: {error!r}") from None
+
+    return read_json(path, "frequency response of `rrrgen response frf`", read)
 
 
 def _of_json(found: dict[str, Any]) -> FrequencyResponse:

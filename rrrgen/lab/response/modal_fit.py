@@ -17,9 +17,17 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
 from rrrgen.lab.estimate.linear import solve
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.response.frequency_response import FrequencyResponse
 from rrrgen.lab.response.local_polynomial import unknown_variances
-from rrrgen.lab.response.response_model import HIGHEST_DAMPING, Complex, Resonance, ResponseModel, resonance
+from rrrgen.lab.response.response_model import (
+    HIGHEST_DAMPING,
+    Complex,
+    Resonance,
+    ResponseModel,
+    polynomial_sum,
+    resonance,
+)
 
 MOST_MODES = 6
 RANK = 1e-13  # singular values of the scaled columns below this share of the largest are zero
@@ -323,12 +331,11 @@ def _model(
     factors = [np.array([1.0, -a1, -a2]) for a1, a2 in _pole_pairs(best.modes, lines.period)]
     if best.integrators:
         factors.insert(0, np.array([1.0, -2.0, 1.0]))
-    denominator, numerator = np.ones(1), np.zeros(1)
+    denominator: Array = np.ones(1)
+    numerator: Array = np.zeros(1)
     pairs = best.numerators[0].reshape(-1, 2)
     for factor, pair in zip(factors, pairs, strict=True):
-        left, right = np.convolve(numerator, factor), np.convolve(pair, denominator)
-        size = max(len(left), len(right))
-        numerator = np.pad(left, (0, size - len(left))) + np.pad(right, (0, size - len(right)))
+        numerator = polynomial_sum(np.convolve(numerator, factor), np.convolve(pair, denominator))
         denominator = np.convolve(denominator, factor)
     use = response.trusted
     used = response.frequency[use]
@@ -346,7 +353,7 @@ def _model(
     relative = np.abs(model.response(used) / lines.P[0] - 1.0)
     model.fit.update(
         {
-            "value": 100.0 * (1.0 - float(np.sqrt(np.mean(relative**2)))),
+            "value": 100.0 * (1.0 - float(rms(relative))),
             "unit": "100 (1 - RMS |P_model/P - 1|)",
             "protocol": "frequency response at the trusted lines, each as it was fitted with weight 1/variance",
             "held_out": False,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.lab.estimate.linear import project, scaled, solve
 from rrrgen.lab.estimate.search import search
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.estimate.tsqr import triangular
 from rrrgen.lab.response.local_polynomial import unknown_variances
 from rrrgen.lab.response.response_model import CERTAIN, HIGHEST_DAMPING, Resonance, resonance
@@ -214,10 +215,10 @@ def _whitened(rows: _Rows, poles: Poles) -> _Rows:
     """Estimate the filter W from the error of the numerators that fit best."""
     rows = replace(rows, whitening=np.ones(1))
     X = np.hstack(_all_columns(rows, poles))
-    least = LEAST_ERROR * float(np.sqrt(np.mean((rows.y - rows.y.mean()) ** 2)))
+    least = LEAST_ERROR * float(rms(rows.y - rows.y.mean()))
     for _ in range(WHITENINGS):
         error = rows.y - X @ solve(rows.white(X), rows.white(rows.y), RANK).x
-        if float(np.sqrt(np.mean(error**2))) < least:
+        if float(rms(error)) < least:
             return replace(rows, whitening=np.ones(1))
         k = np.arange(WHITENING_ORDER, len(error))
         past = np.stack([error[k - i] for i in range(1, WHITENING_ORDER + 1)], axis=1)

@@ -14,9 +14,8 @@ from typing import Literal
 import numpy as np
 
 from rrrgen.base.arrays import Array
-from rrrgen.base.errors import Fault, InputError
 from rrrgen.base.yamltext import signal_units as units
-from rrrgen.base.yamltext.document import FaultList, Node, ScalarNode, SequenceNode, decode, parse_document
+from rrrgen.base.yamltext.document import Node, ScalarNode, SequenceNode, file_text, read_document
 from rrrgen.base.yamltext.fields import Entry, words
 from rrrgen.lab.data.mapping import TIME_KEYS, FileSource, SourceReader, TimeSource
 from rrrgen.lab.data.tables.formats import open_table
@@ -106,22 +105,15 @@ class ResponseRecording:
 
 def load_response(path: str | os.PathLike[str]) -> ResponseFile:
     """Read a response file; paths in it are relative to it. Raises :class:`InputError` with every fault."""
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        message = f"cannot read the response file: {error.strerror or error}"
-        raise InputError([Fault(str(path), 0, 0, message)]) from None
-    return loads_response(decode(data, str(path)), str(path))
+    return loads_response(file_text(path, "response file"), str(path))
 
 
 def loads_response(text: str, file: str = "response.yaml") -> ResponseFile:
     """Read a response file from YAML text; ``file`` is the name for messages, paths are relative to its folder."""
-    faults = FaultList(file, text)
-    found = _ResponseReader(faults, Path(file).parent).response(parse_document(text, faults))
-    faults.raise_errors()
-    if found is None:
-        raise InputError([Fault(file, 0, 0, "the response file says nothing")])
-    return found
+    folder = Path(file).parent
+    return read_document(
+        text, file, "response file", lambda root, faults: _ResponseReader(faults, folder).response(root)
+    )
 
 
 class _ResponseReader(SourceReader):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError, require
 from rrrgen.base.tables import text_table
 from rrrgen.emit.controller.state_space import StateSpace, in_parallel, realize
+from rrrgen.lab.data.run_folder import read_json
 from rrrgen.lab.estimate.remainder import recorded_remainders, remainder_notes
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -249,20 +249,25 @@ def _candidates(table: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
     return [tuple(key.replace("_", " ") for key in keys), *rows]
 
 
+def polynomial_sum(a: Array, b: Array) -> Array:
+    """The sum of two polynomials with coefficients in ascending powers; the shorter one is padded with zeros."""
+    size = max(len(a), len(b))
+    return np.asarray(np.pad(a, (0, size - len(a))) + np.pad(b, (0, size - len(b))))
+
+
 def read_response_models(path: str | Path) -> list[ResponseModel]:
     """Read the models, one for every posture, from a ``response_model.json`` of `rrrgen response model`.
 
     Raises :class:`InputError` for any other file.
     """
-    try:
-        found = json.loads(Path(path).read_text(encoding="utf-8"))
+    what = "response model of `rrrgen response model`"
+
+    def read(found: Any) -> list[ResponseModel]:
         if found["schema"] != SCHEMA:
-            raise InputError(f"{path} is no response model of `rrrgen response model`: schema {found['schema']!r}")
+            raise InputError(f"{path} is no {what}: schema {found['schema']!r}")
         return [_of_json(each) for each in found.get("postures", [found])]
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is no response model of `rrrgen response model`: {error!r}") from None
+
+    return read_json(path, what, read)
 
 
 def _of_json(found: dict[str, Any]) -> ResponseModel:

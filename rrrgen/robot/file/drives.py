@@ -206,7 +206,7 @@ def _read_motor(node: Node, number: int, scope: Scope) -> tuple[MotorSpec, dict[
     friction = read_friction(values.get("friction"), joint_type, what, scope)
     return (
         MotorSpec(
-            name=_read_name(values.get("name"), number, scope),
+            name=read_numbered_name(values.get("name"), "motor", number, scope),
             type=joint_type,
             gear_ratio=sp.S.One if gear is None else gear,
             friction=friction,
@@ -226,13 +226,15 @@ def _read_size(node: Node | None, name: str, what: str, joint_type: str, positiv
     return number
 
 
-def _read_name(node: Node | None, number: int, scope: Scope) -> str:
+def read_numbered_name(node: Node | None, kind: str, number: int, scope: Scope) -> str:
+    """Read the name of a "joint" or "motor"; one without has the name q1, q2, ... or m1, m2, ... by its ``number``."""
+    usual = f"{'q' if kind == 'joint' else 'm'}{number}"
     if node is None:
-        return f"m{number}"
+        return usual
     if not isinstance(node, ScalarNode):
-        scope.faults.error(node, f"the name of motor {number} is {describe(node)}, not a word")
-        return f"m{number}"
-    if fault := name_fault(node.text, "motor"):
+        scope.faults.error(node, f"the name of {kind} {number} is {describe(node)}, not a word")
+        return usual
+    if fault := name_fault(node.text, kind):
         scope.faults.error(node, *fault)
     return node.text
 

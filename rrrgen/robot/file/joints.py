@@ -6,12 +6,12 @@ from typing import cast
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import Node, ScalarNode, describe
+from rrrgen.base.yamltext.document import Node, ScalarNode
 from rrrgen.base.yamltext.fields import Key, read_choice, read_list, read_section
-from rrrgen.robot.file.drives import read_friction
+from rrrgen.robot.file.drives import read_friction, read_numbered_name
 from rrrgen.robot.file.fields import DRIVE, JOINT, LIMITS, MAX_JOINTS, ROBOT_FILE
 from rrrgen.robot.file.quantities import Scope, read_number, read_value
-from rrrgen.robot.spec import DriveSpec, JointSpec, JointType, Limits, name_fault
+from rrrgen.robot.spec import DriveSpec, JointSpec, JointType, Limits
 
 _TYPE = next(key for key in JOINT if key.name == "type")
 _SIGN = next(key for key in JOINT if key.name == "sign")
@@ -44,7 +44,7 @@ def _read_joint(node: Node, number: int, scope: Scope) -> JointSpec | None:
     if values is None:
         return None
     joint_type = read_choice(values["type"], _TYPE, scope.faults) if "type" in values else None
-    name = _read_name(values.get("name"), number, scope)
+    name = read_numbered_name(values.get("name"), "joint", number, scope)
     joint_type = joint_type or "revolute"  # only to look for more faults
     _check_variable(node, values, joint_type, name, what, scope)
     row: dict[str, sp.Expr | None] = {}
@@ -86,17 +86,6 @@ def refuse_placements(node: Node, scope: Scope) -> None:
                     "its twist, and one with theta: gamma, d: b and the twist to this joint; or convention: modified"
                 )
                 scope.faults.error(key, f"{key.text} of joint {number}: standard rows have no gamma and b", hint)
-
-
-def _read_name(node: Node | None, number: int, scope: Scope) -> str:
-    if node is None:
-        return f"q{number}"
-    if not isinstance(node, ScalarNode):
-        scope.faults.error(node, f"the name of joint {number} is {describe(node)}, not a word")
-        return f"q{number}"
-    if fault := name_fault(node.text, "joint"):
-        scope.faults.error(node, *fault)
-    return node.text
 
 
 def _check_variable(node: Node, values: dict[str, Node], joint_type: str, name: str, what: str, scope: Scope) -> None:

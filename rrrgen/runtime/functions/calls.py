@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rrrgen.base.arrays import real_array
 from rrrgen.derive.functions.friction import surfaces_of
 from rrrgen.program import Role, nominal_name
 from rrrgen.robot.model.drives import stated_at_joints
@@ -220,7 +221,7 @@ class Calls:
 
     def _rigid(self, name: str, pose: ArrayLike) -> ArrayLike:
         """``pose`` (..., 4, 4) as it is; InputError if one is no rigid motion. Other shapes are left to the call."""
-        from rrrgen.ik.inverse_kinematics import real_array, refuse_no_pose
+        from rrrgen.ik.inverse_kinematics import refuse_no_pose
 
         poses = real_array(name, pose)
         if poses.shape[-2:] == (4, 4):

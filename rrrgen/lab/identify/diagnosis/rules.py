@@ -13,7 +13,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.uniform_stream import Part
-from rrrgen.lab.estimate.statistics import Whiteness
+from rrrgen.lab.estimate.statistics import Whiteness, rms
 from rrrgen.lab.identify.bandwidth import TUNING_SAMPLES, motion_bandwidth
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording
 from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, Fit, Sample
@@ -36,9 +36,9 @@ def dissipation(regressor: AllTerms, sample: Sample, fit: Fit, words: Wording) -
     """Report joints whose friction or inertia is significantly negative in ``fit``."""
     names = list(regressor.names)
     _, M = gravity_and_inertia(regressor, sample, fit.theta)
-    tau = np.sqrt(np.mean(sample.tau**2, axis=0))
+    tau = rms(sample.tau, axis=0)
     for i, joint in enumerate(words.joints):
-        speed, push = (float(np.sqrt(np.mean(x[:, i] ** 2))) for x in (sample.dq, sample.ddq))
+        speed, push = (float(rms(x[:, i])) for x in (sample.dq, sample.ddq))
         at = [names.index(f"{key}{i + 1}") for key in ("fv", "fc")]
         # mean friction torque against the motion, at the joint's RMS speed
         weights = np.zeros(len(names))

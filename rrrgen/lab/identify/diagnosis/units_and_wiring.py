@@ -18,6 +18,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.derive.parameters.physical_links import SMALLEST_LENGTH
 from rrrgen.lab.data.mapping import Signal
+from rrrgen.lab.estimate.statistics import rms
 from rrrgen.lab.identify.diagnosis.causes import Cause, Wording
 from rrrgen.lab.identify.diagnosis.trial_fits import AllTerms, Fit, Regressor, Sample, Trial
 
@@ -138,7 +139,7 @@ def _judged(
 
 
 def _rms(x: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(x**2, axis=0)))
+    return rms(x, axis=0)
 
 
 # ------------------------------------------------------------------------------------------------------------------
