@@ -108,7 +108,7 @@ _BUDGET = 6e6  # nodes times parts of the box: some seconds for the largest func
 _LARGE = 3e4  # nodes from which on the box stays whole: finding the rotations takes longer than the arithmetic
 _MOST_PARTS = 8  # of one angle; more gained less than a tenth on the bundled arms
 _MOST_TERMS = 24  # of a flattened sum
-_DEPTH = 4  # rotations that a norm is followed through
+_DEPTH = 20  # rotations that a norm is followed through
 _CHUNK = 4e6  # nodes times boxes evaluated together: 64 MB
 
 
@@ -254,6 +254,11 @@ def _hull(x: Interval, y: Interval) -> Interval:
     return np.minimum(x[0], y[0]), np.maximum(x[1], y[1])
 
 
+def _hypot(sizes: Sequence[Array | float]) -> Array | float:
+    """The Euclidean norm of one or two numbers."""
+    return sizes[0] if len(sizes) == 1 else np.hypot(*sizes)
+
+
 def _half_unit(magnitude: Array, roundoff: float) -> Array:
     """The largest error of rounding a number of at most this magnitude to nearest."""
     exponent = np.frexp(magnitude)[1]
@@ -285,6 +290,30 @@ class _Choice(NamedTuple):
     decided: bool
     continuous: bool
     followed: set[int]
+
+
+class _Split(NamedTuple):
+    """What is split off a node to leave its rotation: the nodes with local errors, further terms, and the products."""
+
+    used: list[int]
+    rest: list[int]
+    products: list[int]
+
+
+class _Rotation(NamedTuple):
+    """A sum read as ``signs[0] cos(angle) pair[0] + signs[1] sin(angle) pair[1]``, and the rest of it."""
+
+    angle: int
+    signs: tuple[int, int]
+    pair: tuple[int, int]
+    split: _Split
+
+
+class _Reduction(NamedTuple):
+    """A norm by rule 2: that of ``members``, and what is split off one or two of the former members."""
+
+    members: list[int]
+    splits: tuple[_Split, ...]
 
 
 class _Ranges:
@@ -559,13 +588,37 @@ class _Ranges:
         for index in indices:
             squares = squares + self.magnitude(index) ** 2
         bound = np.asarray(np.sqrt(squares)) * _MARGIN + _TINY
-        if depth > 0 and len(indices) > 1:
-            for reduced, errors, rests in self._reductions(indices):
-                other = self.norm(reduced, depth - 1) * RHO + np.hypot(*errors) + np.hypot(*rests)
+        if depth > 0 and len(indices) > 1 and (pair := self._unit_pair(indices)):
+            others = self._size_norm([m for m in indices if m not in pair])
+            bound = np.minimum(bound, np.hypot(others, RHO) * _MARGIN)
+        elif depth > 0 and len(indices) > 1:
+            reduction = self._reductions(indices)
+            if reduction is not None:
+                errors = [self._error(split.used) for split in reduction.splits]
+                rests = [self._size(split.rest) for split in reduction.splits]
+                other = self.norm(reduction.members, depth - 1) * RHO + _hypot(errors) + _hypot(rests)
                 bound = np.minimum(bound, other * _MARGIN)
         if len(key) == len(members) and depth == _DEPTH:
             self._norms[key] = bound
         return bound
+
+    def _unit_pair(self, members: Sequence[int]) -> tuple[int, int] | None:
+        """Cosine and sine of one angle among ``members``."""
+        angles: dict[tuple[int, Op], int] = {}
+        for index in members:
+            node = self.nodes[index]
+            if node.op is Op.SIN or node.op is Op.COS:
+                angles[node.args[0], node.op] = index
+        for (angle, kind), index in angles.items():
+            if kind is Op.COS and (angle, Op.SIN) in angles:
+                return index, angles[angle, Op.SIN]
+        return None
+
+    def _size_norm(self, members: Sequence[int]) -> Array:
+        squares: Array | float = 0.0
+        for index in members:
+            squares = squares + self.magnitude(index) ** 2
+        return np.asarray(np.sqrt(squares))
 
     def _without_signs(self, members: Sequence[int]) -> list[int]:
         plain = []
@@ -575,42 +628,34 @@ class _Ranges:
             plain.append(index)
         return plain
 
-    def _reductions(
-        self, members: list[int]
-    ) -> list[tuple[list[int], tuple[Array | float, Array | float], tuple[Array | float, Array | float]]]:
-        """Smaller problems for the norm of ``members``: (their nodes, the errors split off, the terms split off)."""
-        found = []
+    def _reductions(self, members: list[int]) -> _Reduction | None:
+        """Rule 2: one rotation taken off the norm of ``members``; None if there is none."""
         for i, first in enumerate(members):
-            for angle, a, x, b, y, rest_i, used_i in self._rotations(first):
+            for turned in self._rotations(first):
                 for j, second in enumerate(members):
-                    if j == i:
-                        continue
-                    for other, c, z, d, w, rest_j, used_j in self._rotations(second):
+                    for other in self._rotations(second) if j != i else ():
                         # rows (a cos, b sin) and (d' sin, c' cos) on (x, y): orthogonal where the products cancel
-                        if other == angle and (z, w) == (y, x) and a * d == -b * c:
+                        opposite = turned.signs[0] * other.signs[1] == -turned.signs[1] * other.signs[0]
+                        if other.angle == turned.angle and other.pair == turned.pair[::-1] and opposite:
                             kept = [member for k, member in enumerate(members) if k not in (i, j)]
-                            rests = self._size(rest_i), self._size(rest_j)
-                            found.append(([*kept, x, y], (self._error(used_i), self._error(used_j)), rests))
-                            return found
-                if not rest_i:
+                            return _Reduction([*kept, *turned.pair], (turned.split, other.split))
+                if not turned.split.rest:
                     kept = [member for k, member in enumerate(members) if k != i]
-                    found.append(([*kept, x, y], (self._error(used_i), 0.0), (0.0, 0.0)))
-                    return found
+                    return _Reduction([*kept, *turned.pair], (turned.split,))
             for angle, kind, x in self._rotated(first):
                 for j, second in enumerate(members):
                     if j != i and any(
                         (angle, x) == (again, y) and kind is not other for again, other, y in self._rotated(second)
                     ):
                         kept = [member for k, member in enumerate(members) if k not in (i, j)]
-                        found.append(([*kept, x], (self._error((first,)), self._error((second,))), (0.0, 0.0)))
-                        return found
-        return found
+                        return _Reduction([*kept, x], (_Split([first], [], [first]), _Split([second], [], [second])))
+        return None
 
     def _size(self, indices: list[int]) -> Array | float:
         return sum((self.magnitude(index) for index in indices), 0.0)
 
-    def _rotations(self, index: int) -> list[tuple[int, int, int, int, int, list[int], list[int]]]:
-        """The ways to read a sum as ``a cos A + b sin B + rest``: (angle, a, A, b, B, rest, nodes with errors)."""
+    def _rotations(self, index: int) -> list[_Rotation]:
+        """The ways to read a sum as a rotation of two nodes and a rest."""
         if self.nodes[index].op is not Op.ADD and self.nodes[index].op is not Op.SUB:
             return []
         flat = self._flat(index)
@@ -624,8 +669,114 @@ class _Ranges:
                 if m != n:
                     angle = self._rotated(m)[0][0]
                     rest = [other for _, other in terms if other not in (m, n)]
-                    found.append((angle, a, x, b, y, rest, [index, m, n, *inner]))
+                    found.append(_Rotation(angle, (a, b), (x, y), _Split([index, m, n, *inner], rest, [m, n])))
         return found
+
+
+# ------------------------------------------------------------------------------------------------------------------
+# Errors carried forward.
+# ------------------------------------------------------------------------------------------------------------------
+
+
+class _Carried:
+    """Bounds of the derivatives of all nodes along the line of errors, by forward mode, with the three rules.
+
+    ``sizes[i]``, of shape (precisions, boxes), bounds ``|d v_i / dt|`` where all local errors are t times their actual
+    values. ``local[i]`` bounds the local error of node i, and ``known`` has bounds of some nodes from elsewhere.
+    """
+
+    def __init__(self, ranges: _Ranges, local: Sequence[Array], known: Mapping[int, Array]) -> None:
+        self.ranges = ranges
+        self.local = local
+        self.sizes: list[Array] = []
+        self._norms: dict[tuple[int, ...], Array] = {}
+        for index, node in enumerate(ranges.nodes):
+            size = (self._plain(node) + local[index]) * _MARGIN
+            if node.op is Op.ADD or node.op is Op.SUB:
+                size = self._of_sum(index, size)
+            if index in known:
+                size = np.minimum(size, known[index])
+            self.sizes.append(size)
+
+    def _plain(self, node: Node) -> Array | float:
+        """The derivative of an operation by those of its operands, without its local error."""
+        op, args, _ = node
+        if op in (Op.INPUT, Op.CONST, Op.SIGN, Op.NONFINITE):
+            return 0.0
+        first = self.sizes[args[0]]
+        of = self.ranges.magnitude
+        if op is Op.ADD or op is Op.SUB:
+            return first + self.sizes[args[1]]
+        if op is Op.MUL:
+            return of(args[0]) * self.sizes[args[1]] + of(args[1]) * first
+        if op is Op.DIV:
+            least = np.min(np.abs(self.ranges.ranges[args[1]]), axis=0)
+            return (first + of(args[0]) / least * self.sizes[args[1]]) / least * _MARGIN
+        if op is Op.SQRT:
+            return first / (2.0 * np.sqrt(self.ranges.ranges[args[0]][0])) * _MARGIN
+        if op is Op.MIN or op is Op.SELECT:
+            return np.maximum(self.sizes[args[-2]], self.sizes[args[-1]])
+        if op is Op.EXP:
+            return _up(np.exp(of(args[0]) * 1.0)) * first * (1.0 + _SINE_ERROR)
+        return first  # the slope of sine, cosine, tanh, magnitude and change of sign is at most 1
+
+    def _of_sum(self, index: int, size: Array) -> Array:
+        flat = self.ranges._flat(index)
+        if flat is None:
+            return size
+        terms, inner = flat
+        for cosines, sines in self.ranges._pairs(terms):
+            size = np.minimum(size, self._by_rotation(index, terms, inner, cosines, sines))
+        if len(terms) == 2 and not inner:
+            (_, x), (_, y) = terms
+            if self.ranges.nodes[x].op is Op.MUL and self.ranges.nodes[y].op is Op.MUL:
+                size = np.minimum(size, self._by_cross_product(index, x, y))
+        return size
+
+    def _by_rotation(self, index, terms, inner, cosines, sines) -> Array:
+        if len(cosines) == len(sines) == 1:
+            bound = self.norm((cosines[0][2], sines[0][2]))
+        else:
+            groups = [sum(self.sizes[other] for *_, other in group) for group in (cosines, sines)]
+            bound = np.hypot(groups[0], groups[1])
+        used = [term for _, term, _ in (*cosines, *sines)]
+        size = bound * RHO + self.extra(_Split([index, *used, *inner], [t for _, t in terms if t not in used], used))
+        return size * (1.0 + 2.0**-46)
+
+    def _by_cross_product(self, index: int, x: int, y: int) -> Array:
+        a, b = self.ranges.nodes[x].args
+        c, d = self.ranges.nodes[y].args
+        of = self.ranges.norm
+        straight = of((a, c)) * self.norm((b, d)) + of((b, d)) * self.norm((a, c))
+        crossed = of((a, d)) * self.norm((b, c)) + of((b, c)) * self.norm((a, d))
+        return (np.minimum(straight, crossed) + self.local[x] + self.local[y] + self.local[index]) * _MARGIN
+
+    def extra(self, split: _Split) -> Array:
+        """The derivative of what is split off a rotation: local errors, further terms, errors of sines and cosines."""
+        size = sum((self.local[k] for k in split.used), np.zeros((len(PRECISIONS), 1)))
+        size = size + sum((self.sizes[k] for k in split.rest), 0.0)
+        for k in split.products:
+            for angle, kind, other in self.ranges._rotated(k)[:1]:
+                factor = next(a for a in self.ranges.nodes[k].args if a != other) if len(set(self.ranges.nodes[k].args))>1 else other
+                size = size + self.ranges.magnitude(other) * self.sizes[factor]
+        return size
+
+    def norm(self, members: Sequence[int], depth: int = _DEPTH) -> Array:
+        """A bound of the Euclidean norm of the derivatives of several nodes."""
+        indices = self.ranges._without_signs(members)
+        key = tuple(sorted(set(indices)))
+        if key in self._norms and len(key) == len(indices):
+            return self._norms[key]
+        squares = sum((self.sizes[index] ** 2 for index in indices), np.zeros((len(PRECISIONS), 1)))
+        bound = np.sqrt(squares) * _MARGIN + _TINY
+        if depth > 0 and len(indices) > 1:
+            reduction = self.ranges._reductions(indices)
+            if reduction is not None:
+                extras = [self.extra(split) for split in reduction.splits]
+                bound = np.minimum(bound, (self.norm(reduction.members, depth - 1) * RHO + _hypot(extras)) * _MARGIN)
+        if depth == _DEPTH and len(key) == len(indices):
+            self._norms[key] = bound
+        return bound
 
 
 # ------------------------------------------------------------------------------------------------------------------

@@ -99,7 +99,7 @@ def test_each_rule_is_tight_where_it_should_be():
 
 def test_without_the_rules_ranges_are_wider(monkeypatch):
     """Plain intervals lose a factor sqrt(2) per rotation: the test above can fail."""
-    monkeypatch.setattr(rounding._Ranges, "_reductions", lambda self, members: [])
+    monkeypatch.setattr(rounding._Ranges, "_reductions", lambda self, members: None)
     assert enclosure(program_of(rotations), unit_box())[:2] == pytest.approx([math.sqrt(2.0), 2.0], rel=1e-6)
     monkeypatch.setattr(rounding._Ranges, "_pairs", lambda self, terms: [])
     high = enclosure(program_of(rotations), unit_box())
