@@ -98,6 +98,9 @@ DOUBLE = Precision("double", 2.0**-53, 2.0**-1022, ERROR_BOUND["double"], float(
 FLOAT = Precision("float", 2.0**-24, 2.0**-126, ERROR_BOUND["float"], float(RANGE["float"]))
 PRECISIONS = (DOUBLE, FLOAT)
 
+_ROUNDOFF = np.array([[precision.roundoff] for precision in PRECISIONS])
+_SMALLEST = np.array([[precision.smallest] for precision in PRECISIONS])
+
 RHO = math.nextafter(1.0 + math.sqrt(2.0) * 1.001 * FLOAT.kernel_error, 2.0)
 """Bound of N(c, s) for computed sines and cosines, of the coarser precision; see rule 1."""
 
@@ -108,7 +111,7 @@ _BUDGET = 6e6  # nodes times parts of the box: some seconds for the largest func
 _LARGE = 3e4  # nodes from which on the box stays whole: finding the rotations takes longer than the arithmetic
 _MOST_PARTS = 8  # of one angle; more gained less than a tenth on the bundled arms
 _MOST_TERMS = 24  # of a flattened sum
-_DEPTH = 20  # rotations that a norm is followed through
+_MOST_FACTORS = 6  # of a product that is multiplied out
 _CHUNK = 4e6  # nodes times boxes evaluated together: 64 MB
 
 
@@ -292,28 +295,85 @@ class _Choice(NamedTuple):
     followed: set[int]
 
 
-class _Split(NamedTuple):
-    """What is split off a node to leave its rotation: the nodes with local errors, further terms, and the products."""
+Factors = tuple[int, ...]
+"""Nodes that are multiplied with each other; () stands for 1."""
 
-    used: list[int]
-    rest: list[int]
-    products: list[int]
+_Lost = tuple[tuple[Factors, int], ...]
+"""Local errors of nodes, each with factors that it is multiplied with."""
+
+
+class _Product(NamedTuple):
+    """A node as ``sign`` times the product of ``factors``, up to the roundings ``lost`` inside."""
+
+    sign: int
+    factors: Factors
+    lost: _Lost
+
+
+class _Turned(NamedTuple):
+    """A product as ``factor``, the sine or cosine (``kind``) of ``angle``, times ``rest``."""
+
+    angle: int
+    kind: Op
+    factor: int
+    rest: Factors
+
+
+class _Part(NamedTuple):
+    """The term ``index`` of a sum, as ``sign`` times sine or cosine times other factors, up to the roundings ``lost``."""
+
+    sign: int
+    index: int
+    turned: _Turned
+    lost: _Lost
+
+
+class _Terms(NamedTuple):
+    """A sum as signed ``terms`` that are no sums, the sums ``inner`` in it, and the terms with cosine and with sine.
+
+    ``pairs`` has an entry for every angle of which both functions occur.
+    """
+
+    terms: list[tuple[int, int]]
+    inner: list[int]
+    pairs: list[tuple[list[_Part], list[_Part]]]
 
 
 class _Rotation(NamedTuple):
-    """A sum read as ``signs[0] cos(angle) pair[0] + signs[1] sin(angle) pair[1]``, and the rest of it."""
+    """The sum ``index`` as a term with the cosine and one with the sine of an angle, and further terms ``rest``.
 
-    angle: int
-    signs: tuple[int, int]
-    pair: tuple[int, int]
-    split: _Split
+    ``inner`` are the sums inside it.
+    """
+
+    parts: tuple[_Part, _Part]
+    index: int
+    inner: list[int]
+    rest: list[int]
+
+    @property
+    def pair(self) -> tuple[Factors, Factors]:
+        """What is multiplied with the cosine, and with the sine."""
+        return self.parts[0].turned.rest, self.parts[1].turned.rest
+
+    def is_orthogonal_to(self, other: _Rotation) -> bool:
+        """Whether both are rows (a c, b s) and (d s, e c) on the same pair, whose products cancel."""
+        if self.parts[0].turned.angle != other.parts[0].turned.angle or self.pair != other.pair[::-1]:
+            return False
+        (a, b), (e, d) = ([part.sign for part in rotation.parts] for rotation in (self, other))
+        return a * d == -b * e
 
 
 class _Reduction(NamedTuple):
-    """A norm by rule 2: that of ``members``, and what is split off one or two of the former members."""
+    """A norm by rule 2: that of ``members``, and what is split off one or two of the former members.
 
-    members: list[int]
-    splits: tuple[_Split, ...]
+    These are sums that a rotation leaves, or the products of one factor with sine and cosine, ``turned``, with the
+    roundings ``lost`` inside them.
+    """
+
+    members: list[Factors]
+    rotations: tuple[_Rotation, ...]
+    turned: tuple[_Turned, ...]
+    lost: tuple[_Lost, ...]
 
 
 class _Ranges:
@@ -326,13 +386,16 @@ class _Ranges:
         self.nodes: list[Node] = []
         self.ranges: list[Interval] = []
         self.errors: list[Array | float] = []
-        self._norms: dict[tuple[int, ...], Array] = {}
-        self._terms: dict[int, tuple[list[tuple[int, int]], list[int]] | None] = {}
+        self._norms: dict[tuple[Factors, ...], Array] = {}
+        self._products: dict[int, _Product] = {}
+        self._terms: dict[int, _Terms | None] = {}
 
     def truncate(self, size: int) -> None:
         """Forget all nodes from number ``size`` on."""
         del self.nodes[size:], self.ranges[size:], self.errors[size:]
-        self._norms = {key: value for key, value in self._norms.items() if key[-1] < size}
+        below = [key for key in self._norms if all(index < size for member in key for index in member)]
+        self._norms = {key: self._norms[key] for key in below}
+        self._products = {key: value for key, value in self._products.items() if key < size}
         self._terms = {key: value for key, value in self._terms.items() if key < size}
 
     def magnitude(self, index: int) -> Array:
@@ -478,13 +541,46 @@ class _Ranges:
 
     # -- structure ---------------------------------------------------------------------------------------------
 
-    def _flat(self, index: int) -> tuple[list[tuple[int, int]], list[int]] | None:
-        """The sum ``index`` as signed terms that are no sums, and the sums inside it; None if there are too many."""
+    def product(self, index: int) -> _Product:
+        """The node ``index`` with products of products multiplied out and changes of sign taken off."""
+        if index not in self._products:
+            self._products[index] = self._multiplied_out(index)
+        return self._products[index]
+
+    def _multiplied_out(self, index: int) -> _Product:
+        node = self.nodes[index]
+        if node.op is Op.NEG:
+            inner = self.product(node.args[0])
+            return inner._replace(sign=-inner.sign)
+        if node.op is not Op.MUL:
+            return _Product(1, (index,), ())
+        x, y = (self.product(arg) for arg in node.args)
+        factors = tuple(sorted((*x.factors, *y.factors)))
+        if len(factors) > _MOST_FACTORS:
+            return _Product(1, (index,), ())
+        # with x = x' + e_x and y = y' + e_y: x y = x' y' + x' e_y + y e_x
+        of_x = [((*weights, node.args[1]), inner) for weights, inner in x.lost]
+        of_y = [((*weights, *x.factors), inner) for weights, inner in y.lost]
+        return _Product(x.sign * y.sign, factors, (((), index), *of_x, *of_y))
+
+    def turned(self, factors: Factors) -> list[_Turned]:
+        """The ways to read a product as sine or cosine times other factors."""
+        found = []
+        for factor in dict.fromkeys(factors):
+            node = self.nodes[factor]
+            if node.op is Op.SIN or node.op is Op.COS:
+                place = factors.index(factor)
+                found.append(_Turned(node.args[0], node.op, factor, factors[:place] + factors[place + 1 :]))
+        return found
+
+    def terms(self, index: int) -> _Terms | None:
+        """The sum ``index`` taken apart; None if there are too many terms."""
         if index not in self._terms:
-            self._terms[index] = self._flattened(self.nodes[index])
+            self._terms[index] = self.taken_apart(self.nodes[index])
         return self._terms[index]
 
-    def _flattened(self, node: Node) -> tuple[list[tuple[int, int]], list[int]] | None:
+    def taken_apart(self, node: Node) -> _Terms | None:
+        """The terms of the sum ``node``, the sums inside it, and its rotated pairs; None if there are too many terms."""
         terms: list[tuple[int, int]] = []
         inner: list[int] = []
         stack = [(1, node.args[0]), (1 if node.op is Op.ADD else -1, node.args[1])]
@@ -500,65 +596,93 @@ class _Ranges:
                 terms.append((sign, index))
             if len(terms) + len(stack) > _MOST_TERMS:
                 return None
-        return terms, inner
+        by_angle: dict[int, tuple[list[_Part], list[_Part]]] = {}
+        for sign, index in terms:
+            product = self.product(index)
+            read = self.turned(product.factors)
+            angles = [turned.angle for turned in read]
+            for turned in read:
+                if angles.count(turned.angle) == 1:
+                    part = _Part(sign * product.sign, index, turned, product.lost)
+                    by_angle.setdefault(turned.angle, ([], []))[turned.kind is Op.SIN].append(part)
+        pairs = [(cosines, sines) for cosines, sines in by_angle.values() if cosines and sines]
+        return _Terms(terms, inner, pairs)
 
-    def _rotated(self, index: int) -> list[tuple[int, Op, int]]:
-        """The ways to read node ``index`` as sine or cosine times another node: (angle, SIN or COS, other node)."""
-        op, args, _ = self.nodes[index]
-        if op is not Op.MUL:
+    def rotations(self, index: int) -> list[_Rotation]:
+        """The ways to read node ``index``, if it is a sum, as a rotation of two products and a rest."""
+        if self.nodes[index].op is not Op.ADD and self.nodes[index].op is not Op.SUB:
+            return []
+        taken = self.terms(index)
+        if taken is None:
             return []
         found = []
-        for factor, other in (args, args[::-1]):
-            kind = self.nodes[factor].op
-            if kind is Op.SIN or kind is Op.COS:
-                found.append((self.nodes[factor].args[0], kind, other))
+        for cosines, sines in taken.pairs:
+            if len(cosines) == len(sines) == 1:
+                parts = cosines[0], sines[0]
+                used = [part.index for part in parts]
+                rest = [other for _, other in taken.terms if other not in used]
+                found.append(_Rotation(parts, index, taken.inner, rest))
         return found
 
-    def _pairs(
-        self, terms: list[tuple[int, int]]
-    ) -> list[tuple[list[tuple[int, int, int]], list[tuple[int, int, int]]]]:
-        """For every angle of which both functions occur: the terms with cosine, and with sine: (sign, term, other)."""
-        by_angle: dict[int, tuple[list[tuple[int, int, int]], list[tuple[int, int, int]]]] = {}
-        for sign, index in terms:
-            for angle, kind, other in self._rotated(index):
-                by_angle.setdefault(angle, ([], []))[kind is Op.SIN].append((sign, index, other))
-        return [groups for groups in by_angle.values() if groups[0] and groups[1]]
+    def reductions(self, members: Sequence[Factors]) -> list[_Reduction]:
+        """Rule 2: the ways to take one rotation off the norm of ``members`` that are worth following."""
+        read = [self.product(member[0]) if len(member) == 1 else _Product(1, member, ()) for member in members]
+        rotations = [self.rotations(each.factors[0]) if len(each.factors) == 1 else [] for each in read]
+
+        def without(*places: int) -> list[Factors]:
+            return [member for k, member in enumerate(members) if k not in places]
+
+        for i, of_first in enumerate(rotations):
+            for first in of_first:
+                for j in range(i + 1, len(members)):
+                    for second in rotations[j]:
+                        if first.is_orthogonal_to(second):
+                            return [_Reduction([*without(i, j), *first.pair], (first, second), (), ())]
+        for i, of_first in enumerate(read):
+            for turned in self.turned(of_first.factors):
+                for j in range(i + 1, len(members)):
+                    for again in self.turned(read[j].factors):
+                        if (turned.angle, turned.rest) == (again.angle, again.rest) and turned.kind is not again.kind:
+                            lost = of_first.lost, read[j].lost
+                            return [_Reduction([*without(i, j), turned.rest], (), (turned, again), lost)]
+        # one of a pair alone: which leads on to further pairs is not known; the last may rest on what others rest on
+        single = [
+            _Reduction([*without(i), *first.pair], (first,), (), ())
+            for i, of_first in enumerate(rotations)
+            for first in of_first[:1]
+            if not first.rest
+        ]
+        return single if len(members) == 2 else single[-1:]
 
     # -- the rules ---------------------------------------------------------------------------------------------
 
+    def size(self, factors: Factors) -> Array | float:
+        """The largest magnitude of a product."""
+        return math.prod((self.magnitude(index) for index in factors), start=1.0) * _MARGIN
+
     def _of_sum(self, node: Node, enclosure: Interval) -> Interval:
-        flat = self._flattened(node)
-        if flat is None:
+        taken = self.taken_apart(node)
+        if taken is None:
             return enclosure
-        terms, inner = flat
-        for cosines, sines in self._pairs(terms):
-            enclosure = _intersection(enclosure, self._by_rotation(terms, inner, cosines, sines))
-        if len(terms) == 2 and not inner:
-            (_, x), (_, y) = terms
+        for cosines, sines in taken.pairs:
+            enclosure = _intersection(enclosure, self._by_rotation(taken, cosines, sines))
+        if len(taken.terms) == 2 and not taken.inner:
+            (_, x), (_, y) = taken.terms
             if self.nodes[x].op is Op.MUL and self.nodes[y].op is Op.MUL:
                 bound = self._by_cross_product(x, y)
                 enclosure = _intersection(enclosure, (-bound, bound))
         return enclosure
 
-    def _by_rotation(
-        self,
-        terms: list[tuple[int, int]],
-        inner: list[int],
-        cosines: list[tuple[int, int, int]],
-        sines: list[tuple[int, int, int]],
-    ) -> Interval:
+    def _by_rotation(self, taken: _Terms, cosines: Sequence[_Part], sines: Sequence[_Part]) -> Interval:
         """Rule 1 for a flattened sum: the terms of one angle by their norm, the others by intervals."""
-        if len(cosines) == len(sines) == 1:
-            bound = self.norm((cosines[0][2], sines[0][2]))
-        else:
-            groups = [sum(self.magnitude(other) for *_, other in group) for group in (cosines, sines)]
-            bound = np.hypot(groups[0], groups[1])
-        used = [index for _, index, _ in (*cosines, *sines)]
-        radius = bound * RHO + self._error((*used, *inner))
+        bound = self.norm_of_sums(cosines, sines)
+        parts = (*cosines, *sines)
+        used = [part.index for part in parts]
+        radius = bound * RHO + sum(map(self._lost, parts), 0.0) + self._error(taken.inner)
         low: Array | float = 0.0
         high: Array | float = 0.0
         size: Array | float = radius
-        for sign, index in terms:
+        for sign, index in taken.terms:
             if index not in used:
                 x = self.ranges[index]
                 low, high = (low + x[0], high + x[1]) if sign > 0 else (low - x[1], high - x[0])
@@ -566,10 +690,16 @@ class _Ranges:
         slack = size * 2.0**-46  # covers the roundings of at most _MOST_TERMS additions and of the norm
         return np.asarray(low - radius - slack), np.asarray(high + radius + slack)
 
+    def norm_of_sums(self, cosines: Sequence[_Part], sines: Sequence[_Part]) -> Array:
+        """A bound of N(sum of what is multiplied with the cosine, sum of what is multiplied with the sine)."""
+        if len(cosines) == len(sines) == 1:
+            return self.norm((cosines[0].turned.rest, sines[0].turned.rest))
+        groups = [sum(self.size(part.turned.rest) for part in group) for group in (cosines, sines)]
+        return np.asarray(np.hypot(groups[0], groups[1])) * _MARGIN
+
     def _by_cross_product(self, x: int, y: int) -> Array:
         """Rule 3: the bound of the sum or difference of the products ``x`` and ``y``."""
-        a, b = self.nodes[x].args
-        c, d = self.nodes[y].args
+        (a, b), (c, d) = ([(arg,) for arg in self.nodes[index].args] for index in (x, y))
         straight = self.norm((a, c)) * self.norm((b, d))
         crossed = self.norm((a, d)) * self.norm((b, c))
         bound: Array = (np.minimum(straight, crossed) + self._error((x, y))) * _MARGIN
@@ -578,99 +708,27 @@ class _Ranges:
     def _error(self, indices: Sequence[int]) -> Array | float:
         return sum((self.errors[index] for index in indices), 0.0)
 
-    def norm(self, members: Sequence[int], depth: int = _DEPTH) -> Array:
-        """Rule 2: a bound of the Euclidean norm of several nodes."""
-        key = tuple(sorted(set(self._without_signs(members))))
-        if key in self._norms and len(key) == len(members):
+    def _lost(self, part: _Part | _Lost) -> Array | float:
+        """The roundings inside a product, weighted with its other factors."""
+        lost = part.lost if isinstance(part, _Part) else part
+        return sum((self.size(weights) * self.errors[index] for weights, index in lost), 0.0)
+
+    def norm(self, members: Sequence[Factors]) -> Array:
+        """Rule 2: a bound of the Euclidean norm of several products of nodes."""
+        key = tuple(sorted(members))
+        if key in self._norms:
             return self._norms[key]
-        indices = self._without_signs(members)
-        squares: Array | float = 0.0
-        for index in indices:
-            squares = squares + self.magnitude(index) ** 2
-        bound = np.asarray(np.sqrt(squares)) * _MARGIN + _TINY
-        if depth > 0 and len(indices) > 1 and (pair := self._unit_pair(indices)):
-            others = self._size_norm([m for m in indices if m not in pair])
-            bound = np.minimum(bound, np.hypot(others, RHO) * _MARGIN)
-        elif depth > 0 and len(indices) > 1:
-            reduction = self._reductions(indices)
-            if reduction is not None:
-                errors = [self._error(split.used) for split in reduction.splits]
-                rests = [self._size(split.rest) for split in reduction.splits]
-                other = self.norm(reduction.members, depth - 1) * RHO + _hypot(errors) + _hypot(rests)
-                bound = np.minimum(bound, other * _MARGIN)
-        if len(key) == len(members) and depth == _DEPTH:
-            self._norms[key] = bound
+        bound = np.asarray(np.sqrt(sum((self.size(member) ** 2 for member in key), 0.0))) * _MARGIN + _TINY
+        for reduction in self.reductions(key) if len(key) > 1 else ():
+            lost = [
+                sum(map(self._lost, rotation.parts), 0.0) + self._error((rotation.index, *rotation.inner))
+                for rotation in reduction.rotations
+            ] or [self._lost(each) for each in reduction.lost]
+            rests = [sum(map(self.magnitude, rotation.rest), 0.0) for rotation in reduction.rotations] or [0.0]
+            other = self.norm(reduction.members) * RHO + _hypot(lost) + _hypot(rests)
+            bound = np.minimum(bound, other * _MARGIN)
+        self._norms[key] = bound
         return bound
-
-    def _unit_pair(self, members: Sequence[int]) -> tuple[int, int] | None:
-        """Cosine and sine of one angle among ``members``."""
-        angles: dict[tuple[int, Op], int] = {}
-        for index in members:
-            node = self.nodes[index]
-            if node.op is Op.SIN or node.op is Op.COS:
-                angles[node.args[0], node.op] = index
-        for (angle, kind), index in angles.items():
-            if kind is Op.COS and (angle, Op.SIN) in angles:
-                return index, angles[angle, Op.SIN]
-        return None
-
-    def _size_norm(self, members: Sequence[int]) -> Array:
-        squares: Array | float = 0.0
-        for index in members:
-            squares = squares + self.magnitude(index) ** 2
-        return np.asarray(np.sqrt(squares))
-
-    def _without_signs(self, members: Sequence[int]) -> list[int]:
-        plain = []
-        for index in members:
-            while self.nodes[index].op is Op.NEG:
-                index = self.nodes[index].args[0]
-            plain.append(index)
-        return plain
-
-    def _reductions(self, members: list[int]) -> _Reduction | None:
-        """Rule 2: one rotation taken off the norm of ``members``; None if there is none."""
-        for i, first in enumerate(members):
-            for turned in self._rotations(first):
-                for j, second in enumerate(members):
-                    for other in self._rotations(second) if j != i else ():
-                        # rows (a cos, b sin) and (d' sin, c' cos) on (x, y): orthogonal where the products cancel
-                        opposite = turned.signs[0] * other.signs[1] == -turned.signs[1] * other.signs[0]
-                        if other.angle == turned.angle and other.pair == turned.pair[::-1] and opposite:
-                            kept = [member for k, member in enumerate(members) if k not in (i, j)]
-                            return _Reduction([*kept, *turned.pair], (turned.split, other.split))
-                if not turned.split.rest:
-                    kept = [member for k, member in enumerate(members) if k != i]
-                    return _Reduction([*kept, *turned.pair], (turned.split,))
-            for angle, kind, x in self._rotated(first):
-                for j, second in enumerate(members):
-                    if j != i and any(
-                        (angle, x) == (again, y) and kind is not other for again, other, y in self._rotated(second)
-                    ):
-                        kept = [member for k, member in enumerate(members) if k not in (i, j)]
-                        return _Reduction([*kept, x], (_Split([first], [], [first]), _Split([second], [], [second])))
-        return None
-
-    def _size(self, indices: list[int]) -> Array | float:
-        return sum((self.magnitude(index) for index in indices), 0.0)
-
-    def _rotations(self, index: int) -> list[_Rotation]:
-        """The ways to read a sum as a rotation of two nodes and a rest."""
-        if self.nodes[index].op is not Op.ADD and self.nodes[index].op is not Op.SUB:
-            return []
-        flat = self._flat(index)
-        if flat is None:
-            return []
-        terms, inner = flat
-        found = []
-        for cosines, sines in self._pairs(terms):
-            if len(cosines) == len(sines) == 1:
-                (a, m, x), (b, n, y) = cosines[0], sines[0]
-                if m != n:
-                    angle = self._rotated(m)[0][0]
-                    rest = [other for _, other in terms if other not in (m, n)]
-                    found.append(_Rotation(angle, (a, b), (x, y), _Split([index, m, n, *inner], rest, [m, n])))
-        return found
 
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -689,94 +747,149 @@ class _Carried:
         self.ranges = ranges
         self.local = local
         self.sizes: list[Array] = []
-        self._norms: dict[tuple[int, ...], Array] = {}
+        self._norms: dict[tuple[Factors, ...], Array] = {}
         for index, node in enumerate(ranges.nodes):
-            size = (self._plain(node) + local[index]) * _MARGIN
+            size = (self._of_operation(node) + local[index]) * _MARGIN
             if node.op is Op.ADD or node.op is Op.SUB:
                 size = self._of_sum(index, size)
             if index in known:
                 size = np.minimum(size, known[index])
             self.sizes.append(size)
 
-    def _plain(self, node: Node) -> Array | float:
+    def _of_operation(self, node: Node) -> Array | float:
         """The derivative of an operation by those of its operands, without its local error."""
         op, args, _ = node
         if op in (Op.INPUT, Op.CONST, Op.SIGN, Op.NONFINITE):
             return 0.0
         first = self.sizes[args[0]]
-        of = self.ranges.magnitude
+        magnitude = self.ranges.magnitude
         if op is Op.ADD or op is Op.SUB:
             return first + self.sizes[args[1]]
         if op is Op.MUL:
-            return of(args[0]) * self.sizes[args[1]] + of(args[1]) * first
+            return magnitude(args[0]) * self.sizes[args[1]] + magnitude(args[1]) * first
         if op is Op.DIV:
             least = np.min(np.abs(self.ranges.ranges[args[1]]), axis=0)
-            return (first + of(args[0]) / least * self.sizes[args[1]]) / least * _MARGIN
+            return (first + magnitude(args[0]) / least * self.sizes[args[1]]) / least * _MARGIN
         if op is Op.SQRT:
             return first / (2.0 * np.sqrt(self.ranges.ranges[args[0]][0])) * _MARGIN
-        if op is Op.MIN or op is Op.SELECT:
+        if op is Op.MIN or op is Op.SELECT:  # of a choice that turns over, any slope between those of its branches
             return np.maximum(self.sizes[args[-2]], self.sizes[args[-1]])
         if op is Op.EXP:
-            return _up(np.exp(of(args[0]) * 1.0)) * first * (1.0 + _SINE_ERROR)
+            return np.exp(magnitude(args[0])) * (1.0 + _SINE_ERROR) * first
         return first  # the slope of sine, cosine, tanh, magnitude and change of sign is at most 1
 
     def _of_sum(self, index: int, size: Array) -> Array:
-        flat = self.ranges._flat(index)
-        if flat is None:
+        taken = self.ranges.terms(index)
+        if taken is None:
             return size
-        terms, inner = flat
-        for cosines, sines in self.ranges._pairs(terms):
-            size = np.minimum(size, self._by_rotation(index, terms, inner, cosines, sines))
-        if len(terms) == 2 and not inner:
-            (_, x), (_, y) = terms
+        for cosines, sines in taken.pairs:
+            size = np.minimum(size, self._by_rotation(index, taken, cosines, sines))
+        if len(taken.terms) == 2 and not taken.inner:
+            (_, x), (_, y) = taken.terms
             if self.ranges.nodes[x].op is Op.MUL and self.ranges.nodes[y].op is Op.MUL:
                 size = np.minimum(size, self._by_cross_product(index, x, y))
         return size
 
-    def _by_rotation(self, index, terms, inner, cosines, sines) -> Array:
+    def _by_rotation(self, index: int, taken: _Terms, cosines: Sequence[_Part], sines: Sequence[_Part]) -> Array:
+        """Rule 1: ``|c dA + s dB| <= rho N(dA, dB)``, and ``|A dc + B ds| <= N(A, B) N(dc, ds)``."""
         if len(cosines) == len(sines) == 1:
-            bound = self.norm((cosines[0][2], sines[0][2]))
+            bound = self.norm((cosines[0].turned.rest, sines[0].turned.rest))
         else:
-            groups = [sum(self.sizes[other] for *_, other in group) for group in (cosines, sines)]
+            groups = [sum(self._of_product(part.turned.rest) for part in group) for group in (cosines, sines)]
             bound = np.hypot(groups[0], groups[1])
-        used = [term for _, term, _ in (*cosines, *sines)]
-        size = bound * RHO + self.extra(_Split([index, *used, *inner], [t for _, t in terms if t not in used], used))
-        return size * (1.0 + 2.0**-46)
+        parts = (*cosines, *sines)
+        used = [part.index for part in parts]
+        size = bound * RHO + self._of_trigonometry(parts) * self.ranges.norm_of_sums(cosines, sines)
+        size = size + self._of_products(parts, self.ranges.norm_of_sums(cosines, sines))
+        for k in (index, *taken.inner):
+            size = size + self.local[k]
+        for _, k in taken.terms:
+            if k not in used:
+                size = size + self.sizes[k]
+        return np.asarray(size * (1.0 + 2.0**-46))
+
+    def _of_trigonometry(self, parts: Sequence[_Part | _Turned]) -> Array:
+        """A bound of N(dc, ds) for sine and cosine of one angle."""
+        sizes = [self.sizes[part.turned.factor if isinstance(part, _Part) else part.factor] for part in parts]
+        return math.sqrt(2.0) * np.max(np.broadcast_arrays(*sizes), axis=0) * _MARGIN
+
+    def _of_products(self, parts: Sequence[_Part], norm: Array) -> Array:
+        """The roundings of the products of one rotation, also those inside them.
+
+        Those of the outer products are at most ``u |c A| + u |s B| <= u rho N(A, B)`` together, up to what the
+        roundings inside add to them.
+        """
+        outer: Array | float = 0.0
+        inner: Array | float = 0.0
+        underflow: Array | float = 0.0
+        for part in parts:
+            for weights, k in part.lost:
+                if weights:
+                    inner = inner + (self.ranges.size(weights) + self._of_product(weights)) * self.local[k]
+                else:
+                    outer = outer + self.local[k]
+                    underflow = underflow + _SMALLEST
+        together = _ROUNDOFF * (norm * RHO + inner) + underflow
+        return np.asarray(np.minimum(outer, together) + inner) * _MARGIN
 
     def _by_cross_product(self, index: int, x: int, y: int) -> Array:
-        a, b = self.ranges.nodes[x].args
-        c, d = self.ranges.nodes[y].args
+        """Rule 3 on both halves of ``a db + c dd + b da + d dc``."""
+        (a, b), (c, d) = ([(arg,) for arg in self.ranges.nodes[k].args] for k in (x, y))
         of = self.ranges.norm
         straight = of((a, c)) * self.norm((b, d)) + of((b, d)) * self.norm((a, c))
         crossed = of((a, d)) * self.norm((b, c)) + of((b, c)) * self.norm((a, d))
         return (np.minimum(straight, crossed) + self.local[x] + self.local[y] + self.local[index]) * _MARGIN
 
-    def extra(self, split: _Split) -> Array:
-        """The derivative of what is split off a rotation: local errors, further terms, errors of sines and cosines."""
-        size = sum((self.local[k] for k in split.used), np.zeros((len(PRECISIONS), 1)))
-        size = size + sum((self.sizes[k] for k in split.rest), 0.0)
-        for k in split.products:
-            for angle, kind, other in self.ranges._rotated(k)[:1]:
-                factor = next(a for a in self.ranges.nodes[k].args if a != other) if len(set(self.ranges.nodes[k].args))>1 else other
-                size = size + self.ranges.magnitude(other) * self.sizes[factor]
-        return size
+    def _of_product(self, factors: Factors) -> Array | float:
+        """The derivative of a product of nodes."""
+        size: Array | float = 0.0
+        for place, factor in enumerate(factors):
+            size = size + self.ranges.size(factors[:place] + factors[place + 1 :]) * self.sizes[factor]
+        return size * _MARGIN
 
-    def norm(self, members: Sequence[int], depth: int = _DEPTH) -> Array:
-        """A bound of the Euclidean norm of the derivatives of several nodes."""
-        indices = self.ranges._without_signs(members)
-        key = tuple(sorted(set(indices)))
-        if key in self._norms and len(key) == len(indices):
+    def norm(self, members: Sequence[Factors]) -> Array:
+        """Rule 2: a bound of the Euclidean norm of the derivatives of several products of nodes."""
+        key = tuple(sorted(members))
+        if key in self._norms:
             return self._norms[key]
-        squares = sum((self.sizes[index] ** 2 for index in indices), np.zeros((len(PRECISIONS), 1)))
+        squares = sum((self._of_product(member) ** 2 for member in key), np.zeros((len(PRECISIONS), 1)))
         bound = np.sqrt(squares) * _MARGIN + _TINY
-        if depth > 0 and len(indices) > 1:
-            reduction = self.ranges._reductions(indices)
-            if reduction is not None:
-                extras = [self.extra(split) for split in reduction.splits]
-                bound = np.minimum(bound, (self.norm(reduction.members, depth - 1) * RHO + _hypot(extras)) * _MARGIN)
-        if depth == _DEPTH and len(key) == len(indices):
-            self._norms[key] = bound
+        for reduction in self.ranges.reductions(key) if len(key) > 1 else ():
+            extra = self._of_pair(reduction) if reduction.turned else self._of_rotations(reduction.rotations)
+            bound = np.minimum(bound, (self.norm(reduction.members) * RHO + extra) * _MARGIN)
+        self._norms[key] = bound
         return bound
+
+    def _of_rotations(self, rotations: Sequence[_Rotation]) -> Array:
+        """What is added to the norm of A, B by their rotation: errors of sine and cosine, roundings, further terms.
+
+        ``N(A dc + B ds, B dc - A ds) = N(A, B) N(dc, ds)``; the roundings of the sums, where nothing else is added, are
+        at most u times the norm of the sums.
+        """
+        norm = self.ranges.norm(rotations[0].pair)
+        products = _hypot([self._of_products(rotation.parts, norm) for rotation in rotations])
+        sums = _hypot([sum((self.local[k] for k in (each.index, *each.inner)), 0.0) for each in rotations])
+        if not any(rotation.inner or rotation.rest for rotation in rotations):
+            sums = np.minimum(sums, _ROUNDOFF * (norm * RHO + products))
+        rests = _hypot([sum((self.sizes[k] for k in rotation.rest), 0.0) for rotation in rotations])
+        return np.asarray(self._of_trigonometry(rotations[0].parts) * norm + products + sums + rests)
+
+    def _of_pair(self, reduction: _Reduction) -> Array:
+        """What is added to ``|dA|`` by products of A with sine and cosine of an angle."""
+        (turned, _), of = reduction.turned, self.ranges.size(reduction.turned[0].rest)
+        inner, outer = [], []
+        for lost in reduction.lost:
+            inner.append(
+                sum(
+                    ((self.ranges.size(w) + self._of_product(w)) * self.local[k] for w, k in lost if w),
+                    np.zeros((len(PRECISIONS), 1)),
+                )
+            )
+            outer.append(sum((self.local[k] for w, k in lost if not w), np.zeros((len(PRECISIONS), 1))))
+        together = _ROUNDOFF * (of * RHO + _hypot(inner)) + 2.0 * _SMALLEST
+        return np.asarray(
+            self._of_trigonometry(reduction.turned) * of + np.minimum(_hypot(outer), together) + _hypot(inner)
+        )
 
 
 # ------------------------------------------------------------------------------------------------------------------
