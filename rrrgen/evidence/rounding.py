@@ -105,10 +105,12 @@ RHO = math.nextafter(1.0 + math.sqrt(2.0) * 1.001 * FLOAT.kernel_error, 2.0)
 """Bound of N(c, s) for computed sines and cosines, of the coarser precision; see rule 1."""
 
 _MARGIN = 1.0 + 2.0**-48  # covers the roundings of a formula of at most 2^4 operations on positive numbers
+_SUM_MARGIN = 1.0 + 2.0**-46  # the same for at most 2^6 operations, such as the sums of :data:`_MOST_TERMS`
 _TINY = 1e-150  # magnitudes below it vanish when squared
 _SINE_ERROR = 2.0**-48  # of NumPy's sine and cosine, which are accurate to some units in the last place of 1
 _BUDGET = 6e6  # nodes times parts of the box: some seconds for the largest function
 _LARGE = 3e4  # nodes from which on the box stays whole: finding the rotations takes longer than the arithmetic
+_COST_OF_CARRYING = 3.0  # of forward mode, by the nodes of the program
 _MOST_PARTS = 8  # of one angle; more gained less than a tenth on the bundled arms
 _MOST_TERMS = 24  # of a flattened sum
 _MOST_FACTORS = 6  # of a product that is multiplied out
@@ -749,7 +751,7 @@ class _Carried:
         self.sizes: list[Array] = []
         self._norms: dict[tuple[Factors, ...], Array] = {}
         for index, node in enumerate(ranges.nodes):
-            size = (self._of_operation(node) + local[index]) * _MARGIN
+            size = (self._of_operation(node) + local[index]) * _SUM_MARGIN
             if node.op is Op.ADD or node.op is Op.SUB:
                 size = self._of_sum(index, size)
             if index in known:
@@ -769,11 +771,15 @@ class _Carried:
             return magnitude(args[0]) * self.sizes[args[1]] + magnitude(args[1]) * first
         if op is Op.DIV:
             least = np.min(np.abs(self.ranges.ranges[args[1]]), axis=0)
-            return (first + magnitude(args[0]) / least * self.sizes[args[1]]) / least * _MARGIN
+            return (first + magnitude(args[0]) / least * self.sizes[args[1]]) / least * _SUM_MARGIN
         if op is Op.SQRT:
-            return first / (2.0 * np.sqrt(self.ranges.ranges[args[0]][0])) * _MARGIN
-        if op is Op.MIN or op is Op.SELECT:  # of a choice that turns over, any slope between those of its branches
-            return np.maximum(self.sizes[args[-2]], self.sizes[args[-1]])
+            return first / (2.0 * np.sqrt(self.ranges.ranges[args[0]][0])) * _SUM_MARGIN
+        if op is Op.MIN:
+            return np.maximum(first, self.sizes[args[1]])
+        if op is Op.SELECT:  # of a choice that turns over, any slope between those of its branches
+            low, high = self.ranges.ranges[args[0]]
+            x, y = self.sizes[args[1]], self.sizes[args[2]]
+            return np.where(low > 0.0, x, np.where(high <= 0.0, y, np.maximum(x, y)))
         if op is Op.EXP:
             return np.exp(magnitude(args[0])) * (1.0 + _SINE_ERROR) * first
         return first  # the slope of sine, cosine, tanh, magnitude and change of sign is at most 1
@@ -806,12 +812,12 @@ class _Carried:
         for _, k in taken.terms:
             if k not in used:
                 size = size + self.sizes[k]
-        return np.asarray(size * (1.0 + 2.0**-46))
+        return np.asarray(size * _SUM_MARGIN)
 
     def _of_trigonometry(self, parts: Sequence[_Part | _Turned]) -> Array:
         """A bound of N(dc, ds) for sine and cosine of one angle."""
         sizes = [self.sizes[part.turned.factor if isinstance(part, _Part) else part.factor] for part in parts]
-        return math.sqrt(2.0) * np.max(np.broadcast_arrays(*sizes), axis=0) * _MARGIN
+        return math.sqrt(2.0) * np.max(np.broadcast_arrays(*sizes), axis=0) * _SUM_MARGIN
 
     def _of_products(self, parts: Sequence[_Part], norm: Array) -> Array:
         """The roundings of the products of one rotation, also those inside them.
@@ -830,7 +836,7 @@ class _Carried:
                     outer = outer + self.local[k]
                     underflow = underflow + _SMALLEST
         together = _ROUNDOFF * (norm * RHO + inner) + underflow
-        return np.asarray(np.minimum(outer, together) + inner) * _MARGIN
+        return np.asarray(np.minimum(outer, together) + inner) * _SUM_MARGIN
 
     def _by_cross_product(self, index: int, x: int, y: int) -> Array:
         """Rule 3 on both halves of ``a db + c dd + b da + d dc``."""
@@ -838,14 +844,14 @@ class _Carried:
         of = self.ranges.norm
         straight = of((a, c)) * self.norm((b, d)) + of((b, d)) * self.norm((a, c))
         crossed = of((a, d)) * self.norm((b, c)) + of((b, c)) * self.norm((a, d))
-        return (np.minimum(straight, crossed) + self.local[x] + self.local[y] + self.local[index]) * _MARGIN
+        return (np.minimum(straight, crossed) + self.local[x] + self.local[y] + self.local[index]) * _SUM_MARGIN
 
     def _of_product(self, factors: Factors) -> Array | float:
         """The derivative of a product of nodes."""
         size: Array | float = 0.0
         for place, factor in enumerate(factors):
             size = size + self.ranges.size(factors[:place] + factors[place + 1 :]) * self.sizes[factor]
-        return size * _MARGIN
+        return size * _SUM_MARGIN
 
     def norm(self, members: Sequence[Factors]) -> Array:
         """Rule 2: a bound of the Euclidean norm of the derivatives of several products of nodes."""
@@ -853,10 +859,10 @@ class _Carried:
         if key in self._norms:
             return self._norms[key]
         squares = sum((self._of_product(member) ** 2 for member in key), np.zeros((len(PRECISIONS), 1)))
-        bound = np.sqrt(squares) * _MARGIN + _TINY
+        bound = np.sqrt(squares) * _SUM_MARGIN + _TINY
         for reduction in self.ranges.reductions(key) if len(key) > 1 else ():
             extra = self._of_pair(reduction) if reduction.turned else self._of_rotations(reduction.rotations)
-            bound = np.minimum(bound, (self.norm(reduction.members) * RHO + extra) * _MARGIN)
+            bound = np.minimum(bound, (self.norm(reduction.members) * RHO + extra) * _SUM_MARGIN)
         self._norms[key] = bound
         return bound
 
@@ -1039,11 +1045,13 @@ class _Analysis:
 
     def affordable_parts(self, budget: float) -> int:
         """The largest number of parts per angle for which the work stays within ``budget``."""
+        work = len(self.nodes) + sum(len(nodes) for nodes, *_ in self.sweeps.values())
+        return 1 if work > _LARGE else self.parts_within(budget, work)
+
+    def parts_within(self, budget: float, work: int) -> int:
+        """The largest number of parts per angle for which ``work`` per box stays within ``budget``."""
         split = self.split_inputs()
         if not split:
-            return 1
-        work = len(self.nodes) + sum(len(nodes) for nodes, *_ in self.sweeps.values())
-        if work > _LARGE:
             return 1
         return max(1, min(_MOST_PARTS, int((budget / work) ** (1.0 / len(split)))))
 
@@ -1069,16 +1077,30 @@ class _Analysis:
 
     def bounds(self, parts: int) -> tuple[tuple[tuple[float, ...], ...], tuple[tuple[float, ...], ...]]:
         """The bounds per output element in both precisions, with every angle split into ``parts``."""
-        totals = {index: np.zeros(len(PRECISIONS)) for index in self.sweeps}
-        for part in self._batches(parts):
-            ranges, errors = self._enclosed(part)
-            for index, sweep in self.sweeps.items():
-                totals[index] = np.maximum(totals[index], self._error_of(sweep, ranges, errors))
+        totals = self._largest(parts, by_reverse_mode=True)
+        finer = self.parts_within(_BUDGET / _COST_OF_CARRYING, len(self.nodes))
+        if finer > parts:
+            carried = self._largest(finer, by_reverse_mode=False)
+            totals = {index: np.minimum(total, carried[index]) for index, total in totals.items()}
         results = [
             tuple(tuple(float(totals[index][k]) for index in row) for row in self.program.results)
             for k in range(len(PRECISIONS))
         ]
         return results[0], results[1]
+
+    def _largest(self, parts: int, by_reverse_mode: bool) -> dict[int, Array]:
+        """The largest bounds over all boxes of every output element, in both precisions, shape (precisions,)."""
+        totals = {index: np.zeros(len(PRECISIONS)) for index in self.sweeps}
+        for part in self._batches(parts):
+            ranges, errors = self._enclosed(part)
+            local = [np.stack([np.atleast_1d(each) for each in np.broadcast_arrays(*error)]) for error in errors]
+            known = {}
+            if by_reverse_mode:
+                known = {index: self._error_of(sweep, ranges, errors) for index, sweep in self.sweeps.items()}
+            carried = _Carried(ranges, local, known)
+            for index in self.sweeps:
+                totals[index] = np.maximum(totals[index], np.max(carried.sizes[index], axis=1))
+        return totals
 
     def enclosures(self, parts: int) -> dict[int, tuple[float, float]]:
         """The bounds of the nodes that are outputs, local errors included, with every angle split into ``parts``."""
@@ -1211,7 +1233,7 @@ class _Analysis:
         ranges: _Ranges,
         errors: list[tuple[Array | float, ...]],
     ) -> Array:
-        """The bounds of one output element: the largest over the boxes, in both precisions."""
+        """The bounds of one output element in both precisions, shape (precisions, boxes)."""
         nodes, numbers, places = sweep
         size = len(self.nodes)
         for node in nodes:
@@ -1232,7 +1254,7 @@ class _Analysis:
                 totals[k] = totals[k] + size_of * errors[index][k]
         ranges.truncate(size)
         grown = 1.0 + 4.0 * len(self.nodes) * 2.0**-52  # each term and each addition is rounded once
-        return np.array([float(np.max(total)) * grown for total in totals])
+        return np.stack([np.atleast_1d(total) for total in np.broadcast_arrays(*totals)]) * grown
 
     def _through_angles(
         self, numbers: Mapping[int, int | Fraction], places: Mapping[int, int], ranges: _Ranges
