@@ -36,10 +36,28 @@ cosine and the sine of one angle, and ``rho = 1 + sqrt(2) k``; N(x, y, ..) is th
 3. Cross products. ``|a b + c d| <= N(a, c) N(b, d)``, and with d and b in each other's place where that is smaller.
    Proof: Cauchy-Schwarz; the signs of the four numbers do not matter.
 
+Products of products are multiplied out before the rules look for sines and cosines, ``c (s A) = s (c A)``: the rounding
+of an inner product is split off with the factors behind it.
+
 Each rule gives an enclosure of its own, which is intersected with that of interval arithmetic. All arithmetic of the
 analysis is rounded outwards: to the next floating-point number after every operation, with a margin where several
 operations of one formula are rounded together. The box is split along the angles into equal parts, all of which are
 evaluated as one batch.
+
+In reverse mode the derivatives of an output by its many nodes lose what they have in common: where two sums are
+multiplied, such as in the third axis of a frame, which is the cross product of the other two, they are multiplied out.
+Therefore the derivatives ``v_i' = d v_i / dt`` along the line, at whose point t every error is t times its actual
+value, are bounded in forward mode too, and the smaller bound of an output counts, also for what the program computes
+from it. A rotation ``v = c A + s B + e`` has ``v' = (c A' + s B') + (A c' + B s') + e'``, and the rules apply:
+
+1. ``|c A' + s B'| <= rho N(A', B')`` and ``|A c' + B s'| <= N(A, B) N(c', s')``, by Cauchy-Schwarz.
+2. For the two rows of a rotation ``N(v', w') <= rho N(A', B') + N(A, B) N(c', s') + N(e', f')``, since the second terms
+   are ``N(A c' + B s', B c' - A s') = N(A, B) N(c', s')``; e' and f' are what is left, by Minkowski's inequality.
+3. ``|(a b + c d)'| <= N(a, c) N(b', d') + N(b, d) N(a', c')``, with d and b in each other's place likewise.
+
+The roundings of the two products of a row are together at most ``u |c A| + u |s B| <= u rho N(A, B)``, and those of the
+two sums of a rotation ``u N(c A + s B, c B - s A)``, which is half of what each of them may be by itself. Errors of
+further roundings inside a product count with their factors and with the derivatives of these.
 
 Magnitudes, minima and maxima, and values that are limited to a range, are continuous, so that the mean value theorem
 holds with any slope between those of their branches. They are recognised where they stand as a choice: ``x > y ? x :
@@ -261,7 +279,7 @@ def _hull(x: Interval, y: Interval) -> Interval:
 
 def _hypot(sizes: Sequence[Array | float]) -> Array | float:
     """The Euclidean norm of one or two numbers."""
-    return sizes[0] if len(sizes) == 1 else np.hypot(*sizes)
+    return sizes[0] if len(sizes) == 1 else np.hypot(sizes[0], sizes[1])
 
 
 def _half_unit(magnitude: Array, roundoff: float) -> Array:
@@ -322,10 +340,13 @@ class _Turned(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """The term ``index`` of a sum, as ``sign`` times sine or cosine times other factors, up to the roundings ``lost``."""
+    """The term ``node`` of a sum, as ``sign`` times a sine or cosine times other factors.
+
+    ``lost`` are the roundings inside it.
+    """
 
     sign: int
-    index: int
+    node: int
     turned: _Turned
     lost: _Lost
 
@@ -342,13 +363,13 @@ class _Terms(NamedTuple):
 
 
 class _Rotation(NamedTuple):
-    """The sum ``index`` as a term with the cosine and one with the sine of an angle, and further terms ``rest``.
+    """The sum ``node`` as a term with the cosine and one with the sine of an angle, and further terms ``rest``.
 
     ``inner`` are the sums inside it.
     """
 
     parts: tuple[_Part, _Part]
-    index: int
+    node: int
     inner: list[int]
     rest: list[int]
 
@@ -389,16 +410,23 @@ class _Ranges:
         self.ranges: list[Interval] = []
         self.errors: list[Array | float] = []
         self._norms: dict[tuple[Factors, ...], Array] = {}
+        self._lasting = 0  # norms at the beginning that do not rest on nodes to be forgotten
         self._products: dict[int, _Product] = {}
         self._terms: dict[int, _Terms | None] = {}
 
     def truncate(self, size: int) -> None:
         """Forget all nodes from number ``size`` on."""
         del self.nodes[size:], self.ranges[size:], self.errors[size:]
-        below = [key for key in self._norms if all(index < size for member in key for index in member)]
-        self._norms = {key: self._norms[key] for key in below}
-        self._products = {key: value for key, value in self._products.items() if key < size}
-        self._terms = {key: value for key, value in self._terms.items() if key < size}
+        lasting = {}
+        while len(self._norms) > self._lasting:  # what has been added since the last time
+            key, norm = self._norms.popitem()
+            if all(index < size for member in key for index in member):
+                lasting[key] = norm
+        self._norms |= lasting
+        self._lasting = len(self._norms)
+        for cache in (self._products, self._terms):
+            for index in [index for index in reversed(cache) if index >= size]:
+                del cache[index]
 
     def magnitude(self, index: int) -> Array:
         """The largest magnitude of a node in every box."""
@@ -582,7 +610,7 @@ class _Ranges:
         return self._terms[index]
 
     def taken_apart(self, node: Node) -> _Terms | None:
-        """The terms of the sum ``node``, the sums inside it, and its rotated pairs; None if there are too many terms."""
+        """The sum ``node`` taken apart; None if there are too many terms."""
         terms: list[tuple[int, int]] = []
         inner: list[int] = []
         stack = [(1, node.args[0]), (1 if node.op is Op.ADD else -1, node.args[1])]
@@ -621,7 +649,7 @@ class _Ranges:
         for cosines, sines in taken.pairs:
             if len(cosines) == len(sines) == 1:
                 parts = cosines[0], sines[0]
-                used = [part.index for part in parts]
+                used = [part.node for part in parts]
                 rest = [other for _, other in taken.terms if other not in used]
                 found.append(_Rotation(parts, index, taken.inner, rest))
         return found
@@ -640,12 +668,12 @@ class _Ranges:
                     for second in rotations[j]:
                         if first.is_orthogonal_to(second):
                             return [_Reduction([*without(i, j), *first.pair], (first, second), (), ())]
-        for i, of_first in enumerate(read):
-            for turned in self.turned(of_first.factors):
+        for i, one in enumerate(read):
+            for turned in self.turned(one.factors):
                 for j in range(i + 1, len(members)):
                     for again in self.turned(read[j].factors):
                         if (turned.angle, turned.rest) == (again.angle, again.rest) and turned.kind is not again.kind:
-                            lost = of_first.lost, read[j].lost
+                            lost = one.lost, read[j].lost
                             return [_Reduction([*without(i, j), turned.rest], (), (turned, again), lost)]
         # one of a pair alone: which leads on to further pairs is not known; the last may rest on what others rest on
         single = [
@@ -660,7 +688,10 @@ class _Ranges:
 
     def size(self, factors: Factors) -> Array | float:
         """The largest magnitude of a product."""
-        return math.prod((self.magnitude(index) for index in factors), start=1.0) * _MARGIN
+        size: Array | float = 1.0
+        for index in factors:
+            size = size * self.magnitude(index)
+        return size * _MARGIN
 
     def _of_sum(self, node: Node, enclosure: Interval) -> Interval:
         taken = self.taken_apart(node)
@@ -679,7 +710,7 @@ class _Ranges:
         """Rule 1 for a flattened sum: the terms of one angle by their norm, the others by intervals."""
         bound = self.norm_of_sums(cosines, sines)
         parts = (*cosines, *sines)
-        used = [part.index for part in parts]
+        used = [part.node for part in parts]
         radius = bound * RHO + sum(map(self._lost, parts), 0.0) + self._error(taken.inner)
         low: Array | float = 0.0
         high: Array | float = 0.0
@@ -723,7 +754,7 @@ class _Ranges:
         bound = np.asarray(np.sqrt(sum((self.size(member) ** 2 for member in key), 0.0))) * _MARGIN + _TINY
         for reduction in self.reductions(key) if len(key) > 1 else ():
             lost = [
-                sum(map(self._lost, rotation.parts), 0.0) + self._error((rotation.index, *rotation.inner))
+                sum(map(self._lost, rotation.parts), 0.0) + self._error((rotation.node, *rotation.inner))
                 for rotation in reduction.rotations
             ] or [self._lost(each) for each in reduction.lost]
             rests = [sum(map(self.magnitude, rotation.rest), 0.0) for rotation in reduction.rotations] or [0.0]
@@ -768,10 +799,10 @@ class _Carried:
         if op is Op.ADD or op is Op.SUB:
             return first + self.sizes[args[1]]
         if op is Op.MUL:
-            return magnitude(args[0]) * self.sizes[args[1]] + magnitude(args[1]) * first
+            return np.asarray(magnitude(args[0]) * self.sizes[args[1]] + magnitude(args[1]) * first)
         if op is Op.DIV:
             least = np.min(np.abs(self.ranges.ranges[args[1]]), axis=0)
-            return (first + magnitude(args[0]) / least * self.sizes[args[1]]) / least * _SUM_MARGIN
+            return np.asarray((first + magnitude(args[0]) / least * self.sizes[args[1]]) / least * _SUM_MARGIN)
         if op is Op.SQRT:
             return first / (2.0 * np.sqrt(self.ranges.ranges[args[0]][0])) * _SUM_MARGIN
         if op is Op.MIN:
@@ -804,7 +835,7 @@ class _Carried:
             groups = [sum(self._of_product(part.turned.rest) for part in group) for group in (cosines, sines)]
             bound = np.hypot(groups[0], groups[1])
         parts = (*cosines, *sines)
-        used = [part.index for part in parts]
+        used = [part.node for part in parts]
         size = bound * RHO + self._of_trigonometry(parts) * self.ranges.norm_of_sums(cosines, sines)
         size = size + self._of_products(parts, self.ranges.norm_of_sums(cosines, sines))
         for k in (index, *taken.inner):
@@ -817,7 +848,7 @@ class _Carried:
     def _of_trigonometry(self, parts: Sequence[_Part | _Turned]) -> Array:
         """A bound of N(dc, ds) for sine and cosine of one angle."""
         sizes = [self.sizes[part.turned.factor if isinstance(part, _Part) else part.factor] for part in parts]
-        return math.sqrt(2.0) * np.max(np.broadcast_arrays(*sizes), axis=0) * _SUM_MARGIN
+        return np.asarray(math.sqrt(2.0) * np.max(np.broadcast_arrays(*sizes), axis=0) * _SUM_MARGIN)
 
     def _of_products(self, parts: Sequence[_Part], norm: Array) -> Array:
         """The roundings of the products of one rotation, also those inside them.
@@ -831,7 +862,7 @@ class _Carried:
         for part in parts:
             for weights, k in part.lost:
                 if weights:
-                    inner = inner + (self.ranges.size(weights) + self._of_product(weights)) * self.local[k]
+                    inner = inner + self._weighted(weights, k)
                 else:
                     outer = outer + self.local[k]
                     underflow = underflow + _SMALLEST
@@ -874,28 +905,24 @@ class _Carried:
         """
         norm = self.ranges.norm(rotations[0].pair)
         products = _hypot([self._of_products(rotation.parts, norm) for rotation in rotations])
-        sums = _hypot([sum((self.local[k] for k in (each.index, *each.inner)), 0.0) for each in rotations])
+        sums = _hypot([sum((self.local[k] for k in (each.node, *each.inner)), 0.0) for each in rotations])
         if not any(rotation.inner or rotation.rest for rotation in rotations):
             sums = np.minimum(sums, _ROUNDOFF * (norm * RHO + products))
         rests = _hypot([sum((self.sizes[k] for k in rotation.rest), 0.0) for rotation in rotations])
         return np.asarray(self._of_trigonometry(rotations[0].parts) * norm + products + sums + rests)
 
     def _of_pair(self, reduction: _Reduction) -> Array:
-        """What is added to ``|dA|`` by products of A with sine and cosine of an angle."""
-        (turned, _), of = reduction.turned, self.ranges.size(reduction.turned[0].rest)
-        inner, outer = [], []
-        for lost in reduction.lost:
-            inner.append(
-                sum(
-                    ((self.ranges.size(w) + self._of_product(w)) * self.local[k] for w, k in lost if w),
-                    np.zeros((len(PRECISIONS), 1)),
-                )
-            )
-            outer.append(sum((self.local[k] for w, k in lost if not w), np.zeros((len(PRECISIONS), 1))))
-        together = _ROUNDOFF * (of * RHO + _hypot(inner)) + 2.0 * _SMALLEST
-        return np.asarray(
-            self._of_trigonometry(reduction.turned) * of + np.minimum(_hypot(outer), together) + _hypot(inner)
-        )
+        """What is added to ``|dA|`` by ``N(A dc, A ds)`` and by the roundings of both products."""
+        size = self.ranges.size(reduction.turned[0].rest)
+        nothing = np.zeros((len(PRECISIONS), 1))
+        outer = _hypot([sum((self.local[k] for weights, k in lost if not weights), nothing) for lost in reduction.lost])
+        inner = _hypot([sum((self._weighted(*each) for each in lost if each[0]), nothing) for lost in reduction.lost])
+        together = _ROUNDOFF * (size * RHO + inner) + 2.0 * _SMALLEST
+        return np.asarray(self._of_trigonometry(reduction.turned) * size + np.minimum(outer, together) + inner)
+
+    def _weighted(self, weights: Factors, index: int) -> Array:
+        """A local error times the factors behind it, along the whole line."""
+        return np.asarray((self.ranges.size(weights) + self._of_product(weights)) * self.local[index])
 
 
 # ------------------------------------------------------------------------------------------------------------------
