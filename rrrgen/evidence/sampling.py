@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rrrgen.emit.c.language import COSINE, HALF_PI, ROUNDING, SINE
 from rrrgen.evidence.boxes import PortRange
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, Precision
+from rrrgen.evidence.wide_arithmetic import wide_evaluator
 from rrrgen.program import Op, Program, Role
 
 Array = NDArray[Any]
@@ -43,6 +44,7 @@ RESOLUTION = 1.001
 _CLIMBED = 8  # elements of a port from which the search goes on; every state of it counts for all elements
 _NEIGHBOURS = 64  # states tried around each of them in a step
 _TOGETHER = 2e6  # nodes times states evaluated together: 32 MB in the wider format
+_COMPILED = 3e8  # nodes times states from which on compiling the wider format takes less time than NumPy
 
 Evaluator = Callable[[Sequence[Array]], Sequence[Array]]
 """Evaluates a program at (states, size) values of every input port: one array (states, size) per output."""
@@ -67,10 +69,30 @@ def largest_errors(
     :func:`errors_at`.
     """
 
+    exact = None if any(conditional) else wide_outputs(program, precision, samples)
+
     def measure(states: Sequence[Array]) -> NDArray[np.float64]:
-        return errors_at(program, states, precision, compiled, conditional)
+        return errors_at(program, states, precision, compiled, conditional, exact)
 
     return _searched(measure, program, box, precision, samples, seed, climbs)
+
+
+def wide_outputs(program: Program, precision: Precision, samples: int) -> Callable[[Sequence[Array]], Array]:
+    """A function from values (states, size) of every input port to all output elements (elements, states), wider.
+
+    It is compiled where ``samples`` states are worth it, and there is a compiler.
+    """
+    found = wide_evaluator(program, precision) if samples * len(program.nodes) > _COMPILED else None
+    if found is not None:
+        return found
+    wide = np.longdouble if precision is DOUBLE else np.float64
+    order = [index for row in program.results for index in row]
+
+    def evaluate(states: Sequence[Array]) -> Array:
+        values = _evaluated(program, states, precision, wide)
+        return np.stack([np.broadcast_to(values[index], len(states[0]) if states else 1) for index in order])
+
+    return evaluate
 
 
 Measure = Callable[[Sequence[Array]], NDArray[np.float64]]
@@ -172,15 +194,16 @@ def largest_residuals(
     place, reach = ports.index(Role.TORQUE), np.array(box["ddq"].upper)
     ranges = {p.name: box["ddq"] if p.role is Role.TORQUE else box[p.name] for p in program.inputs}
 
-    def of(other: Program, states: Sequence[Array]) -> Array:
+    exact = {other: wide_outputs(program, precision, samples) for other, program in (("M", mass), ("h", bias))}
+
+    def of(name: str, other: Program, states: Sequence[Array]) -> Array:
         """The first output (size, states) of another program at the same states, in the wider format."""
         given = [states[[port.name for port in program.inputs].index(port.name)] for port in other.inputs]
-        values = _evaluated(other, given, precision, wide)
-        return np.stack([np.broadcast_to(values[index], len(states[0])) for index in other.results[0]])
+        return exact[name](given)[: len(other.results[0])]
 
     def measure(states: Sequence[Array]) -> NDArray[np.float64]:
         n, count = len(reach), len(states[0])
-        M, h = of(mass, states).reshape(n, n, count), of(bias, states)
+        M, h = of("M", mass, states).reshape(n, n, count), of("h", bias, states)
         wanted = states[place].astype(wide).T
         tau = ((M * wanted).sum(axis=1) + h).astype(narrow)
         given = [tau.T if k == place else state for k, state in enumerate(states)]
@@ -220,16 +243,16 @@ def largest_derivative_residuals(
     n = len(reach)
     ranges = {p.name: box["ddq"] if p.role is Role.TORQUE else box[p.name] for p in program.inputs}
     names = [port.name for port in program.inputs]
+    exact = wide_outputs(derivatives, precision, samples)
 
     def reference(states: Sequence[Array], ddq: Array) -> list[Array]:
         """tau (n, states), then dtau_dq, dtau_dv and M (n, n, states), in the wider format."""
-        count = len(ddq)
         given = [
             ddq if port.role is Role.ACCELERATION else states[names.index(port.name)] for port in derivatives.inputs
         ]
-        values = _evaluated(derivatives, given, precision, wide)
-        rows = [np.stack([np.broadcast_to(values[index], count) for index in row]) for row in derivatives.results]
-        return [rows[0], *(row.reshape(n, n, count) for row in rows[1:])]
+        ends = np.cumsum([len(row) for row in derivatives.results])
+        rows = np.split(exact(given), ends[:-1])
+        return [rows[0], *(row.reshape(n, n, len(ddq)) for row in rows[1:])]
 
     def measure(states: Sequence[Array]) -> NDArray[np.float64]:
         count = len(states[0])
@@ -283,31 +306,32 @@ def errors_at(
     precision: Precision,
     compiled: Evaluator | None = None,
     conditional: Sequence[bool] = (),
+    exact: Callable[[Sequence[Array]], Array] | None = None,
 ) -> NDArray[np.float64]:
     """The errors (outputs, states) of all output elements at ``states``, one array (states, size) per input port.
 
     ``conditional`` says which outputs have bounds that hold only where comparisons come out as in exact arithmetic:
     where one is otherwise in the wider format, these count as zero. A difference within the spacing of the wider
-    format is no error: the bound of a constant, its exact distance from its literal, may be smaller.
+    format is no error: the bound of a constant, its exact distance from its literal, may be smaller. ``exact``, as from
+    :func:`wide_outputs`, evaluates the outputs in the wider format where no output is conditional.
     """
     wide = np.longdouble if precision is DOUBLE else np.float64
     order = [index for row in program.results for index in row]
     count = len(states[0]) if states else 1
     values = _evaluated(program, states, precision, None) if compiled is None or any(conditional) else []
     if compiled is None:
-        rounded = [values[index] for index in order]
+        rounded = np.stack([np.broadcast_to(values[index], count) for index in order])
     else:
-        rounded = [column for output in compiled(states) for column in np.asarray(output).reshape(count, -1).T]
-    exact = _evaluated(program, states, precision, wide)
-    errors = []
-    for found, index in zip(rounded, order, strict=True):
-        difference = np.abs(found.astype(wide) - exact[index]) - np.finfo(wide).eps * np.abs(exact[index])
-        errors.append(np.broadcast_to(np.maximum(difference, 0.0).astype(np.float64), (count,)))
-    found = np.stack(errors)
+        rounded = np.concatenate([np.asarray(output).reshape(count, -1).T for output in compiled(states)])
+    others = _evaluated(program, states, precision, wide) if exact is None else []
+    right = np.stack([np.broadcast_to(others[index], count) for index in order]) if exact is None else exact(states)
+    difference = np.abs(rounded.astype(wide) - right)
+    difference -= np.finfo(wide).eps * np.abs(right)
+    errors = np.maximum(difference, 0.0).astype(np.float64)
     if any(conditional):
         rows = np.repeat(conditional, [len(row) for row in program.results])
-        found[rows] *= _same_choices(program, values, exact)
-    return found
+        errors[rows] *= _same_choices(program, values, others)
+    return np.asarray(errors)
 
 
 def _same_choices(program: Program, values: Sequence[Array], others: Sequence[Array]) -> NDArray[np.bool_]:
