@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rrrgen.emit.c.language import COSINE, HALF_PI, ROUNDING, SINE
 from rrrgen.evidence.boxes import PortRange
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, Precision
-from rrrgen.evidence.wide_arithmetic import wide_evaluator
+from rrrgen.evidence.wide_arithmetic import WideProgram, wide_program
 from rrrgen.program import Op, Program, Role
 
 Array = NDArray[Any]
@@ -69,7 +69,7 @@ def largest_errors(
     :func:`errors_at`.
     """
 
-    exact = None if any(conditional) else wide_outputs(program, precision, samples)
+    exact = None if any(conditional) else worth_compiling(program, precision, samples)
 
     def measure(states: Sequence[Array]) -> NDArray[np.float64]:
         return errors_at(program, states, precision, compiled, conditional, exact)
@@ -77,14 +77,16 @@ def largest_errors(
     return _searched(measure, program, box, precision, samples, seed, climbs)
 
 
-def wide_outputs(program: Program, precision: Precision, samples: int) -> Callable[[Sequence[Array]], Array]:
-    """A function from values (states, size) of every input port to all output elements (elements, states), wider.
+def worth_compiling(program: Program, precision: Precision, samples: int) -> WideProgram | None:
+    """``program`` compiled in the wider format where ``samples`` states are worth it and there is a compiler."""
+    return wide_program(program, precision) if samples * len(program.nodes) > _COMPILED else None
 
-    It is compiled where ``samples`` states are worth it, and there is a compiler.
-    """
-    found = wide_evaluator(program, precision) if samples * len(program.nodes) > _COMPILED else None
-    if found is not None:
-        return found
+
+def wide_outputs(program: Program, precision: Precision, samples: int) -> Callable[[Sequence[Array]], Array]:
+    """A function from values (states, size) of every input port to all output elements (elements, states), wider."""
+    compiled = worth_compiling(program, precision, samples)
+    if compiled is not None:
+        return compiled.outputs
     wide = np.longdouble if precision is DOUBLE else np.float64
     order = [index for row in program.results for index in row]
 
@@ -306,25 +308,28 @@ def errors_at(
     precision: Precision,
     compiled: Evaluator | None = None,
     conditional: Sequence[bool] = (),
-    exact: Callable[[Sequence[Array]], Array] | None = None,
+    exact: WideProgram | None = None,
 ) -> NDArray[np.float64]:
     """The errors (outputs, states) of all output elements at ``states``, one array (states, size) per input port.
 
     ``conditional`` says which outputs have bounds that hold only where comparisons come out as in exact arithmetic:
     where one is otherwise in the wider format, these count as zero. A difference within the spacing of the wider
-    format is no error: the bound of a constant, its exact distance from its literal, may be smaller. ``exact``, as from
-    :func:`wide_outputs`, evaluates the outputs in the wider format where no output is conditional.
+    format is no error: the bound of a constant, its exact distance from its literal, may be smaller.
+    ``exact`` is the program in the wider format, with which errors of ``compiled`` code take less time; None where
+    outputs are conditional.
     """
     wide = np.longdouble if precision is DOUBLE else np.float64
     order = [index for row in program.results for index in row]
     count = len(states[0]) if states else 1
+    if exact is not None and compiled is not None:
+        return exact.errors(states, compiled(states))
     values = _evaluated(program, states, precision, None) if compiled is None or any(conditional) else []
+    others = _evaluated(program, states, precision, wide)
     if compiled is None:
         rounded = np.stack([np.broadcast_to(values[index], count) for index in order])
     else:
         rounded = np.concatenate([np.asarray(output).reshape(count, -1).T for output in compiled(states)])
-    others = _evaluated(program, states, precision, wide) if exact is None else []
-    right = np.stack([np.broadcast_to(others[index], count) for index in order]) if exact is None else exact(states)
+    right = np.stack([np.broadcast_to(others[index], count) for index in order])
     difference = np.abs(rounded.astype(wide) - right)
     difference -= np.finfo(wide).eps * np.abs(right)
     errors = np.maximum(difference, 0.0).astype(np.float64)

@@ -6,7 +6,8 @@ sines come from the C library. In 80-bit long double it takes a few nanoseconds 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -43,57 +44,103 @@ _EXPRESSIONS = {
 }
 
 
-def wide_evaluator(program: Program, precision: Precision) -> Callable[[Sequence[Array]], Array] | None:
-    """A function from values (states, size) of every input port to those of all output elements (elements, states).
+@dataclass(frozen=True)
+class WideProgram:
+    """A program compiled in the wider format; states are values (states, size) of every input port."""
 
-    The inputs are in the emitted precision, the results in the wider format. None where no compiler is found, or it
-    does not accept the code.
-    """
+    ffi: Any
+    lib: Any
+    narrow: type[Any]
+    wide: type[Any]
+    sizes: tuple[int, ...]  # of the outputs
+
+    def outputs(self, states: Sequence[Array]) -> Array:
+        """All output elements (elements, states) in the wider format."""
+        count = len(states[0]) if states else 1
+        results = np.empty((count, sum(self.sizes)), dtype=self.wide)
+        self.lib.wide_values(count, *self._pointers(states), self.ffi.cast("wide *", results.ctypes.data))
+        return results.T
+
+    def errors(self, states: Sequence[Array], rounded: Sequence[Array]) -> Array:
+        """The errors (elements, states) of outputs (states, size): their differences from the wider format.
+
+        What the spacing of the wider format may contribute to a difference is taken off.
+        """
+        count = len(states[0]) if states else 1
+        found = np.empty((sum(self.sizes), count))
+        kept = [np.ascontiguousarray(each, dtype=self.narrow) for each in (*states, *rounded)]
+        self.lib.wide_errors(count, *self._pointers(kept), self.ffi.cast("double *", found.ctypes.data))
+        return found
+
+    def _pointers(self, arrays: Sequence[Array]) -> list[Any]:
+        if any(array.dtype != self.narrow or not array.flags.c_contiguous for array in arrays):
+            raise TypeError(f"states have to be contiguous arrays of {self.narrow.__name__}")
+        return [self.ffi.cast("const narrow *", array.ctypes.data) for array in arrays]
+
+
+def wide_program(program: Program, precision: Precision) -> WideProgram | None:
+    """``program`` compiled in the wider format than ``precision``; None if no compiler is found or it refuses."""
     in_double = precision.name == "double"
     narrow, wide, end = ("double", "long double", "l") if in_double else ("float", "double", "")
-    inputs = "".join(f"const {narrow} *x{k}, " for k in range(len(program.inputs)))
-    head = f"void wide_values(long count, {inputs}{wide} *y)"
-    lines = [
-        f"        const wide v{index} = {_expression(program, index, end)};" for index in range(len(program.nodes))
-    ]
+    types = f"typedef {narrow} narrow;\ntypedef {wide} wide;\n"
+    inputs = "".join(f"const narrow *x{k}, " for k in range(len(program.inputs)))
+    given = "".join(f"x{k} + s * {port.size}, " for k, port in enumerate(program.inputs))
+    rounded = "".join(f"const narrow *r{k}, " for k in range(len(program.outputs)))
+    values = f"void wide_values(long count, {inputs}wide *y)"
+    errors = f"void wide_errors(long count, {inputs}{rounded}double *found)"
     order = [index for row in program.results for index in row]
-    lines += [f"        y[{k}L * count + s] = v{index};" for k, index in enumerate(order)]
-    source = "\n".join(
-        [
-            '#include "wide.h"',
-            "#include <math.h>",
-            f"typedef {wide} wide;",
-            head,
-            "{",
-            "    for (long s = 0; s < count; ++s) {",
-            *lines,
-            "    }",
-            "}",
-            "",
+    body = [f"    const wide v{index} = {_expression(program, index, end)};" for index in range(len(program.nodes))]
+    body += [f"    y[{place}] = v{index};" for place, index in enumerate(order)]
+    differences, first = [], 0
+    for k, row in enumerate(program.results):
+        differences += [
+            f"        for (long e = 0; e < {len(row)}; ++e) {{",
+            f"            const wide exact = y[{first} + e];",
+            f"            const wide error = fabsl(r{k}[s * {len(row)} + e] - exact) - spacing * fabsl(exact);",
+            f"            found[({first} + e) * count + s] = error > 0 || error != error ? (double)error : 0.0;",
+            "        }",
         ]
-    )
+        first += len(row)
+    spacing = "LDBL_EPSILON" if in_double else "DBL_EPSILON"
+    source = [
+        '#include "wide.h"',
+        "#include <float.h>",
+        "#include <math.h>",
+        f"static void at({inputs}wide *y)",
+        "{",
+        *body,
+        "}",
+        values,
+        "{",
+        f"    for (long s = 0; s < count; ++s) at({given}y + s * {len(order)});",
+        "}",
+        errors,
+        "{",
+        f"    const wide spacing = {spacing};",
+        "    for (long s = 0; s < count; ++s) {",
+        f"        wide y[{max(1, len(order))}];",
+        f"        at({given}y);",
+        *differences,
+        "    }",
+        "}",
+        "",
+    ]
+    declarations = f"{types}{values};\n{errors};\n"
     try:
-        ffi, lib = build_extension({"wide.h": f"{head};\n", "wide.c": source}, f"{head};", "wide", FLAGS)
+        ffi, lib = build_extension({"wide.h": declarations, "wide.c": "\n".join(source)}, declarations, "wide", FLAGS)
     except BuildError:
         return None
-    kind = np.longdouble if in_double else np.float64
-
-    def evaluate(states: Sequence[Array]) -> Array:
-        given = [np.ascontiguousarray(state, dtype=np.float64 if in_double else np.float32) for state in states]
-        count = len(given[0]) if given else 1
-        results = np.empty((len(order), count), dtype=kind)
-        pointers = [ffi.cast(f"{narrow} *", state.ctypes.data) for state in given]
-        lib.wide_values(count, *pointers, ffi.cast(f"{wide} *", results.ctypes.data))
-        return results
-
-    return evaluate
+    sizes = tuple(len(row) for row in program.results)
+    if in_double:
+        return WideProgram(ffi, lib, np.float64, np.longdouble, sizes)
+    return WideProgram(ffi, lib, np.float32, np.float64, sizes)
 
 
 def _expression(program: Program, index: int, end: str) -> str:
     node = program.nodes[index]
     if node.op is Op.INPUT:
         port, element = node.place
-        return f"x{port}[s * {program.inputs[port].size} + {element}]"
+        return f"x{port}[{element}]"
     if node.op is Op.CONST:
         exact = Fraction(node.number)
         high = float(exact)
