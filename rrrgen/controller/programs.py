@@ -28,7 +28,7 @@ def own_programs(unit: ControllerUnit) -> dict[str, Program]:
     """The functions that are printed beside the unit, by name; those of them that the model has too replace it."""
     found = {}
     if not unit.has("friction"):
-        found = {p.name: without_friction(p) for p in called_programs(unit) if _takes_friction(p)}
+        found = {p.name: without_friction(p) for p in called_programs(unit) if p.takes(Role.FRICTION)}
     if unit.has("estimator"):
         found[ESTIMATOR] = estimator_program(unit)
     if unit.has("observer"):
@@ -49,10 +49,6 @@ def called_programs(unit: ControllerUnit) -> list[Program]:
     names += ["jacobian"] if unit.has("velocity") else []
     names += ["closed_loops"] if unit.model.spec.loops else []
     return [unit.model.programs[name] for name in dict.fromkeys(filter(None, names))]
-
-
-def _takes_friction(program: Program) -> bool:
-    return program.takes(Role.FRICTION)
 
 
 def without_friction(program: Program) -> Program:

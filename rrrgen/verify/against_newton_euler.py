@@ -16,7 +16,7 @@ from rrrgen.verify.references.friction_laws import changed, has_load, has_state,
 from rrrgen.verify.references.newton_euler import FUNCTIONS_OF_POSITION, BaseState, NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, motor_loads, motor_speeds
 from rrrgen.verify.report import Check, Collector, Tolerances, curvature, rate, size
-from rrrgen.verify.subject import SPEED, InertialParameters, States, draw_states
+from rrrgen.verify.subject import SPEED, Case, States, draw_states
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -156,13 +156,11 @@ def turned(orientation: Array, rotation: Array) -> Array:
     return np.concatenate([s * u + w * v + np.cross(v, u), s * w - np.sum(v * u, axis=-1, keepdims=True)], axis=-1)
 
 
-def check_floating_base(
-    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
-) -> None:
+def check_floating_base(case: Case) -> None:
     """Compare the dynamics on a floating base with the reference, and the base parameters with the rank of its rows."""
+    model, ne, s, beta, check = case.model, case.ne, case.s, case.beta, case.exact
     if not model.spec.floating_base:
         return
-    check, beta = rows.against(ne.name, parameters.label, tolerances.exact, s.count), parameters.beta
     base = draw_base(s.count, np.random.default_rng(0))
     pose, twist, twist_rate = base.orientation, base.twist, base.twist_rate
     wrench, tau = ne.floating_inverse_dynamics(s.q, s.dq, s.ddq, base)
@@ -187,7 +185,7 @@ def check_floating_base(
     check("floating_momentum", found, momentum, scale=of_terms)
     check("floating_momentum_matrix", lambda: model.floating_momentum_matrix(s.q, beta=beta), A)
     check("floating_bias", lambda: model.floating_bias(s.q, s.dq, pose, twist, beta=beta), h, scale=size(both))
-    if parameters.physical:
+    if case.parameters.physical:
         check("floating_forward_dynamics (as forces)", regenerated, both)
     Y, K = ne.floating_regressor(s.q, s.dq, s.ddq, base), np.asarray(model.base_projection)
     check("floating_regressor K", lambda: model.floating_regressor(s.q, s.dq, s.ddq, pose, twist, twist_rate) @ K, Y)
@@ -200,7 +198,7 @@ def check_floating_base(
     check("floating_inverse_dynamics_from_imu", from_imu, both)
     found_Y = partial(model.floating_regressor_from_imu, s.q, s.dq, s.ddq, *sensors)
     check("floating_regressor_from_imu K", lambda: found_Y() @ K, Y)
-    _check_floating_derivatives(model, ne, parameters, s, base, tolerances, rows)
+    _check_floating_derivatives(case, base)
     s, base = (
         draw_states(ne.chain, RANK_STATES, np.random.default_rng(0)),
         draw_base(RANK_STATES, np.random.default_rng(1)),
@@ -209,24 +207,15 @@ def check_floating_base(
     check("number of base parameters (rank)", lambda: np.array([float(len(K))]), np.array([float(rank)]), scale=1.0)
 
 
-def _check_floating_derivatives(
-    model: Model,
-    ne: NewtonEuler,
-    parameters: InertialParameters,
-    s: States,
-    base: BaseState,
-    tolerances: Tolerances,
-    rows: Collector,
-) -> None:
+def _check_floating_derivatives(case: Case, base: BaseState) -> None:
     """Compare the derivatives of wrench and torques on a floating base with differences of those of ``ne``."""
-    exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
-    close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
-    size_of_state, step = 6 + s.q.shape[1], tolerances.step
+    ne, s, exact, close = case.ne, case.s, case.exact, case.close
+    size_of_state, step = 6 + s.q.shape[1], case.tolerances.step
 
     @cache
     def answer() -> Any:
         of_base = base.orientation, base.twist, base.twist_rate
-        return model.floating_inverse_dynamics_derivatives(s.q, s.dq, s.ddq, *of_base, beta=parameters.beta)
+        return case.model.floating_inverse_dynamics_derivatives(s.q, s.dq, s.ddq, *of_base, beta=case.beta)
 
     def forces(moved: Array, faster: Array) -> Array:
         """Wrench and torques (m, N, 6 + n) after changes (m, 6 + n) of pose and q, and of twist and dq."""
@@ -250,23 +239,21 @@ def _check_floating_derivatives(
     exact(f"{name}: M", lambda: answer()[4], ne.floating_mass_matrix(s.q))
 
 
-def check_floating_second_derivatives(
-    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
-) -> None:
+def check_floating_second_derivatives(case: Case) -> None:
     """Compare the Hessian of weighted wrench and torques on a floating base with second differences of those of ``ne``.
 
     They are along one random direction of translation, rotation, q, twist, dq, twist_rate and ddq at each state, where
     the base turns about a fixed axis at a constant rate: along the exponential map.
     """
+    model, ne, s, beta, close = case.model, case.ne, case.s, case.beta, case.close
     if not model.spec.floating_base:
         return
-    beta, (count, n) = parameters.beta, s.q.shape
+    count, n = s.q.shape
     rng = np.random.default_rng(count)
     base, w = draw_base(count, rng), rng.uniform(-1.0, 1.0, (count, 6 + n))
     direction = rng.normal(size=(count, 3 * (6 + n)))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     x, v, a = np.split(direction, 3, axis=1)
-    close = rows.against(ne.name, parameters.label, tolerances.differenced, count)
     of_base = base.orientation, base.twist, base.twist_rate
 
     def weighted(t: float) -> Array:
@@ -457,16 +444,17 @@ def _identification_columns(model: Model, K: Array, s: States, extra: Array) -> 
     return np.concatenate([got[..., : len(K)] @ K, own[..., order]], axis=2)
 
 
-def check_dynamics(
-    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
-) -> None:
+def check_dynamics(case: Case) -> None:
     """Compare torques, mass matrix, Coriolis and gravity terms, forward dynamics and energies with the reference."""
-    check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
-    beta = parameters.beta
+    model, ne, s, beta, check = case.model, case.ne, case.s, case.beta, case.exact
     tau, c, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.coriolis(s.q, s.dq), ne.mass_matrix(s.q)
     torque = size(tau)
     if beta is None:
-        check("beta = K phi", lambda: _nominal_beta(model), np.asarray(model.base_projection) @ parameters.phi.ravel())
+        check(
+            "beta = K phi",
+            lambda: _nominal_beta(model),
+            np.asarray(model.base_projection) @ case.parameters.phi.ravel(),
+        )
     check("inverse_dynamics", lambda: model.inverse_dynamics(s.q, s.dq, s.ddq, beta=beta), tau)
     check("mass_matrix", lambda: model.mass_matrix(s.q, beta=beta), M)
     check("coriolis", lambda: model.coriolis(s.q, s.dq, beta=beta), c, scale=torque)
@@ -481,28 +469,26 @@ def check_dynamics(
         c,
         scale=torque,
     )
-    M_dot = rate(lambda t: ne.mass_matrix(s.q + t * s.dq), tolerances.step)
+    M_dot = rate(lambda t: ne.mass_matrix(s.q + t * s.dq), case.tolerances.step)
     transposed = np.einsum("nij,nj->ni", M_dot, s.dq) - c  # dM/dt = C + C'
-    rows.against(ne.name, parameters.label, tolerances.differenced, s.count)(
+    case.close(
         "coriolis_transpose",
         lambda: model.coriolis_transpose(s.q, s.dq, beta=beta),
         transposed,
         scale=max(torque, size(transposed)),
     )
-    _check_forward_dynamics(model, ne, parameters, s, tolerances, rows)
-    _check_energy(model, ne, parameters, s, tolerances, rows)
+    _check_forward_dynamics(case)
+    _check_energy(case)
 
 
-def _check_forward_dynamics(
-    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
-) -> None:
+def _check_forward_dynamics(case: Case) -> None:
     """Check that accelerations of the forward dynamics reproduce the torques, and that an indefinite M is reported."""
+    ne, s, check = case.ne, case.s, case.exact
     tau, M = ne.inverse_dynamics(s.q, s.dq, s.ddq), ne.mass_matrix(s.q)
-    definite = is_definite(M, tolerances)
-    check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
+    definite = is_definite(M, case.tolerances)
 
     def ask(q: Array, dq: Array, tau: Array) -> Array:
-        return np.asarray(model.forward_dynamics(q, dq, tau, beta=parameters.beta))
+        return np.asarray(case.model.forward_dynamics(q, dq, tau, beta=case.beta))
 
     if np.any(definite):
         d, torque = s.at(definite), tau[definite]
@@ -518,19 +504,17 @@ def _nominal_beta(model: Model) -> Array:
     return np.asarray(model.beta)
 
 
-def _check_energy(
-    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
-) -> None:
+def _check_energy(case: Case) -> None:
     """Compare kinetic energy, and potential energy relative to its value at q = 0, with closed loops at the first q."""
-    check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
+    model, ne, s, beta, check = case.model, case.ne, case.s, case.beta, case.exact
     home = np.zeros_like(s.q) if ne.loops is None else np.tile(s.q[0], (s.count, 1))
     kinetic, potential = ne.energy(s.q, s.dq)
     potential = potential - ne.energy(home, s.dq)[1]
     scale = max(size(kinetic), size(potential))
 
     def model_potential() -> Array:
-        here, there = (model.energy(q, s.dq, beta=parameters.beta)[1] for q in (s.q, home))
+        here, there = (model.energy(q, s.dq, beta=beta)[1] for q in (s.q, home))
         return np.asarray(here - there)
 
-    check("energy, kinetic", lambda: np.asarray(model.energy(s.q, s.dq, beta=parameters.beta)[0]), kinetic, scale=scale)
+    check("energy, kinetic", lambda: np.asarray(model.energy(s.q, s.dq, beta=beta)[0]), kinetic, scale=scale)
     check("energy, potential", model_potential, potential, scale=scale)

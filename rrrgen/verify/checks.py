@@ -28,9 +28,9 @@ from rrrgen.verify.inverse_kinematics import Tell, check_inverse_kinematics
 from rrrgen.verify.optional_functions import check_optional_functions, check_optional_kinematics
 from rrrgen.verify.references.libraries import LIBRARIES, ClosedReference, ReferenceUnavailableError
 from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.references.numeric_robot import Array, NumericRobot, chain_of
-from rrrgen.verify.report import DOUBLE, SINGLE, Collector, Report, Tolerances
-from rrrgen.verify.subject import InertialParameters, SplitCalls, States, draw_states, parameter_sets
+from rrrgen.verify.references.numeric_robot import Array, chain_of
+from rrrgen.verify.report import DOUBLE, SINGLE, Collector, Report
+from rrrgen.verify.subject import Case, InertialParameters, SplitCalls, States, draw_states, parameter_sets
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -94,19 +94,19 @@ def verify(
         return [(tip, NewtonEuler(other, phi)) for tip, other in tips.items()]
 
     plain = InertialParameters("-", sets[-1].phi, sets[-1].beta)
-    check_optional_kinematics(model, geometry, plain, states, tolerances, rows, optional, of_tips(plain.phi))
+    by_geometry = Case(model, geometry, plain, states, tolerances, rows)
+    check_optional_kinematics(by_geometry, optional, of_tips(plain.phi))
     check_friction(model, states, tolerances, rows)
     for parameters in sets:
-        reference = NewtonEuler(chain, parameters.phi)
-        check_dynamics(model, reference, parameters, states, tolerances, rows)
-        check_floating_base(model, reference, parameters, states, tolerances, rows)
-        check_derivatives(model, reference, parameters, states, tolerances, rows)
+        case = Case(model, NewtonEuler(chain, parameters.phi), parameters, states, tolerances, rows)
+        check_dynamics(case)
+        check_floating_base(case)
+        check_derivatives(case)
         if hessians:
-            check_second_derivatives(model, reference, parameters, states, tolerances, rows)
-            check_floating_second_derivatives(model, reference, parameters, states, tolerances, rows)
-        others = of_tips(parameters.phi)
-        check_optional_functions(model, reference, parameters, states, tolerances, rows, optional, others)
-        check_identities(model, chain, parameters, states, tolerances, rows)
+            check_second_derivatives(case)
+            check_floating_second_derivatives(case)
+        check_optional_functions(case, optional, of_tips(parameters.phi))
+        check_identities(case)
     check_inverse_kinematics(single_model, chain, samples, rng, rows, tell)
     for tip in model.spec.tips:
         one = NewtonEuler(chain_of(model.spec.at_tip(tip)), sets[-1].phi)
@@ -121,7 +121,8 @@ def verify(
     if libraries:
         for name in LIBRARIES:
             for parameters in sets:
-                _check_library(name, model, chain, parameters, states.first(LIBRARY_SAMPLES), tolerances, rows)
+                reference, few = NewtonEuler(chain, parameters.phi), states.first(LIBRARY_SAMPLES)
+                _check_library(name, Case(model, reference, parameters, few, tolerances, rows))
     return Report(chain.name, samples, seed, tuple(rows.rows), tuple(dict.fromkeys(rows.skipped)))
 
 
@@ -133,24 +134,16 @@ def _answers_in_single(model: Model, states: States) -> bool:
         return False
 
 
-def _check_library(
-    name: str,
-    model: Model,
-    chain: NumericRobot,
-    parameters: InertialParameters,
-    s: States,
-    tolerances: Tolerances,
-    rows: Collector,
-) -> None:
+def _check_library(name: str, case: Case) -> None:
     """Compare torques, mass matrix and pose of the tip with another library."""
+    model, s, beta, chain, phi = case.model, case.s, case.beta, case.ne.chain, case.parameters.phi
     try:
         make = LIBRARIES[name]
-        library = ClosedReference(make, chain, parameters.phi) if chain.loops else make(chain, parameters.phi)
+        library = ClosedReference(make, chain, phi) if chain.loops else make(chain, phi)
     except ReferenceUnavailableError as reason:
-        rows.skipped.append((name, str(reason)))
+        case.rows.skipped.append((name, str(reason)))
         return
-    check = rows.against(library.name, parameters.label, tolerances.foreign, s.count)
-    beta = parameters.beta
+    check = case.against(library.name, case.tolerances.foreign)
     tau = np.stack([library.inverse_dynamics(*state) for state in zip(s.q, s.dq, s.ddq, strict=True)])
     check("inverse_dynamics", lambda: model.inverse_dynamics(s.q, s.dq, s.ddq, beta=beta), tau)
     M = np.stack([library.mass_matrix(q) for q in s.q])

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrrgen.verify.references.newton_euler import NewtonEuler
-from rrrgen.verify.references.numeric_robot import Array, NumericRobot, centre_and_tensor
+from rrrgen.verify.references.numeric_robot import Array, centre_and_tensor
 from rrrgen.verify.report import STENCIL, Check, Collector, Row, Tolerances, curvature, rate, size
-from rrrgen.verify.subject import InertialParameters, States, random_parameters
+from rrrgen.verify.subject import Case, States, random_parameters
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -65,25 +65,22 @@ def _answers_wrongly(ask: Ask, s: States, M: Array, k: int) -> bool:
 # ------------------------------------------------------------------------------------------------------------------
 
 
-def check_derivatives(
-    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
-) -> None:
+def check_derivatives(case: Case) -> None:
     """Compare the derivatives of tau, and those of ddq multiplied by M.
 
     The factor M removes the amplification of errors where M is ill-conditioned.
     """
-    known = _torques(ne, s, tolerances.step)
-    _check_inverse(model, ne, parameters, s, known, tolerances, rows)
-    definite = is_definite(known.M, tolerances)
+    known = _torques(case.ne, case.s, case.tolerances.step)
+    _check_inverse(case, known)
+    definite = is_definite(known.M, case.tolerances)
     if np.any(definite):
-        _check_forward(model, ne, parameters, s.at(definite), known.at(definite), tolerances, rows)
+        _check_forward(case.at(definite), known.at(definite))
     if not np.all(definite):
-        check = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
         check_refusal(
             "forward_dynamics_derivatives",
-            check,
-            lambda q, dq, tau: model.forward_dynamics_derivatives(q, dq, tau, beta=parameters.beta)[0],
-            s.at(~definite),
+            case.exact,
+            lambda q, dq, tau: case.model.forward_dynamics_derivatives(q, dq, tau, beta=case.beta)[0],
+            case.s.at(~definite),
             known.M[~definite],
         )
 
@@ -137,22 +134,12 @@ def _batch(*parts: Array) -> list[Array]:
     return [part.reshape(-1, part.shape[-1]) for part in np.broadcast_arrays(*parts)]
 
 
-def _check_inverse(
-    model: Model,
-    ne: NewtonEuler,
-    parameters: InertialParameters,
-    s: States,
-    known: _Torques,
-    tolerances: Tolerances,
-    rows: Collector,
-) -> None:
-    beta = parameters.beta
-    exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
-    close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
+def _check_inverse(case: Case, known: _Torques) -> None:
+    s, exact, close = case.s, case.exact, case.close
 
     @cache
     def answer() -> Any:
-        return model.inverse_dynamics_derivatives(s.q, s.dq, s.ddq, beta=beta)
+        return case.model.inverse_dynamics_derivatives(s.q, s.dq, s.ddq, beta=case.beta)
 
     exact("inverse_dynamics_derivatives: tau", lambda: answer()[0], known.tau)
     close("inverse_dynamics_derivatives: dtau_dq", lambda: answer()[1], known.by_q, scale=known.scale)
@@ -160,22 +147,12 @@ def _check_inverse(
     exact("inverse_dynamics_derivatives: M", lambda: answer()[3], known.M)
 
 
-def _check_forward(
-    model: Model,
-    ne: NewtonEuler,
-    parameters: InertialParameters,
-    s: States,
-    known: _Torques,
-    tolerances: Tolerances,
-    rows: Collector,
-) -> None:
-    beta, tau, M = parameters.beta, known.tau, known.M
-    exact = rows.against(ne.name, parameters.label, tolerances.exact, s.count)
-    close = rows.against(ne.name, parameters.label, tolerances.differenced, s.count)
+def _check_forward(case: Case, known: _Torques) -> None:
+    s, exact, close, tau, M = case.s, case.exact, case.close, known.tau, known.M
 
     @cache
     def answer() -> Any:
-        return model.forward_dynamics_derivatives(s.q, s.dq, tau, beta=beta)
+        return case.model.forward_dynamics_derivatives(s.q, s.dq, tau, beta=case.beta)
 
     unit = np.broadcast_to(np.eye(s.q.shape[1]), M.shape)
     condition = size(M) * size(np.asarray(np.linalg.inv(M), dtype=float))
@@ -185,15 +162,13 @@ def _check_forward(
     exact("forward_dynamics_derivatives: M dddq_dtau", lambda: M @ np.asarray(answer()[3]), unit, scale=condition)
     exact(
         "forward_dynamics_derivatives: ddq (as torque)",
-        lambda: ne.inverse_dynamics(s.q, s.dq, np.asarray(answer()[0])),
+        lambda: case.ne.inverse_dynamics(s.q, s.dq, np.asarray(answer()[0])),
         tau,
         scale=size(tau) * max(1.0, condition / s.q.shape[1]),
     )
 
 
-def check_second_derivatives(
-    model: Model, ne: NewtonEuler, parameters: InertialParameters, s: States, tolerances: Tolerances, rows: Collector
-) -> None:
+def check_second_derivatives(case: Case) -> None:
     """Compare second derivatives along one random direction of (q, dq, ddq) at each state with second differences.
 
     The quadratic form of a symmetric matrix with a random vector has all its elements. Forward dynamics is weighted
@@ -201,11 +176,11 @@ def check_second_derivatives(
     by a = inv(M) (vt - dtau/dt), where the rate of the torques is that for constant ddq, and then
     ``w' M d2(ddq)/dt2 = -w' d2(tau)/dt2`` for ddq + t a.
     """
-    beta, w, (count, n) = parameters.beta, s.e, s.q.shape
+    model, ne, s, beta, close = case.model, case.ne, case.s, case.beta, case.close
+    w, (count, n) = s.e, s.q.shape
     direction = np.random.default_rng(count).normal(size=(count, 3 * n))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     vq, vv, last = np.split(direction, 3, axis=1)
-    close = rows.against(ne.name, parameters.label, tolerances.differenced, count)
 
     def torques(t: float, rate_of_ddq: Array) -> Array:
         return ne.inverse_dynamics(s.q + t * vq, s.dq + t * vv, s.ddq + t * rate_of_ddq)
@@ -234,7 +209,7 @@ def check_second_derivatives(
     close("inverse_dynamics_hessian_product: v' H v", lambda: dot(product(), direction), second)
     close("mass_matrix_derivatives: dM/dq vq", lambda: slopes() @ vq[:, None, :, None], turning[..., None])
     M = ne.mass_matrix(s.q)
-    if not np.all(is_definite(M, tolerances)):
+    if not np.all(is_definite(M, case.tolerances)):
         return
     still = rate(lambda t: torques(t, np.zeros_like(last)), SECOND_STEP)
     turned = np.asarray(np.linalg.solve(M, (last - still)[..., None])[..., 0], dtype=float)
@@ -263,20 +238,13 @@ class _ModelTerms:
     C: Array
 
 
-def check_identities(
-    model: Model,
-    chain: NumericRobot,
-    parameters: InertialParameters,
-    s: States,
-    tolerances: Tolerances,
-    rows: Collector,
-) -> None:
+def check_identities(case: Case) -> None:
     """Check identities between the functions of the model at the states ``s``.
 
     They are ``tau = M ddq + C dq + g = Y beta + Ia ddq``, ``M = M' > 0``, the product C' dq, the skew symmetry of
     ``dM/dt - 2 C``, and the power balance ``dE/dt = tau' dq``.
     """
-    beta = parameters.beta
+    model, s, beta = case.model, case.s, case.beta
     try:
         own = _ModelTerms(
             np.asarray(model.inverse_dynamics(s.q, s.dq, s.ddq, beta=beta)),
@@ -285,29 +253,22 @@ def check_identities(
         )
     except Exception as error:  # an identity with a function that fails does not hold
         note = f"the model gave no torque, M or C: {type(error).__name__}: {error}"
-        rows.rows.append(Row("identities", SELF, parameters.label, s.count, float("inf"), tolerances.exact, note))
+        label, limit = case.parameters.label, case.tolerances.exact
+        case.rows.rows.append(Row("identities", SELF, label, s.count, float("inf"), limit, note))
         return
-    _check_sums(model, chain, parameters, s, own, tolerances, rows)
-    _check_rates(model, parameters, s, own, tolerances, rows)
+    _check_sums(case, own)
+    _check_rates(case, own)
 
 
-def _check_sums(
-    model: Model,
-    chain: NumericRobot,
-    parameters: InertialParameters,
-    s: States,
-    own: _ModelTerms,
-    tolerances: Tolerances,
-    rows: Collector,
-) -> None:
+def _check_sums(case: Case, own: _ModelTerms) -> None:
     """Check the identities that contain no time derivative."""
-    beta = parameters.beta
-    check = rows.against(SELF, parameters.label, tolerances.exact, s.count)
+    model, s, beta = case.model, case.s, case.beta
+    check = case.against(SELF, case.tolerances.exact)
     inertial = np.einsum("nij,nj->ni", own.M, s.ddq) + np.einsum("nij,nj->ni", own.C, s.dq)
 
     def from_regressor() -> Array:
         base = np.asarray(model.beta if beta is None else beta)
-        return np.asarray(np.asarray(model.regressor(s.q, s.dq, s.ddq)) @ base + s.ddq @ chain.drive_inertia)
+        return np.asarray(np.asarray(model.regressor(s.q, s.dq, s.ddq)) @ base + s.ddq @ case.ne.chain.drive_inertia)
 
     def round_trip() -> Array:
         ddq = model.forward_dynamics(s.q, s.dq, own.tau, beta=beta)
@@ -322,24 +283,22 @@ def _check_sums(
         np.einsum("nji,nj->ni", own.C, s.dq),
         scale=max(size(own.tau), size(own.C) * size(s.dq)),
     )
-    if parameters.physical:
+    if case.parameters.physical:
         indefinite = np.mean(np.linalg.eigvalsh(0.5 * (own.M + np.swapaxes(own.M, 1, 2)))[:, 0] <= 0.0)
         check("M > 0 (share of states where not)", lambda: np.asarray(indefinite), np.zeros(()), scale=1.0)
         check("M (forward(inverse) - ddq) = 0", round_trip, np.zeros_like(s.q), scale=size(own.tau))
 
 
-def _check_rates(
-    model: Model, parameters: InertialParameters, s: States, own: _ModelTerms, tolerances: Tolerances, rows: Collector
-) -> None:
+def _check_rates(case: Case, own: _ModelTerms) -> None:
     """Check that dM/dt - 2C is skew-symmetric and that the energy changes by the power: d(K + U)/dt = tau . dq.
 
     Time derivatives are differences along the motion q + t dq, dq + t ddq at t = 0.
     """
-    beta = parameters.beta
-    check = rows.against(SELF, parameters.label, tolerances.differenced, s.count)
+    model, s, beta, step = case.model, case.s, case.beta, case.tolerances.step
+    check = case.against(SELF, case.tolerances.differenced)
 
     def skew() -> Array:
-        M_dot = rate(lambda t: np.asarray(model.mass_matrix(s.q + t * s.dq, beta=beta)), tolerances.step)
+        M_dot = rate(lambda t: np.asarray(model.mass_matrix(s.q + t * s.dq, beta=beta)), step)
         S = M_dot - 2.0 * own.C
         return S + np.swapaxes(S, 1, 2)
 
@@ -349,7 +308,7 @@ def _check_rates(
 
     check("dM/dt - 2C skew", skew, np.zeros_like(own.C), scale=size(own.M) * size(s.dq))
     power = own.tau * s.dq
-    check("d(K + U)/dt = tau.dq", lambda: rate(total, tolerances.step), np.sum(power, axis=1), scale=size(power))
+    check("d(K + U)/dt = tau.dq", lambda: rate(total, step), np.sum(power, axis=1), scale=size(power))
 
 
 # ------------------------------------------------------------------------------------------------------------------

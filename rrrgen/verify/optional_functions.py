@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,8 @@ from rrrgen.verify.against_newton_euler import changed_friction
 from rrrgen.verify.identities import SECOND_STEP
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array
-from rrrgen.verify.report import Check, Collector, Tolerances, curvature, rate, size
-from rrrgen.verify.subject import InertialParameters, States
-
-if TYPE_CHECKING:
-    from rrrgen.runtime.model import Model
+from rrrgen.verify.report import curvature, rate, size
+from rrrgen.verify.subject import Case
 
 PERIOD = 2.0**-10  # s, of functions that keep a state
 POLE = 60.0  # 1/s, of the momentum observer
@@ -36,30 +33,14 @@ RANK = 1e-9  # smallest over largest singular value, below which a Jacobian has 
 
 
 @dataclass(frozen=True)
-class _Case:
+class _Case(Case):
     """A model and its reference at states, with all that the formulas of the functions have in common.
 
     ``wanted`` are the names of the emitted functions, those of a named ``tip`` behind its name.
     """
 
-    model: Model
-    ne: NewtonEuler
-    parameters: InertialParameters
-    s: States
-    tolerances: Tolerances
-    rows: Collector
-    wanted: Collection[str]
+    wanted: Collection[str] = ()
     tip: str = ""
-
-    @property
-    def exact(self) -> Check:
-        """Compares with what differs by round-off."""
-        return self.rows.against(self.ne.name, self.parameters.label, self.tolerances.exact, self.s.count)
-
-    @property
-    def close(self) -> Check:
-        """Compares with what holds difference quotients."""
-        return self.rows.against(self.ne.name, self.parameters.label, self.tolerances.differenced, self.s.count)
 
     def has(self, name: str) -> bool:
         """Whether the function ``name`` is emitted for the tip."""
@@ -126,47 +107,31 @@ class _Case:
         return {"friction": np.array(friction.values), "width": np.full(friction.laws, WIDTH)}
 
 
-def check_optional_functions(
-    model: Model,
-    ne: NewtonEuler,
-    parameters: InertialParameters,
-    s: States,
-    tolerances: Tolerances,
-    rows: Collector,
-    wanted: Collection[str],
-    tips: Sequence[tuple[str, NewtonEuler]] = (),
-) -> None:
+def check_optional_functions(base: Case, wanted: Collection[str], tips: Sequence[tuple[str, NewtonEuler]] = ()) -> None:
     """Compare the functions of optional groups whose names are ``wanted`` with formulas over the reference ``ne``.
 
     ``tips`` are the named tips of the robot with the references of the same robot with this tip.
     """
-    case = _Case(model, ne, parameters, s, tolerances, rows, frozenset(wanted))
+    case = _Case(**vars(base), wanted=frozenset(wanted))
     for check in (_terms, _joint_laws, _adaptive_law, _observer, _elastic, _path, _second_derivatives):
         check(case)
-    for tip, other in [("", ne), *tips]:
+    for tip, other in [("", base.ne), *tips]:
         of_tip = replace(case, ne=other, tip=tip)
         _impedance(of_tip)
         _operational_space(of_tip)
 
 
 def check_optional_kinematics(
-    model: Model,
-    ne: NewtonEuler,
-    parameters: InertialParameters,
-    s: States,
-    tolerances: Tolerances,
-    rows: Collector,
-    wanted: Collection[str],
-    tips: Sequence[tuple[str, NewtonEuler]] = (),
+    base: Case, wanted: Collection[str], tips: Sequence[tuple[str, NewtonEuler]] = ()
 ) -> None:
     """Compare the functions of optional groups that take no inertial parameters: points, motions and contact.
 
     ``wanted`` are names of functions, ``tips`` the named tips of the robot with the references that have this tip.
     """
-    case = _Case(model, ne, parameters, s, tolerances, rows, frozenset(wanted))
+    case = _Case(**vars(base), wanted=frozenset(wanted))
     for check in (_points, _contact, _external_load, _quintic, _trapezoidal):
         check(case)
-    for tip, other in [("", ne), *tips]:
+    for tip, other in [("", base.ne), *tips]:
         of_tip = replace(case, ne=other, tip=tip)
         for check in (_tools, _manipulability, _nullspace):
             check(of_tip)

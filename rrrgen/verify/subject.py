@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from rrrgen.base.errors import DerivationError
 from rrrgen.verify.references.closed_loops import LoopSolver
 from rrrgen.verify.references.newton_euler import NewtonEuler
 from rrrgen.verify.references.numeric_robot import Array, NumericRobot, is_physical, nominal_parameters
+from rrrgen.verify.report import Check, Collector, Tolerances
 
 if TYPE_CHECKING:
     from rrrgen.runtime.model import Model
@@ -155,3 +156,41 @@ def parameter_sets(model: Model, rng: np.random.Generator) -> tuple[InertialPara
     if nominal is not None:
         sets.insert(0, InertialParameters("nominal", nominal, None))
     return tuple(sets)
+
+
+@dataclass(frozen=True)
+class Case:
+    """What a check compares: a model with the reference ``ne`` of the same ``parameters``, at the states ``s``.
+
+    The rows of the report go to ``rows``.
+    """
+
+    model: Model
+    ne: NewtonEuler
+    parameters: InertialParameters
+    s: States
+    tolerances: Tolerances
+    rows: Collector
+
+    @property
+    def beta(self) -> Array | None:
+        """The base parameters that are handed to the model, (b,); None for those of the robot file."""
+        return self.parameters.beta
+
+    @property
+    def exact(self) -> Check:
+        """Compares with what differs by round-off."""
+        return self.against(self.ne.name, self.tolerances.exact)
+
+    @property
+    def close(self) -> Check:
+        """Compares with what holds difference quotients."""
+        return self.against(self.ne.name, self.tolerances.differenced)
+
+    def against(self, reference: str, tolerance: float) -> Check:
+        """Compares with another ``reference``."""
+        return self.rows.against(reference, self.parameters.label, tolerance, self.s.count)
+
+    def at(self, chosen: NDArray[np.bool_]) -> Case:
+        """The same comparison at the ``chosen`` states alone."""
+        return replace(self, s=self.s.at(chosen))

@@ -136,7 +136,8 @@ class RunTimeFriction:
         """The friction of a function, with its inputs declared: ``friction``, and ``width`` if ``smooth``."""
         surfaces = surfaces_of(r.model.spec)
         names = [name for name, _ in friction_parameters(r.model.spec)]
-        given = iter(r.friction(Port("friction", (len(names),), "SI", "", _listed(names), Role.FRICTION)))
+        meaning = "friction parameters " + ", ".join(names)
+        given = iter(r.friction(Port("friction", (len(names),), "SI", "", meaning, Role.FRICTION)))
         counts = [3 if surface.law is None else len(surface.law.parameters) + 1 for surface in surfaces]
         values = {s: [next(given) for _ in range(count)] for s, count in zip(surfaces, counts, strict=True)}
         widths = r.take("width", len(surfaces)) if smooth else None
@@ -166,10 +167,6 @@ class RunTimeFriction:
     def laws(self) -> list[str]:
         """Notes for the header, one per friction law: the joints and motors that it acts at, and its formula."""
         return _laws(tuple(self.values))
-
-
-def _listed(names: Sequence[str]) -> str:
-    return "friction parameters " + ", ".join(names)
 
 
 def friction_with(r: FunctionBuilder) -> Program:

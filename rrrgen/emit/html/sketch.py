@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from math import cos, hypot, radians, sin
+from math import cos, dist, hypot, radians, sin
 
 import sympy as sp
 
@@ -161,7 +161,7 @@ def frame_sketch(spec: RobotSpec) -> str:
     parts.append(_polyline(view, (origin(stages[spec.tip_row].frame), origin(tip)), "tool"))
     parts += [_joint(view, stage) for stage in stages]
     frames = [("0", base), *((str(k), s.frame) for k, s in enumerate(stages, start=1))]
-    if _distance(origin(tip), origin(stages[spec.tip_row].frame)) > _COINCIDENT:
+    if dist(origin(tip), origin(stages[spec.tip_row].frame)) > _COINCIDENT:
         frames.append(("tip", tip))
     parts += [_triad(view, frame) for _, frame in frames]
     parts += _apart([*_frame_labels(view, frames), *_variable_labels(view, stages, variables(spec))])
@@ -282,10 +282,6 @@ def _merged(places: Sequence[tuple[str, tuple[float, float]]]) -> list[tuple[str
         else:
             groups.append(([name], place))
     return [(", ".join(names), place) for names, place in groups]
-
-
-def _distance(p: Point, q: Point) -> float:
-    return hypot(*(a - b for a, b in zip(p, q, strict=True)))
 
 
 def _gravity(spec: RobotSpec) -> list[str]:

@@ -219,7 +219,7 @@ class TextBuilder:
         A, B, C = _tidied(A), _tidied(B), _tidied(C)
         if B == 0 and not _carries_target(A):
             A, C = sp.Integer(1), _tidied(C / A)
-        if _size(C) > 3:
+        if sp.count_ops(C) > 3:
             C = self.name(f"k_{joint.index + 1}", C)
         w2 = _tidied(A**2 + B**2 - C**2)
         middle = sp.Integer(0) if (A == 1 and B == 0) else sp.atan2(B, A)
@@ -317,10 +317,6 @@ def _target(name: str) -> sp.Symbol:
 
 def _carries_target(x: sp.Expr) -> bool:
     return any(symbol.name[0] in "xyzpr" for symbol in x.free_symbols)
-
-
-def _size(x: sp.Expr) -> int:
-    return int(sp.count_ops(x))
 
 
 def _tidied(x: Any) -> sp.Expr:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -299,8 +300,4 @@ def resonances_of(a: Array, period: float) -> tuple[Resonance, ...]:
     roots = np.roots(np.concatenate([[1.0], -a]))
     s = np.log(roots[roots.imag > 1e-9]) / period
     found = [Resonance(float(abs(each) / (2.0 * np.pi)), float(-each.real / abs(each))) for each in s]
-    return tuple(sorted((each for each in found if abs(each.damping) < HIGHEST_DAMPING), key=_frequency))
-
-
-def _frequency(mode: Resonance) -> float:
-    return mode.frequency
+    return tuple(sorted((each for each in found if abs(each.damping) < HIGHEST_DAMPING), key=attrgetter("frequency")))

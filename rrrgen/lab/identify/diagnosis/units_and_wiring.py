@@ -105,7 +105,7 @@ def _against_reach(spec: Any, g: Array, M: Array, sample: Sample, words: Wording
         return
     arm = np.where(turning, reach, 1.0)
     pull = float(np.linalg.norm([float(v) for v in spec.gravity]))
-    by_gravity = float(np.max(_rms(g) / arm)) / pull if pull > 0.0 else 0.0
+    by_gravity = float(np.max(rms(g, axis=0) / arm)) / pull if pull > 0.0 else 0.0
     by_inertia = float(np.max(np.abs(np.mean(M, axis=0)) / arm**2))
     volume = float(reach[0]) ** 3
     evidence = f"the inertia is that of {by_inertia:.3g} kg at a reach of {reach[0]:.3g} m"
@@ -136,10 +136,6 @@ def _judged(
     size = inertia if np.isnan(gravity) else gravity
     if size > high or size < low:
         yield words.wrong_unit("torque", joints, 1e-3 if size > high else 1e3).because(evidence)
-
-
-def _rms(x: Array) -> Array:
-    return rms(x, axis=0)
 
 
 # ------------------------------------------------------------------------------------------------------------------
