@@ -121,7 +121,7 @@ class RunFolder:
         except (OSError, ValueError, KeyError, TypeError):
             pass
         data = plain(compute())
-        write_atomically(place, json.dumps({"digest": self.digest, "data": data}))
+        write_file(place, json.dumps({"digest": self.digest, "data": data}))
         return data
 
     def write_json(self, name: str, data: Any) -> Path:
@@ -139,7 +139,7 @@ class RunFolder:
     def write_text(self, name: str, text: str) -> Path:
         """Write ``results/name`` with this text. Returns the path."""
         place = self.path / "results" / name
-        write_atomically(place, text)
+        write_file(place, text)
         return place
 
     def figure(self, name: str, figure: Figure) -> list[Path]:
@@ -182,12 +182,7 @@ class RunFolder:
 
     def _set_status(self, status: Status) -> None:
         record = {**self.record, "digest": self.digest, "status": status}
-        write_atomically(self.path / "run.json", json.dumps(record, indent=1) + "\n")
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Write ``text`` (UTF-8, LF) so that the file is either complete or absent, whatever interrupts the writing."""
-    write_file(path, text)
+        write_file(self.path / "run.json", json.dumps(record, indent=1) + "\n")
 
 
 def plain(value: Any) -> Any:
@@ -195,7 +190,7 @@ def plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return plain(asdict(value))
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return plain_record(value)
     if isinstance(value, np.ndarray):
         return plain(value.tolist())
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -207,6 +202,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, (float, np.floating)):
         return float(value) if math.isfinite(value) else None
     return value if value is None or isinstance(value, str) else str(value)
+
+
+def plain_record(values: Mapping[Any, Any]) -> dict[str, Any]:
+    """Convert ``values`` to a JSON object, as :func:`plain` does."""
+    return {str(key): plain(item) for key, item in values.items()}
 
 
 def read_json(path: str | os.PathLike[str], what: str, read: Callable[[Any], Content]) -> Content:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rrrgen.base.errors import DerivationError
-from rrrgen.lab.data.run_folder import write_atomically
+from rrrgen.base.files import write_file
 from rrrgen.lab.design.check import ExcitationCheck, LimitUse, ProblemFunctions, check_trajectory
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.lab.design.problem import ExcitationLimits, ExcitationProblem, excitation_problem
@@ -80,7 +80,7 @@ class ExcitationDesign:
     def write(self, folder: Path) -> list[Path]:
         """Write ``excitation.json`` (coefficients) and ``excitation.csv`` (controller samples), return both."""
         result, samples = folder / "excitation.json", folder / "excitation.csv"
-        write_atomically(result, json.dumps(self.to_json(), indent=1) + "\n")
+        write_file(result, json.dumps(self.to_json(), indent=1) + "\n")
         write_trajectory_csv(samples, self.trajectory, self.problem.sample_period)
         return [result, samples]
 
@@ -136,4 +136,4 @@ def write_trajectory_csv(path: Path, trajectory: FourierTrajectory, sample_perio
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["t", *(f"{name}{i + 1}" for name in ("q", "dq", "ddq") for i in range(trajectory.n))])
     writer.writerows(np.column_stack([t, q, dq, ddq]).tolist())
-    write_atomically(path, text.getvalue())
+    write_file(path, text.getvalue())

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from rrrgen.base.files import write_file
 from rrrgen.base.parallel import as_computed
-from rrrgen.lab.data.run_folder import write_atomically
 from rrrgen.lab.design.check import ExcitationCheck, LimitUse
 from rrrgen.lab.design.fourier_series import FourierTrajectory
 from rrrgen.lab.design.problem import ExcitationProblem
@@ -46,7 +46,7 @@ def run_starts(
     for _, result in as_computed(solve_start, missing, jobs, cluster=cluster, shared=[problem]):
         done[result.seed] = result
         if checkpoints is not None:
-            write_atomically(_place(checkpoints, digest, result.seed), json.dumps(_to_json(result, digest), indent=1))
+            write_file(_place(checkpoints, digest, result.seed), json.dumps(_to_json(result, digest), indent=1))
         if progress is not None:
             best = min(done.values(), key=lambda r: r.score).check.condition
             progress(len(done), len(seeds), f"start {result.seed}: cond {result.check.condition:.4g}, best {best:.4g}")

@@ -14,7 +14,7 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
-from rrrgen.lab.data.run_folder import write_atomically
+from rrrgen.base.files import write_file
 from rrrgen.lab.design.plan import ResponseDesign, ResponseRun
 from rrrgen.lab.plant.controllers import PD, DeviationFilter
 from rrrgen.lab.plant.experiment import Instruments, SimulatedRecording
@@ -205,7 +205,7 @@ def write_responses(
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(COLUMNS)
         writer.writerows(each.settled().tolist())
-        write_atomically(folder / f"{each.run.name}.csv", text.getvalue())
+        write_file(folder / f"{each.run.name}.csv", text.getvalue())
     by_posture: dict[int, list[str]] = {}
     for each in signals:
         by_posture.setdefault(each.run.posture, []).append(each.run.name)
@@ -247,5 +247,5 @@ def _write_response(
         powers = (controller.numerator, controller.denominator)
         numerator, denominator = (", ".join(repr(float(v)) for v in values) for values in powers)
         lines.append(f"controller: {{numerator: [{numerator}], denominator: [{denominator}]}}")
-    write_atomically(path, "\n".join(lines) + "\n")
+    write_file(path, "\n".join(lines) + "\n")
     return path

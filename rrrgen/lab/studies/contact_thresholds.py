@@ -85,10 +85,9 @@ class ContactResult(StudyResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``contact.json``."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
-        record: dict[str, Any] = plain(self.found.to_json())
-        return record
+        return plain_record(self.found.to_json())
 
     def write(self, folder: RunFolder) -> None:
         """Write ``contact.json`` and the C header ``<name>_contact.h`` into an open run folder."""

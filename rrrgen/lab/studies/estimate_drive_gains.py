@@ -49,10 +49,9 @@ class DriveGainsResult(FittedResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``drive_gains.json``."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
-        record: dict[str, Any] = plain(self.gains.to_json())
-        return record
+        return plain_record(self.gains.to_json())
 
     def write(self, folder: RunFolder) -> None:
         """Write ``drive_gains.json`` into an open run folder."""

@@ -63,10 +63,9 @@ class ElasticJointsResult(FittedResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``elastic_joints.json``."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
-        record: dict[str, Any] = plain(self.elastic.to_json())
-        return record
+        return plain_record(self.elastic.to_json())
 
     def write(self, folder: RunFolder) -> None:
         """Write ``elastic_joints.json`` into an open run folder."""

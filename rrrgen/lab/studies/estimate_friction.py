@@ -106,12 +106,11 @@ class FrictionResult(StudyResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``friction.json``."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
         rest = {} if self.rest is None else {"presliding": self.rest.to_json()}
         loop = {} if self.loop is None else {"closed_loop": self.loop.to_json()}
-        record: dict[str, Any] = plain(self.found.to_json() | rest | loop)
-        return record
+        return plain_record(self.found.to_json() | rest | loop)
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figures: friction over speed, and torques and speeds of the experiment."""

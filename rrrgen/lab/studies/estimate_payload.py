@@ -55,10 +55,9 @@ class PayloadResult(FittedResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``payload.json``."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
-        record: dict[str, Any] = plain(self.payload.to_json())
-        return record
+        return plain_record(self.payload.to_json())
 
     def write(self, folder: RunFolder) -> None:
         """Write ``payload.json``, and ``robot.yaml`` with the payload, into an open run folder."""

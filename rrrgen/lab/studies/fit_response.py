@@ -108,11 +108,10 @@ class FitResponseResult(StudyResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``response_model.json``: the first posture, and all of them if there are several."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
         record = self.fitted.to_json() | ({} if self.elastic is None else {"elastic_model": self.elastic})
-        found: dict[str, Any] = plain(record)
-        return found
+        return plain_record(record)
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figures: response_model if a response was measured, resonances if there are several postures."""

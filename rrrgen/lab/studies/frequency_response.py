@@ -77,13 +77,12 @@ class FrequencyResponseResult(StudyResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``frf.json``: the first response, and all of them if there are several."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
         record = self.responses[0].to_json()
         if len(self.responses) > 1:
             record["postures"] = [each.to_json() for each in self.responses]
-        found: dict[str, Any] = plain(record)
-        return found
+        return plain_record(record)
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figure ``frf``: a Bode diagram with bands and coherence."""

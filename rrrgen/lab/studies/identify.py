@@ -261,13 +261,12 @@ class IdentificationResult(EstimateResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``identification.json``, with cross-validation and fitted loop if there are any."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
         from rrrgen.lab.identify.results import as_record
 
         more = {} if self.cross_validation is None else {"cross_validation": self.cross_validation.to_json()}
         more |= {} if self.closed_loop is None else {"closed_loop": self.closed_loop.to_json()}
-        record: dict[str, Any] = plain(as_record(self.identification, self._joints) | more)
-        return record
+        return plain_record(as_record(self.identification, self._joints) | more)
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figures: torques, torques_held_out, convergence, whiteness, bandwidth, friction, closed_loop."""

@@ -84,13 +84,12 @@ class MatrixResponseResult(StudyResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``matrix_response.json``."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
         from rrrgen.lab.response.resonances import modes_over_postures
 
         record: dict[str, Any] = {"postures": [each.to_json() for each in self.responses]}
         record["resonances_over_postures"] = [mode.to_json() for mode in modes_over_postures(self.responses)]
-        found: dict[str, Any] = plain(record | ({} if self.elastic is None else {"elastic_model": self.elastic}))
-        return found
+        return plain_record(record | ({} if self.elastic is None else {"elastic_model": self.elastic}))
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figures: matrix_response, and resonances if there are several postures."""

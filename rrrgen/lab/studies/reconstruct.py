@@ -60,10 +60,9 @@ class ReconstructionResult(StudyResult):
 
     def to_json(self) -> dict[str, Any]:
         """Number of samples and settings of the filter as plain data."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
-        found: dict[str, Any] = plain({"samples": len(self.t), "processing": self.processing.settings()})
-        return found
+        return plain_record({"samples": len(self.t), "processing": self.processing.settings()})
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figure ``bode`` of a Kalman filter; none for other methods."""

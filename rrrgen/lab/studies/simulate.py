@@ -164,11 +164,10 @@ class SimulationResult(StudyResult):
 
     def to_json(self) -> dict[str, Any]:
         """Samples, loop and tracking as plain data."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
         record = {"samples": len(self.recording.t), "clipped_torques": self.clipped, "loop": self.loop.to_json()}
-        found: dict[str, Any] = plain(record | {"tracking": {"ok": self.ok, **asdict(self.tracking)}})
-        return found
+        return plain_record(record | {"tracking": {"ok": self.ok, **asdict(self.tracking)}})
 
     def write(self, folder: RunFolder) -> None:
         """Write the recording as ``log.csv`` with its mapping file, and its controller, into an open run folder."""

@@ -152,7 +152,7 @@ class ValidationResult(StudyResult):
 
     def to_json(self) -> dict[str, Any]:
         """The content of ``validation.json``."""
-        from rrrgen.lab.data.run_folder import plain
+        from rrrgen.lab.data.run_folder import plain_record
 
         record = self.validation.to_json() | {
             "share_of_own_data": self.common.share if self.common.looked else None,
@@ -161,8 +161,7 @@ class ValidationResult(StudyResult):
         }
         if self.closed_loop is not None:
             record["closed_loop"] = self.closed_loop.to_json()
-        found: dict[str, Any] = plain(record)
-        return found
+        return plain_record(record)
 
     def figures(self) -> dict[str, FigureMaker]:
         """The figure ``torques``: measured and predicted torques of every joint."""

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from rrrgen.base.errors import InputError
+from rrrgen.base.files import write_file
 from rrrgen.base.version import VERSION
-from rrrgen.lab.data.run_folder import RunFolder, hash_of, plain, write_atomically
+from rrrgen.lab.data.run_folder import RunFolder, hash_of, plain
 
 
 def opened(tmp_path, settings=None, seed=0, fresh=False, text="a"):
@@ -104,14 +105,14 @@ def test_tables_and_records_read_back_exactly(tmp_path):
 def test_a_file_is_complete_or_absent(tmp_path, monkeypatch):
     import os
 
-    write_atomically(tmp_path / "a.txt", "before")
+    write_file(tmp_path / "a.txt", "before")
 
     def interrupted(*args):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(os, "replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        write_atomically(tmp_path / "a.txt", "after")
+        write_file(tmp_path / "a.txt", "after")
     assert (tmp_path / "a.txt").read_text() == "before"
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
 
