@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import sympy as sp
 
     from rrrgen.derive.derived_model import Derivation, DerivedModel, ParametrizedRobot
-    from rrrgen.emit.latex import Form
+    from rrrgen.emit.latex.equations import Form
     from rrrgen.emit.latex.inverse_kinematics import SolverForm as InverseForm
     from rrrgen.program import Program
     from rrrgen.robot.spec import JointSpec, RobotSpec
@@ -442,7 +442,7 @@ def _inverse_kinematics(spec: RobotSpec, asked: bool, short: bool) -> InverseFor
 def _as_latex(robot: ParametrizedRobot, forms: Mapping[str, Form], inverse: InverseForm | str | None) -> str:
     """The closed forms in LaTeX, preceded by the definitions of the base parameters if they contain any."""
     from rrrgen.derive.parameters.listing import listing
-    from rrrgen.emit.latex import latex, latex_base_parameters
+    from rrrgen.emit.latex.equations import latex, latex_base_parameters
     from rrrgen.emit.latex.inverse_kinematics import SolverForm as InverseForm
 
     used = {symbol.name for form in forms.values() for symbol in form.free_symbols}
@@ -454,7 +454,7 @@ def _as_latex(robot: ParametrizedRobot, forms: Mapping[str, Form], inverse: Inve
 
 def _as_plain(description: str, forms: Mapping[str, Form], inverse: InverseForm | str | None) -> str:
     """Print the requested ones of description, closed forms and inverse kinematics, separated by empty lines."""
-    from rrrgen.emit.latex import plain
+    from rrrgen.emit.latex.equations import plain
 
     said = inverse if inverse is None or isinstance(inverse, str) else inverse.text()
     text = description + (plain(forms) if forms else "")

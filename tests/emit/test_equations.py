@@ -7,7 +7,7 @@ import sympy as sp
 
 from emit.formula_reading import compute, read_plain
 from emit.transcribed import TRANSCRIBED, VALUES, S, value_of
-from rrrgen.emit.latex import latex, plain
+from rrrgen.emit.latex.equations import latex, plain
 
 
 def test_small_matrix_stays_a_matrix_and_large_entries_become_equations() -> None:

@@ -13,8 +13,8 @@ from emit.formula_reading import compute, raise_functions, read_latex, read_math
 from emit.transcribed import TRANSCRIBED, VALUES, S, value_of
 from rrrgen.base.errors import BackendError
 from rrrgen.emit.html.mathml import MathmlMarkup
-from rrrgen.emit.latex import Walk, break_sum, latex_expression, notation, plain, plain_expression
-from rrrgen.emit.latex.formulas import TextMarkup
+from rrrgen.emit.latex.equations import break_sum, plain
+from rrrgen.emit.latex.formulas import LatexMarkup, TextMarkup, Walk, notation
 
 rationals = st.builds(sp.Rational, st.integers(-9, 9), st.sampled_from([1, 2, 3, 7, 20, 1000]))
 angles = st.builds(
@@ -36,6 +36,14 @@ expressions = st.recursive(
     ),
     max_leaves=12,
 )
+
+
+def latex_expression(expression: sp.Expr, short_trig: bool = True) -> str:
+    return Walk(LatexMarkup(), short_trig).write(expression)
+
+
+def plain_expression(expression: sp.Expr, short_trig: bool = True) -> str:
+    return Walk(TextMarkup(), short_trig).write(expression)
 
 
 READERS = {

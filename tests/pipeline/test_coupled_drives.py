@@ -15,7 +15,7 @@ from oracles.random_robots import random_robot, to_yaml
 from rrrgen.cli.show import as_data, as_text
 from rrrgen.derive import derive_model
 from rrrgen.emit.html import html_report
-from rrrgen.emit.latex import plain
+from rrrgen.emit.latex.equations import plain
 from rrrgen.emit.package import emit
 from rrrgen.lab.design.problem import ExcitationLimits
 from rrrgen.lab.design.robot import robot_problem

@@ -22,7 +22,7 @@ from rrrgen.cli.show import as_data, as_text
 from rrrgen.derive import derive
 from rrrgen.derive.parameters.listing import listing
 from rrrgen.emit.html import html_report
-from rrrgen.emit.latex import latex_base_parameters
+from rrrgen.emit.latex.equations import latex_base_parameters
 from rrrgen.emit.package import emit
 from rrrgen.robot.file import load_spec, loads_spec
 

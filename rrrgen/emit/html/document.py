@@ -15,7 +15,8 @@ from rrrgen.emit.html import robot_facts as facts
 from rrrgen.emit.html.mathml import MathmlMarkup
 from rrrgen.emit.html.scene import as_json, scene
 from rrrgen.emit.html.sketch import frame_sketch, zero_pose
-from rrrgen.emit.latex import Form, Walk, trig_abbreviates
+from rrrgen.emit.latex.equations import Form, trig_abbreviates
+from rrrgen.emit.latex.formulas import Walk
 from rrrgen.emit.targets.javascript_ik import modules
 from rrrgen.robot.identity import identify
 

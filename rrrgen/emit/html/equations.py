@@ -9,7 +9,8 @@ from markupsafe import Markup
 
 from rrrgen.base.errors import BackendError, DerivationError
 from rrrgen.emit.html.mathml import Line, MathmlMarkup, definition, display, equation, inline, step
-from rrrgen.emit.latex import Form, Walk, lay_out
+from rrrgen.emit.latex.equations import Form, lay_out
+from rrrgen.emit.latex.formulas import Walk
 
 if TYPE_CHECKING:
     from rrrgen.emit.latex.inverse_kinematics import SolverForm

@@ -7,7 +7,8 @@ from html import escape
 
 import sympy as sp
 
-from rrrgen.emit.latex import GREEK, Notation, PrintedEquation, QuantityNotation, Walk, break_sum, notation
+from rrrgen.emit.latex.equations import PrintedEquation, break_sum
+from rrrgen.emit.latex.formulas import GREEK, Notation, QuantityNotation, Walk, notation
 
 _BOLD_CAPITALS, _BOLD_SMALL, _BOLD_GREEK = 0x1D468, 0x1D482, 0x1D736
 _DOTS = {1: "˙", 2: "¨"}

@@ -137,7 +137,8 @@ def _results(spec: RobotSpec) -> dict[str, str]:
     from rrrgen.derive.parameters.listing import listing
     from rrrgen.emit.html import document, equations, tables
     from rrrgen.emit.html.mathml import MathmlMarkup
-    from rrrgen.emit.latex import Walk, trig_abbreviates
+    from rrrgen.emit.latex.equations import trig_abbreviates
+    from rrrgen.emit.latex.formulas import Walk
 
     derivation = prepare(spec)
     parameters = listing(parametrized(derivation))

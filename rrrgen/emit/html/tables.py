@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 from rrrgen.emit.html import robot_facts as facts
 from rrrgen.emit.html.mathml import folding, inline
 from rrrgen.emit.html.sketch import variables
-from rrrgen.emit.latex import Walk
+from rrrgen.emit.latex.formulas import Walk
 from rrrgen.program import OperationCount, count_operations
 from rrrgen.robot.model.drives import coupling_equations, motor_facts
 from rrrgen.robot.spec import RobotSpec

@@ -150,16 +150,6 @@ LINE = 96  # plain characters on one line of a broken sum
 _ABBREVIATION = r"% c_{ij} = \cos(q_i + q_j), s_{ij} = \sin(q_i + q_j)"
 
 
-def latex_expression(expression: sp.Expr, short_trig: bool = True) -> str:
-    """Print one expression in LaTeX, without delimiters; ``short_trig`` writes c_{23} for cos(q2 + q3)."""
-    return Walk(LatexMarkup(), short_trig).write(expression)
-
-
-def plain_expression(expression: sp.Expr, short_trig: bool = True) -> str:
-    """Print one expression as plain text; ``short_trig`` writes c23 for cos(q2 + q3)."""
-    return Walk(TextMarkup(), short_trig).write(expression)
-
-
 def latex(closed_forms: Mapping[str, Form], short_trig: bool = True, cse_limit: int = CSE_LIMIT) -> str:
     r"""A LaTeX fragment (amsmath) with one display per quantity.
 

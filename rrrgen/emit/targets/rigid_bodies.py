@@ -62,7 +62,7 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
     Raises DerivationError for a joint that has a drive and moves otherwise than with it: its position is no coordinate.
     """
     refuse_loops(spec, "a tree of rigid bodies with couplings")
-    base = _matrix(spec, spec.base)
+    base = homogeneous(spec, spec.base)
     bodies: list[NumericBody] = []
     behind: list[Array] = []
     for i, (row, parent) in enumerate(zip(dh_rows(spec, nominal=True), spec.parents, strict=True)):
@@ -76,7 +76,7 @@ def numeric_chain(spec: RobotSpec) -> NumericChain:
         bodies.append(NumericBody(joint, parent, _cleaned(place), *inertia, follows, direction, fixed))
         behind.append(after)
     gravity = np.array([float(spec.nominal(g)) for g in spec.gravity])
-    tip = _cleaned(behind[spec.tip_row] @ _matrix(spec, spec.tool))
+    tip = _cleaned(behind[spec.tip_row] @ homogeneous(spec, spec.tool))
     return NumericChain(tuple(bodies), tip, spec.tip_row, gravity)
 
 
@@ -115,7 +115,8 @@ def _screw(angle: float, length: float, axis: int) -> Array:
     return T
 
 
-def _matrix(spec: RobotSpec, transform: FixedTransform) -> Array:
+def homogeneous(spec: RobotSpec, transform: FixedTransform) -> Array:
+    """The homogeneous matrix (4, 4) of a fixed transform at the nominal values of named lengths, m."""
     T = np.eye(4)
     T[:3, :3] = np.reshape([float(spec.nominal(v)) for v in transform.rotation], (3, 3))
     T[:3, 3] = [float(spec.nominal(v)) for v in transform.translation]

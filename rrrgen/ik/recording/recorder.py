@@ -7,7 +7,7 @@ from rrrgen.ik.geometry.chain import Joint
 from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector
 from rrrgen.ik.recording import steps
 from rrrgen.ik.recording.builder import Feasible, Label, Turn
-from rrrgen.ik.recording.scalar import Pool, SolverScalar
+from rrrgen.ik.recording.scalar import Pool, SolverScalar, fresh_name
 from rrrgen.ik.recording.solver import Solver
 
 
@@ -178,15 +178,7 @@ class Recorder:
         self._solved.add(joint.index)
 
     def _variables(self, hints: list[str], level: int) -> tuple[SolverScalar, ...]:
-        return tuple(self.pool.var(self._fresh(hint), level) for hint in hints)
-
-    def _fresh(self, hint: str) -> str:
-        text, serial = hint, 1
-        while text in self._taken:
-            serial += 1
-            text = f"{hint}_{serial}"
-        self._taken.add(text)
-        return text
+        return tuple(self.pool.var(fresh_name(hint, self._taken), level) for hint in hints)
 
 
 def _deepest(nodes: tuple[SolverScalar, ...]) -> int:

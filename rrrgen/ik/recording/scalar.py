@@ -200,3 +200,21 @@ class Pool:
 def _is_negative(x: Constant) -> bool:
     """Whether a number is below zero, or an expression is written with a sign in front."""
     return x < 0.0 if isinstance(x, float) else bool(x.could_extract_minus_sign())
+
+
+def collect(value: SolverScalar, found: set[int]) -> None:
+    """Add the ids of ``value`` and of everything that it depends on to ``found``."""
+    if id(value) not in found:
+        found.add(id(value))
+        for arg in value.args:
+            collect(arg, found)
+
+
+def fresh_name(hint: str, taken: set[str]) -> str:
+    """``hint``, or with the first number behind it that makes a name outside ``taken``, to which the name is added."""
+    text, serial = hint, 1
+    while text in taken:
+        serial += 1
+        text = f"{hint}_{serial}"
+    taken.add(text)
+    return text

@@ -16,7 +16,7 @@ from operator import add, mul, neg, sub, truediv
 
 from rrrgen.ik.geometry.rigid_transforms import S
 from rrrgen.ik.recording.builder import DerivationBuilder
-from rrrgen.ik.recording.scalar import SolverScalar
+from rrrgen.ik.recording.scalar import SolverScalar, collect
 from rrrgen.ik.recording.steps import PairStep, ResidualStep, Stage, Step
 from rrrgen.program import Op
 
@@ -212,19 +212,12 @@ class Solver:
             if step.kind != "name" or id(step.results[0]) in used:
                 kept.append(step)
                 for operand in step.operands:
-                    _collect(operand, used)
+                    collect(operand, used)
         yield from reversed(kept)
 
     def dump(self) -> str:
         """Print the solver as readable text, one step per line, indented by the depth of choices; reproducible."""
         return text_of(self.n, list(self.live()), self.max_solutions)
-
-
-def _collect(node: SolverScalar, used: set[int]) -> None:
-    if id(node) not in used:
-        used.add(id(node))
-        for arg in node.args:
-            _collect(arg, used)
 
 
 def _applied(b: DerivationBuilder, op: Op, args: list[S]) -> S:

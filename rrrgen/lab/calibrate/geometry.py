@@ -17,9 +17,10 @@ import numpy as np
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import DerivationError
+from rrrgen.emit.targets.rigid_bodies import homogeneous
 from rrrgen.robot.model.canonical_frames import dh_rows
 from rrrgen.robot.model.mechanism import refuse_loops
-from rrrgen.robot.spec import FixedTransform, RobotSpec
+from rrrgen.robot.spec import RobotSpec
 
 # ------------------------------------------------------------------------------------------------------------------
 # Fixtures of unknown place that the tip touches, or to which a wire leads: their parameters and start values.
@@ -400,8 +401,8 @@ def geometry_of_table(spec: RobotSpec) -> Geometry:
         rows[i, :2] = float(row.theta), float(row.d)
         if following is not None:  # one of the two twists is zero
             rows[i, 2:4] = [float(x + y) for x, y in zip(row.behind, following.before, strict=True)]
-    base = _matrix(spec, spec.base) @ _twist(*map(float, table[0].before))
-    tool = _twist(*map(float, table[-1].behind)) @ _matrix(spec, spec.tool)
+    base = homogeneous(spec, spec.base) @ _twist(*map(float, table[0].before))
+    tool = _twist(*map(float, table[-1].behind)) @ homogeneous(spec, spec.tool)
     coupling = None if spec.mechanism is None else np.array([spec.mechanism.matrix[i] for i in path], dtype=float)
     return Geometry(base, rows, tool, tuple(row.revolute for row in table), coupling)
 
@@ -438,10 +439,3 @@ def _hayati(rows: Array) -> Array:
 
 def _twist(a: float, alpha: float) -> Array:
     return np.asarray(_screws(np.array([alpha]), np.array([a]), 0)[0])
-
-
-def _matrix(spec: RobotSpec, transform: FixedTransform) -> Array:
-    T = np.eye(4)
-    T[:3, :3] = np.reshape([float(spec.nominal(v)) for v in transform.rotation], (3, 3))
-    T[:3, 3] = [float(spec.nominal(v)) for v in transform.translation]
-    return T

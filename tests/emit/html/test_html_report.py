@@ -29,7 +29,8 @@ from rrrgen.emit.html.mathml import MathmlMarkup
 from rrrgen.emit.html.scene import Illustration, PlayedMotion, scene
 from rrrgen.emit.html.sketch import HEIGHT, WIDTH, frame_sketch, zero_pose
 from rrrgen.emit.html.tables import dh_exact, dh_numbers, stated
-from rrrgen.emit.latex import Walk, latex
+from rrrgen.emit.latex.equations import latex
+from rrrgen.emit.latex.formulas import Walk
 from rrrgen.ik.geometry.chain import numeric_chain
 from rrrgen.robot.file import bundled_names, bundled_path, load_spec, loads_spec
 from rrrgen.verify.references.newton_euler import NewtonEuler
@@ -287,7 +288,7 @@ def test_a_mechanism_is_shown_with_its_branches_and_couplings() -> None:
 
 _HASH = """
 import hashlib
-from rrrgen.emit.latex import latex
+from rrrgen.emit.latex.equations import latex
 from rrrgen.derive.closed_forms import closed_form
 from rrrgen.derive import derive, prepare
 from rrrgen.emit.html import html_report

@@ -29,7 +29,7 @@ from rrrgen.ik.geometry.rigid_transforms import Rigid, S, Vector, square, total
 from rrrgen.ik.plan import ARM_ANGLE, SolverPlan
 from rrrgen.ik.recording.builder import Turn, users_turn
 from rrrgen.ik.recording.newton_step import error_program, newton_program
-from rrrgen.ik.recording.scalar import Pool, SolverScalar
+from rrrgen.ik.recording.scalar import Pool, SolverScalar, fresh_name
 from rrrgen.program import Op, Program
 
 # ------------------------------------------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ class Scaffold:
         node = self.pool.of(x)
         if node.is_plain:
             return node
-        return self._defined(self._fresh(hint), "{0}", (node,))
+        return self._defined(fresh_name(hint, self._taken), "{0}", (node,))
 
     def names(self, hint: str, v: Vector) -> Vector:
         """Define a C constant for each coordinate of ``v`` (3,): ``<hint>x``, ``<hint>y`` and ``<hint>z``."""
@@ -190,7 +190,7 @@ class Scaffold:
         self._values[joint.index] = variable
 
     def _angle_variable(self, joint: Joint) -> SolverScalar:
-        return self.pool.var(self._fresh(f"q{joint.index + 1}"))
+        return self.pool.var(fresh_name(f"q{joint.index + 1}", self._taken))
 
     def residual(self, lengths: tuple[S, ...] = (), cosines: tuple[S, ...] = ()) -> None:
         """Add lengths (m) and cosines that vanish at a true solution; candidates where they do not are dropped."""
@@ -299,7 +299,7 @@ class Scaffold:
         bare = raw if joint.sign > 0 else -raw
         if not joint.revolute or (q is bare and raw.op is Op.INPUT and raw.text[0] == "x"):
             return q
-        return self._defined(self._fresh(f"q{joint.index + 1}"), "ik_wrap({0})", (q,), ("wrap",))
+        return self._defined(fresh_name(f"q{joint.index + 1}", self._taken), "ik_wrap({0})", (q,), ("wrap",))
 
     def _real(self, x: float) -> str:
         return f"(REAL){x!r}"
@@ -314,11 +314,3 @@ class Scaffold:
     def _fresh_tag(self, hint: str) -> str:
         self._taken.add(hint)
         return f"_{hint}"
-
-    def _fresh(self, hint: str) -> str:
-        text, serial = hint, 1
-        while text in self._taken:
-            serial += 1
-            text = f"{hint}_{serial}"
-        self._taken.add(text)
-        return text

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from math import prod
 from typing import Protocol, TypeAlias
 
-from rrrgen.ik.recording.scalar import SolverScalar
+from rrrgen.ik.recording.scalar import SolverScalar, collect
 from rrrgen.program import Op
 
 ARC = "{arc}"
@@ -197,14 +197,6 @@ class Dependence:
         if found is None:
             found = self._values[id(value)] = self.of(value.args)
         return found
-
-
-def collect(value: SolverScalar, found: set[int]) -> None:
-    """Add the ids of ``value`` and of everything that it depends on to ``found``."""
-    if id(value) not in found:
-        found.add(id(value))
-        for arg in value.args:
-            collect(arg, found)
 
 
 # ------------------------------------------------------------------------------------------------------------------

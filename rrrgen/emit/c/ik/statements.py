@@ -8,10 +8,10 @@ from fractions import Fraction
 from math import prod
 
 from rrrgen.emit.c.ik.costs import CALLS, SolverOperations, block_operations, sum_of
-from rrrgen.emit.c.ik.loop_nest import ARC, STOP, Leaf, LoopNest, Statement, Value, collect, opening
+from rrrgen.emit.c.ik.loop_nest import ARC, STOP, Leaf, LoopNest, Statement, Value, opening
 from rrrgen.emit.interface import Target
 from rrrgen.emit.printing import Names, Statements
-from rrrgen.ik.recording.scalar import SolverScalar
+from rrrgen.ik.recording.scalar import SolverScalar, collect
 from rrrgen.program import Node, Op, Port, Program
 
 
