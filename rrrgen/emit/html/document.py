@@ -10,9 +10,8 @@ from markupsafe import Markup
 
 from rrrgen.base.templates import template_text
 from rrrgen.derive.parameters.listing import listing
-from rrrgen.emit.html import equations, tables
+from rrrgen.emit.html import mathml, tables
 from rrrgen.emit.html import robot_facts as facts
-from rrrgen.emit.html.mathml import MathmlMarkup
 from rrrgen.emit.html.scene import as_json, scene
 from rrrgen.emit.html.sketch import frame_sketch, zero_pose
 from rrrgen.emit.latex.equations import Form, trig_abbreviates
@@ -47,7 +46,7 @@ def html_report(
     :class:`rrrgen.base.errors.InputError` for a motion that is not one of this robot.
     """
     spec, parameters = model.spec, listing(model)
-    walk = Walk(MathmlMarkup(), trig_abbreviates(closed_forms))
+    walk = Walk(mathml.MathmlMarkup(), trig_abbreviates(closed_forms))
     _, _, tip = zero_pose(spec)
     view = scene(spec) | {"motions": [motion.as_data(spec.n) for motion in motions]}
     solvers = [(tip, Markup(script_text(text))) for tip, text in modules(spec, identify(spec)).items()]
@@ -72,11 +71,11 @@ def html_report(
             base_parameters=tables.base_parameters(parameters, walk),
             regrouping=tables.regrouping(model),
             short_trig=walk.short_trig,
-            closed_forms=equations.closed_forms(closed_forms, walk),
+            closed_forms=mathml.closed_forms(closed_forms, walk),
             operations=tables.operations(model),
             passes=tables.passes(model),
             verification=verification,
-            inverse=equations.inverse_kinematics(spec),
+            inverse=mathml.inverse_kinematics(spec),
             tips=facts.solvers_of_tips(spec),
             figures=figures,
             scene=Markup(as_json(view)),

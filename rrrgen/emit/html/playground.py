@@ -135,8 +135,7 @@ def _results(spec: RobotSpec) -> dict[str, str]:
     from rrrgen.derive import parametrized, prepare
     from rrrgen.derive.closed_forms import closed_form
     from rrrgen.derive.parameters.listing import listing
-    from rrrgen.emit.html import document, equations, tables
-    from rrrgen.emit.html.mathml import MathmlMarkup
+    from rrrgen.emit.html import document, mathml, tables
     from rrrgen.emit.latex.equations import trig_abbreviates
     from rrrgen.emit.latex.formulas import Walk
 
@@ -146,9 +145,9 @@ def _results(spec: RobotSpec) -> dict[str, str]:
     if spec.n <= SHORT and not spec.loops:
         for name in FORMS:
             forms[name] = closed_form(derivation, name).readable()
-    walk = Walk(MathmlMarkup(), trig_abbreviates(forms))
+    walk = Walk(mathml.MathmlMarkup(), trig_abbreviates(forms))
     try:
-        inverse: Any = equations.inverse_kinematics(spec)
+        inverse: Any = mathml.inverse_kinematics(spec)
     except DerivationError as error:
         inverse = {"reason": str(error)}
     module = document.environment().get_template("playground/results.html.j2").module
@@ -156,7 +155,7 @@ def _results(spec: RobotSpec) -> dict[str, str]:
         spec=spec,
         statement=Markup(tables.typeset(parameters.statement)),
         table=tables.base_parameters(parameters, walk),
-        forms=equations.closed_forms(forms, walk),
+        forms=mathml.closed_forms(forms, walk),
         short_trig=walk.short_trig,
         inverse=inverse,
     )

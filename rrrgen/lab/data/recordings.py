@@ -129,8 +129,8 @@ def _mapping_of(path: str | os.PathLike[str], mapping: LogMapping | str | os.Pat
 
 def _own_mapping(path: Path) -> LogMapping:
     from rrrgen.lab.data.mapping import FileSource
+    from rrrgen.lab.data.tables import table_fault
     from rrrgen.lab.data.tables.formats import open_table
-    from rrrgen.lab.data.tables.interface import table_fault
 
     columns = open_table(FileSource("log", path)).columns
     joints = tuple(name[2:] for name in columns if name.startswith("q_"))

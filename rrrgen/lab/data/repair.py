@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.mapping import ON_BASE, SIGNALS, LogMapping, Signal
+from rrrgen.lab.data.tables import table_fault
 from rrrgen.lab.data.tables.formats import open_table
-from rrrgen.lab.data.tables.interface import table_fault
 
 # ------------------------------------------------------------------------------------------------------------------
 # The faults found in a recording and their repairs: counted by kind and channel, described in words, with warnings.

@@ -17,7 +17,7 @@ from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError
 from rrrgen.lab.data.mapping import ON_BASE, LogMapping
 from rrrgen.lab.data.repair import Findings, RawRows, Repairs, ordered_rows
-from rrrgen.lab.data.tables.interface import table_fault
+from rrrgen.lab.data.tables import table_fault
 
 # ------------------------------------------------------------------------------------------------------------------
 # Statistics of a recording gathered in a first pass: period, jitter and holes; levels at which torques are clipped.

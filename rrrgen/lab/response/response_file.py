@@ -18,8 +18,8 @@ from rrrgen.base.yamltext import signal_units as units
 from rrrgen.base.yamltext.document import Node, ScalarNode, SequenceNode, file_text, read_document
 from rrrgen.base.yamltext.fields import Entry, words
 from rrrgen.lab.data.mapping import TIME_KEYS, FileSource, SourceReader, TimeSource
+from rrrgen.lab.data.tables import table_fault
 from rrrgen.lab.data.tables.formats import open_table
-from rrrgen.lab.data.tables.interface import table_fault
 from rrrgen.lab.response.response_model import ControllerTransferFunction
 
 SCHEMA = "rrrgen-response/1"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import MissingExtraError
-from rrrgen.lab.data.tables.interface import (
+from rrrgen.lab.data.tables import (
     Table,
     blocks,
     bytes_of,

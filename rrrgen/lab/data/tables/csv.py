@@ -15,7 +15,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError, with_names
 from rrrgen.lab.data.mapping import FileSource
-from rrrgen.lab.data.tables.interface import named_column, table_fault
+from rrrgen.lab.data.tables import named_column, table_fault
 
 MOST = 0.75  # share of the lines that a separator must split alike
 SEPARATORS = (";", "\t", ",", "|")

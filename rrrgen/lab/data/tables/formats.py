@@ -19,7 +19,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import Fault, InputError, InternalError, MissingExtraError
 from rrrgen.lab.data.mapping import FileSource
-from rrrgen.lab.data.tables.interface import Table, check_rows, seconds_for, table_fault
+from rrrgen.lab.data.tables import Table, check_rows, seconds_for, table_fault
 
 # ------------------------------------------------------------------------------------------------------------------
 # Tables whose files are read in a separate process, so that a damaged file can crash only that process.

@@ -24,7 +24,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import InputError, MissingExtraError
 from rrrgen.lab.data.mapping import FileSource
-from rrrgen.lab.data.tables.interface import Table, bytes_of, seconds_for
+from rrrgen.lab.data.tables import Table, bytes_of, seconds_for
 
 MEMORY = 2 << 30  # bytes allowed in addition to EXPANSION times the size of the file, which may be compressed
 EXPANSION = 64

@@ -11,7 +11,7 @@ import numpy as np
 from rrrgen.base.arrays import Array
 from rrrgen.base.errors import MissingExtraError
 from rrrgen.lab.data.mapping import FileSource
-from rrrgen.lab.data.tables.interface import foreign_reader, table_fault, unknown_column
+from rrrgen.lab.data.tables import foreign_reader, table_fault, unknown_column
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
