@@ -28,6 +28,7 @@ CHECKS_OF = {
     "_controller_laws.h": "controller",
     "_fourier.h": "Fourier series",
     "_tool_ik.h": "inverse kinematics with a tool",
+    "_timing.h": "timing",
     "_ik.h": "inverse kinematics",
 }
 """How the checks of the functions of a header begin, by the end of its name."""

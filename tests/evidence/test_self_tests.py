@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
+
 import pytest
+from click.testing import CliRunner
 
 from evidence.certified import content_of, run
+from rrrgen.cli.generate import generate
 from rrrgen.evidence import coding_rules
 from rrrgen.evidence.self_tests import checks_of, self_test_lines
 
@@ -23,12 +28,36 @@ def test_checks_of_a_header_are_quoted():
     lines = self_test_lines({**FILES, "arm_selftest.c": TEST, "casadi/arm.c": "no C"})
     assert lines == {"arm_selftest.c": [("controller: torques are finite", "0.0e+00")]}
     assert "torques are finite (0.0e+00)" in checks_of("arm_controller.h", lines)
-    assert checks_of("arm_timing.h", lines) == ""
+    assert checks_of("arm_fourier.h", lines) == ""
 
 
 def test_a_self_test_that_fails_is_no_evidence():
     with pytest.raises(RuntimeError, match="does not pass"):
         self_test_lines({**FILES, "arm.c": FILES["arm.c"].replace("/ 2", "/ 3"), "arm_selftest.c": TEST})
+
+
+@pytest.fixture(scope="module")
+def timed():
+    """The emitted C of a pendulum with the timing of paths, text by name."""
+    with tempfile.TemporaryDirectory() as folder:
+        CliRunner().invoke(generate, ["pendulum", "--with", "timing", "--no-casadi-files", "-o", folder])
+        yield {path.name: path.read_text() for path in Path(folder).glob("*.[ch]")}
+
+
+def test_the_timing_has_checks(timed):
+    assert "passes 6 checks" in checks_of("pendulum_timing.h", self_test_lines(timed))
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [("t[i] *= *stretch;", "t[i] *= 1.01 * *stretch;"), ("(last < 1) || ", "")],
+    ids=["slower than it need be", "a path of one point"],
+)
+def test_checks_of_the_timing_notice_faults(timed, right, wrong):
+    faulty = timed["pendulum_timing.c"].replace(right, wrong, 1)
+    assert faulty != timed["pendulum_timing.c"]
+    with pytest.raises(RuntimeError, match=r"FAILED +timing"):
+        self_test_lines({**timed, "pendulum_timing.c": faulty})
 
 
 @pytest.mark.parametrize("words", ["controller", pytest.param("elastic,hessian", marks=pytest.mark.sweep)])

@@ -6,6 +6,8 @@ from rrrgen.base.templates import render
 from rrrgen.base.version import VERSION
 from rrrgen.emit import Real
 from rrrgen.emit.c.language import Dialect, nonfinite_function
+from rrrgen.emit.c.self_test import TABLES
+from rrrgen.emit.interface import SelfTestCheck
 from rrrgen.emit.printing import columns
 from rrrgen.program import Port, Program
 
@@ -97,6 +99,14 @@ def timing_files(path_dynamics: Program, dialect: Dialect) -> dict[str, str]:
         **NUMBERS[dialect.real],
     }
     return {f"{dialect.prefix}_timing.{kind}": render(f"c/timing.{kind}.j2", **values) for kind in ("h", "c")}
+
+
+def timing_check(path_dynamics: Program, dialect: Dialect) -> SelfTestCheck:
+    """The self-test of the emitted timing: a trapezoid of known duration, kept limits, derivatives, refusals."""
+    model = "".join(f"{TABLES[port.role]}, " for port in further_inputs(path_dynamics))
+    p, M = dialect.prefix, dialect.macro
+    text = render("c/timing_selftest.c.j2", p=p, M=M, boundless=BOUNDLESS, model=model)
+    return SelfTestCheck("timing", f"{p}_timing.h", text)
 
 
 def _prototype(further: list[Port], dialect: Dialect) -> str:

@@ -278,7 +278,12 @@ class CBackend:
         from rrrgen.emit.c.self_test import selftest  # its golden vectors need NumPy
 
         files, checks = self.beside()
-        return selftest(model, identity, Dialect(model.spec.name, real), checks) | files
+        dialect = Dialect(model.spec.name, real)
+        if "path_dynamics" in model.programs:
+            from rrrgen.emit.c.path_timing import timing_check
+
+            checks = [*checks, timing_check(model.programs["path_dynamics"], dialect)]
+        return selftest(model, identity, dialect, checks) | files
 
 
 # ------------------------------------------------------------------------------------------------------------------
