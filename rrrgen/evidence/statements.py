@@ -92,14 +92,14 @@ def statements(
 
 
 def rounding_rows(
-    model: Model, ranges: Ranges, samples: int, seed: int, tell: Tell | None = None
+    model: Model, ranges: Ranges, samples: int, seed: int, tell: Tell | None = None, only: Sequence[str] = ()
 ) -> tuple[list[Row], list[tuple[str, str]]]:
     """Compare the errors of a compiled ``model`` with their proven bounds, at random states and by a search uphill.
 
     The box is that of the robot file's limits and ``ranges``; half of the states have their rates at its corners. The
     difference of a row is the largest error found over its bound, of all output elements, so the tolerance is 1 but for
     the resolution of the figures. Errors are those of the compiled code where the model is compiled, and else of the
-    same operations in NumPy.
+    same operations in NumPy. ``only`` names the functions if not all are wanted.
 
     Returns the rows, and what has no bound with the reason.
     """
@@ -109,6 +109,8 @@ def rounding_rows(
         return [], [("rounding bounds", "this machine has no format with more digits than double")]
     rows, skipped = [], []
     programs = {name: (program, part) for part in model.parts for name, program in part.derived.programs.items()}
+    if only:
+        programs = {name: programs[name] for name in only}
     for done, (name, (program, part)) in enumerate(programs.items()):
         if tell is not None:
             tell(done, len(programs), f"rounding of {name}")
@@ -128,7 +130,8 @@ def rounding_rows(
                 reason = str(fault)
                 continue
             shares = np.divide(found, bounds, out=np.where(found > 0.0, np.inf, 0.0), where=bounds > 0.0)
-            note = f"error {found.max(initial=0.0):.2g}, bound {rounded_up(float(bounds.max(initial=0.0)))}"
+            error, bound = (float(values.max(initial=0.0)) for values in (found, bounds))
+            note = f"error {error:.2g}, bound {rounded_up(bound)}" + (f", ratio {bound / error:.3g}" if error else "")
             share = float(shares.max(initial=0.0))
             rows.append(Row(name, reference, "box of limits", samples, share, RESOLUTION, note))
             break
