@@ -29,7 +29,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 from math import cos, hypot, log10, pi, prod, sin, sqrt
-from operator import mul
+from operator import mul, sub
 from random import Random
 
 from rrrgen.base.cache import compiler_hash, digest, keep, recall
@@ -39,6 +39,7 @@ from rrrgen.ik.tolerances import NOISE, SHALLOW, SPURIOUS, USABLE
 
 POSES = 20  # number of random sample poses on which an elimination is scored
 FEW = 5  # of them show whether it is usable at all: most are not
+MOST = FEW // 2 + 1  # of these decide their median
 SAMPLES = 25  # values of the 12 x 12 determinant: a polynomial of degree <= 12 (25 coefficients) passes through them
 WAVES = [(cos(2 * pi * k / SAMPLES), sin(2 * pi * k / SAMPLES)) for k in range(SAMPLES)]
 
@@ -125,7 +126,7 @@ def _search(table: Sequence[Sequence[float]], slide: int | None, turn: float) ->
                 roles, slides = (kept, shifted, other), place is not None
                 marks: list[_Mark] = []
                 for pose, (each, angle) in enumerate(zip(equations, angles, strict=True)):
-                    if pose == FEW and not _usable(marks):
+                    if (pose == MOST and _hopeless(marks)) or (pose == FEW and not _usable(marks)):
                         break
                     marks.append(_mark(in_half_angles(each, roles, slides=slides), angle))
                 if not _usable(marks):
@@ -213,6 +214,12 @@ def _usable(marks: Sequence[_Mark]) -> bool:
     return _remainder(marks) < SPURIOUS and _quantile([mark.depth for mark in marks], 0.5) > 0
 
 
+def _hopeless(marks: Sequence[_Mark]) -> bool:
+    """Whether :func:`_usable` says no of these marks with any others beside them, as long as these are the majority."""
+    least = max(min(mark.spurious for mark in marks), min(mark.value for mark in marks))
+    return least >= SPURIOUS or max(mark.depth for mark in marks) <= 0
+
+
 def _judge(marks: Sequence[_Mark]) -> tuple[float, float, bool]:
     """Score a usable elimination: digits lost in a root, log10 of the size of the determinant, whether the degree is 8.
 
@@ -268,7 +275,7 @@ def _pivots(rows: list[list[float]], columns: int) -> tuple[float, list[list[flo
         rows = []
         for first, *rest in below:
             factor = first / pivot if pivot else 0.0
-            rows.append([x - factor * y for x, y in zip(rest, top, strict=True)])
+            rows.append(list(map(sub, rest, map(factor.__mul__, top))))  # x - factor y; most of the search is here
     return product, rows
 
 

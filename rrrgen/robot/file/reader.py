@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Sequence as Row
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import cast
@@ -266,6 +267,7 @@ def with_tool(spec: RobotSpec, tool: str) -> RobotSpec:
     return replace(spec, tool=spec.tools[tool], name=name)
 
 
+@lru_cache(maxsize=64)  # a process asks for the same robots again and again, which takes 20 ms each time
 def read_spec(text: str, file: str, strict: bool = False) -> RobotSpec:
     """Read a robot from YAML ``text``; ``file`` names it in messages. Raises :class:`InputError` with every fault."""
     faults = FaultList(file, text)
