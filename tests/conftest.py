@@ -27,6 +27,9 @@ if str(TESTS) not in sys.path:  # import modes other than "prepend" do not do th
 # bit (tests/runtime/test_compilers.py). What only the optimizer may find is left to tests that name a level.
 os.environ.setdefault("RRRGEN_CFLAGS", "-O0")
 
+# Tests start many processes, which would compile every module anew where the environment forbids to keep byte code.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 os.environ.pop("COLUMNS", None)  # processes of pytest-xdist have it: commands would fold what they print into a pipe
 
 # Tests run on all processors: commands compute in the process of the test, where more processes would import everything

@@ -47,19 +47,19 @@ LINK = (
 )
 
 
-def random_tree(seed: int) -> str:
-    """A tree of five rows without special angles, on any rows before them, of which the first stands on the base."""
+def random_tree(seed: int, rows: int = 5) -> str:
+    """A tree of some rows without special angles, on any rows before them, of which the first stands on the base."""
     rng = np.random.default_rng(seed)
     lines = ["schema: rrrgen/1", f"name: random{seed}", "convention: modified", "gravity: [0.3, -1.2, -9.7]"]
     lines.append("units: {angle: rad, length: m}")
     lines.append("joints:")
-    for k in range(5):
+    for k in range(rows):
         parent = "base" if k == 0 else str(rng.choice(["base", *(f"j{i}" for i in range(k))]))
         kind = "prismatic" if rng.random() < 0.3 else "revolute"
         sizes = ", ".join(f"{key}: {rng.uniform(-1, 1):.3f}" for key in ("gamma", "b", "alpha", "a", "theta", "d"))
         lines.append(f"  - {{name: j{k}, type: {kind}, parent: {parent}, {sizes}}}")
-    lines += ["tip: j4", "tool: {translation: [0.1, -0.2, 0.3]}", "tips: {other: {row: j2}}", "links:"]
-    return "\n".join(lines) + "\n" + "".join(LINK.format(k, 10 - k) for k in range(1, 6))
+    lines += [f"tip: j{rows - 1}", "tool: {translation: [0.1, -0.2, 0.3]}", f"tips: {{other: {{row: j{rows // 2}}}}}", "links:"]
+    return "\n".join(lines) + "\n" + "".join(LINK.format(k, 10 - k) for k in range(1, rows + 1))
 
 
 def floating(name: str):
@@ -70,7 +70,7 @@ def floating(name: str):
         text = re.sub(r"base: \{trans.*\n", "", PLACED_TREE)
         text += "links:\n" + "".join(LINK.format(k, 10 - k) for k in range(1, 8))
     elif name.startswith("random"):
-        text = random_tree(int(name.removeprefix("random")))
+        text = random_tree(*map(int, name.removeprefix("random").split(" of ")))
     else:
         text = (TREES / f"{name}.yaml").read_text(encoding="utf-8")
     return loads_spec(text.replace("joints:\n", f"{TRUNK}joints:\n"))
