@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +59,12 @@ def random_tree(seed: int, rows: int = 5) -> str:
         kind = "prismatic" if rng.random() < 0.3 else "revolute"
         sizes = ", ".join(f"{key}: {rng.uniform(-1, 1):.3f}" for key in ("gamma", "b", "alpha", "a", "theta", "d"))
         lines.append(f"  - {{name: j{k}, type: {kind}, parent: {parent}, {sizes}}}")
-    lines += [f"tip: j{rows - 1}", "tool: {translation: [0.1, -0.2, 0.3]}", f"tips: {{other: {{row: j{rows // 2}}}}}", "links:"]
+    lines += [
+        f"tip: j{rows - 1}",
+        "tool: {translation: [0.1, -0.2, 0.3]}",
+        f"tips: {{other: {{row: j{rows // 2}}}}}",
+        "links:",
+    ]
     return "\n".join(lines) + "\n" + "".join(LINK.format(k, 10 - k) for k in range(1, rows + 1))
 
 
@@ -74,6 +80,12 @@ def floating(name: str):
     else:
         text = (TREES / f"{name}.yaml").read_text(encoding="utf-8")
     return loads_spec(text.replace("joints:\n", f"{TRUNK}joints:\n"))
+
+
+@cache
+def prepared(name: str):
+    """What all functions of the robot are derived from."""
+    return prepare(floating(name))
 
 
 def draw(n: int, seed: int) -> FloatingState:
@@ -105,13 +117,13 @@ def draw(n: int, seed: int) -> FloatingState:
     ],
 )
 def test_operations_over_a_moving_base(name, function, most):
-    recorded = record(prepare(floating(name)), [FUNCTIONS[function]])
+    recorded = record(prepared(name), [FUNCTIONS[function]])
     assert count_operations(Optimizer()(recorded).programs[function]).total <= most
 
 
 @pytest.mark.parametrize(("name", "count"), [("quadruped", 94), ("hand", 66), ("torso", 101)])
 def test_ten_base_parameters_of_the_body_and_seven_of_every_revolute_joint(name, count):
-    assert len(prepare(floating(name)).compiler_basis.names) == count
+    assert len(prepared(name).compiler_basis.names) == count
 
 
 @pytest.fixture(
