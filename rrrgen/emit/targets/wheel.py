@@ -46,7 +46,8 @@ def _write(spec: RobotSpec, options: ExportOptions) -> Exported:
             package[library] = shared_library(each.files | loops(each), platform)
         if options.unit is not None:
             package |= {"controller.py": options.unit.python, "controller.json": json.dumps(options.unit.description)}
-        files[_file_name(values, platform.tag)] = _wheel(values, platform.tag, package)
+        wheel = f"{values['package']}-{values['release']}-py3-none-{platform.tag}.whl"
+        files[wheel] = _wheel(values, platform.tag, package)
     readme = render("wheel/README.md.j2", **values, wheels=list(files))
     return Exported({**files, "README.md": readme})
 
@@ -66,10 +67,6 @@ def _values(code: Code) -> dict[str, Any]:
         "reasons": reasons_of(code.plan) if solved else (),
         "nominal": nominal_values(code),
     }
-
-
-def _file_name(values: dict[str, Any], tag: str) -> str:
-    return f"{values['package']}-{values['release']}-py3-none-{tag}.whl"
 
 
 def _wheel(values: dict[str, Any], tag: str, package: dict[str, Contents]) -> bytes:

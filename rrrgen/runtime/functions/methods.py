@@ -37,7 +37,8 @@ FROM_FILE = {
 
 def add_methods(owner: type) -> None:
     """Give the class ``owner`` a method for every function of the table that has none written by hand."""
-    text, file = f"from __future__ import annotations\n\n\n{_definitions()}", "<methods of rrrgen.Model>"
+    definitions = "\n\n".join(definition(function) for function in made_functions())
+    text, file = f"from __future__ import annotations\n\n\n{definitions}", "<methods of rrrgen.Model>"
     linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
     from rrrgen.runtime import results
 
@@ -52,10 +53,6 @@ def add_methods(owner: type) -> None:
 def made_functions() -> tuple[ModelFunction, ...]:
     """The functions of the table whose methods are made from it."""
     return tuple(function for function in TABLE if not function.by_hand)
-
-
-def _definitions() -> str:
-    return "\n\n".join(definition(function) for function in made_functions())
 
 
 def definition(function: ModelFunction) -> str:
