@@ -238,7 +238,7 @@ _WRITTEN: ContextVar[Callable[[str], str]] = ContextVar("written", default=str)
 
 
 def option_name(name: str) -> str:
-    """The name of an option as the caller writes it: ``fit_rows`` in Python, ``--fit-rows`` inside a command."""
+    """The option ``name`` as the caller writes it: ``fit_rows`` in Python, ``--fit-rows`` inside a command."""
     return _WRITTEN.get()(name)
 
 
