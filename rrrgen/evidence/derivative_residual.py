@@ -117,7 +117,7 @@ def derivative_residuals(
     state = state_in(program, box)
     with mpmath.workdps(DIGITS):
         read = in_either_order(
-            torque_port(program).size, lambda order: _Reader(program, mass, derivatives, state, order)
+            torque_port(program).size, lambda order: _DerivativeReader(program, mass, derivatives, state, order)
         )
         form, right = read.form(), read.right_sides()
         margins = read.margins_at_zero()
@@ -165,7 +165,14 @@ class _Weighted:
     """Steps 2 to 6 of the module in one precision; rows and columns in the order of elimination."""
 
     def __init__(
-        self, n: int, G: list[float], H: list[float], f: list[list[float]], u: float, smallest: float, read: _Reader
+        self,
+        n: int,
+        G: list[float],
+        H: list[float],
+        f: list[list[float]],
+        u: float,
+        smallest: float,
+        read: _DerivativeReader,
     ) -> None:
         counts = read.roundings_of_X, read.roundings_of_P, read.roundings_of_products
         p, q, s = (_growth(count, u) for count in counts)
@@ -234,7 +241,7 @@ class _Product(NamedTuple):
     roundings: int
 
 
-class _Reader(Factorization):
+class _DerivativeReader(Factorization):
     """Recognises the inverse of M and what is multiplied with it."""
 
     def __init__(

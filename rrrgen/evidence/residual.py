@@ -124,11 +124,11 @@ def _read(program: Program, mass: Program, bias: Program, box: Box) -> Form:
     state = state_in(program, box)
     with mpmath.workdps(DIGITS):
         return in_either_order(
-            torque_port(program).size, lambda order: _Reader(program, mass, bias, state, order).form()
+            torque_port(program).size, lambda order: _SolutionReader(program, mass, bias, state, order).form()
         )
 
 
-class _Reader(Factorization):
+class _SolutionReader(Factorization):
     """Recognises the whole solution of forward dynamics."""
 
     def __init__(

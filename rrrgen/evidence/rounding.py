@@ -322,7 +322,7 @@ _Lost = tuple[tuple[Factors, int], ...]
 """Local errors of nodes, each with factors that it is multiplied with."""
 
 
-class _Product(NamedTuple):
+class _Factored(NamedTuple):
     """A node as ``sign`` times the product of ``factors``, up to the roundings ``lost`` inside."""
 
     sign: int
@@ -339,7 +339,7 @@ class _Turned(NamedTuple):
     rest: Factors
 
 
-class _Part(NamedTuple):
+class _RotatedTerm(NamedTuple):
     """The term ``node`` of a sum, as ``sign`` times a sine or cosine times other factors.
 
     ``lost`` are the roundings inside it.
@@ -359,7 +359,7 @@ class _Terms(NamedTuple):
 
     terms: list[tuple[int, int]]
     inner: list[int]
-    pairs: list[tuple[list[_Part], list[_Part]]]
+    pairs: list[tuple[list[_RotatedTerm], list[_RotatedTerm]]]
 
 
 class _Rotation(NamedTuple):
@@ -368,7 +368,7 @@ class _Rotation(NamedTuple):
     ``inner`` are the sums inside it.
     """
 
-    parts: tuple[_Part, _Part]
+    parts: tuple[_RotatedTerm, _RotatedTerm]
     node: int
     inner: list[int]
     rest: list[int]
@@ -411,7 +411,7 @@ class _Ranges:
         self.errors: list[Array | float] = []
         self._norms: dict[tuple[Factors, ...], Array] = {}
         self._lasting = 0  # norms at the beginning that do not rest on nodes to be forgotten
-        self._products: dict[int, _Product] = {}
+        self._products: dict[int, _Factored] = {}
         self._terms: dict[int, _Terms | None] = {}
 
     def truncate(self, size: int) -> None:
@@ -571,27 +571,27 @@ class _Ranges:
 
     # -- structure ---------------------------------------------------------------------------------------------
 
-    def product(self, index: int) -> _Product:
+    def product(self, index: int) -> _Factored:
         """The node ``index`` with products of products multiplied out and changes of sign taken off."""
         if index not in self._products:
             self._products[index] = self._multiplied_out(index)
         return self._products[index]
 
-    def _multiplied_out(self, index: int) -> _Product:
+    def _multiplied_out(self, index: int) -> _Factored:
         node = self.nodes[index]
         if node.op is Op.NEG:
             inner = self.product(node.args[0])
             return inner._replace(sign=-inner.sign)
         if node.op is not Op.MUL:
-            return _Product(1, (index,), ())
+            return _Factored(1, (index,), ())
         x, y = (self.product(arg) for arg in node.args)
         factors = tuple(sorted((*x.factors, *y.factors)))
         if len(factors) > _MOST_FACTORS:
-            return _Product(1, (index,), ())
+            return _Factored(1, (index,), ())
         # with x = x' + e_x and y = y' + e_y: x y = x' y' + x' e_y + y e_x
         of_x = [((*weights, node.args[1]), inner) for weights, inner in x.lost]
         of_y = [((*weights, *x.factors), inner) for weights, inner in y.lost]
-        return _Product(x.sign * y.sign, factors, (((), index), *of_x, *of_y))
+        return _Factored(x.sign * y.sign, factors, (((), index), *of_x, *of_y))
 
     def turned(self, factors: Factors) -> list[_Turned]:
         """The ways to read a product as sine or cosine times other factors."""
@@ -626,14 +626,14 @@ class _Ranges:
                 terms.append((sign, index))
             if len(terms) + len(stack) > _MOST_TERMS:
                 return None
-        by_angle: dict[int, tuple[list[_Part], list[_Part]]] = {}
+        by_angle: dict[int, tuple[list[_RotatedTerm], list[_RotatedTerm]]] = {}
         for sign, index in terms:
             product = self.product(index)
             read = self.turned(product.factors)
             angles = [turned.angle for turned in read]
             for turned in read:
                 if angles.count(turned.angle) == 1:
-                    part = _Part(sign * product.sign, index, turned, product.lost)
+                    part = _RotatedTerm(sign * product.sign, index, turned, product.lost)
                     by_angle.setdefault(turned.angle, ([], []))[turned.kind is Op.SIN].append(part)
         pairs = [(cosines, sines) for cosines, sines in by_angle.values() if cosines and sines]
         return _Terms(terms, inner, pairs)
@@ -656,7 +656,7 @@ class _Ranges:
 
     def reductions(self, members: Sequence[Factors]) -> list[_Reduction]:
         """Rule 2: the ways to take one rotation off the norm of ``members`` that are worth following."""
-        read = [self.product(member[0]) if len(member) == 1 else _Product(1, member, ()) for member in members]
+        read = [self.product(member[0]) if len(member) == 1 else _Factored(1, member, ()) for member in members]
         rotations = [self.rotations(each.factors[0]) if len(each.factors) == 1 else [] for each in read]
 
         def without(*places: int) -> list[Factors]:
@@ -706,7 +706,7 @@ class _Ranges:
                 enclosure = _intersection(enclosure, (-bound, bound))
         return enclosure
 
-    def _by_rotation(self, taken: _Terms, cosines: Sequence[_Part], sines: Sequence[_Part]) -> Interval:
+    def _by_rotation(self, taken: _Terms, cosines: Sequence[_RotatedTerm], sines: Sequence[_RotatedTerm]) -> Interval:
         """Rule 1 for a flattened sum: the terms of one angle by their norm, the others by intervals."""
         bound = self.norm_of_sums(cosines, sines)
         parts = (*cosines, *sines)
@@ -723,7 +723,7 @@ class _Ranges:
         slack = size * 2.0**-46  # covers the roundings of at most _MOST_TERMS additions and of the norm
         return np.asarray(low - radius - slack), np.asarray(high + radius + slack)
 
-    def norm_of_sums(self, cosines: Sequence[_Part], sines: Sequence[_Part]) -> Array:
+    def norm_of_sums(self, cosines: Sequence[_RotatedTerm], sines: Sequence[_RotatedTerm]) -> Array:
         """A bound of N(sum of what is multiplied with the cosine, sum of what is multiplied with the sine)."""
         if len(cosines) == len(sines) == 1:
             return self.norm((cosines[0].turned.rest, sines[0].turned.rest))
@@ -741,9 +741,9 @@ class _Ranges:
     def _error(self, indices: Sequence[int]) -> Array | float:
         return sum((self.errors[index] for index in indices), 0.0)
 
-    def _lost(self, part: _Part | _Lost) -> Array | float:
+    def _lost(self, part: _RotatedTerm | _Lost) -> Array | float:
         """The roundings inside a product, weighted with its other factors."""
-        lost = part.lost if isinstance(part, _Part) else part
+        lost = part.lost if isinstance(part, _RotatedTerm) else part
         return sum((self.size(weights) * self.errors[index] for weights, index in lost), 0.0)
 
     def norm(self, members: Sequence[Factors]) -> Array:
@@ -827,7 +827,9 @@ class _Carried:
                 size = np.minimum(size, self._by_cross_product(index, x, y))
         return size
 
-    def _by_rotation(self, index: int, taken: _Terms, cosines: Sequence[_Part], sines: Sequence[_Part]) -> Array:
+    def _by_rotation(
+        self, index: int, taken: _Terms, cosines: Sequence[_RotatedTerm], sines: Sequence[_RotatedTerm]
+    ) -> Array:
         """Rule 1: ``|c dA + s dB| <= rho N(dA, dB)``, and ``|A dc + B ds| <= N(A, B) N(dc, ds)``."""
         if len(cosines) == len(sines) == 1:
             bound = self.norm((cosines[0].turned.rest, sines[0].turned.rest))
@@ -845,12 +847,12 @@ class _Carried:
                 size = size + self.sizes[k]
         return np.asarray(size * _SUM_MARGIN)
 
-    def _of_trigonometry(self, parts: Sequence[_Part | _Turned]) -> Array:
+    def _of_trigonometry(self, parts: Sequence[_RotatedTerm | _Turned]) -> Array:
         """A bound of N(dc, ds) for sine and cosine of one angle."""
-        sizes = [self.sizes[part.turned.factor if isinstance(part, _Part) else part.factor] for part in parts]
+        sizes = [self.sizes[part.turned.factor if isinstance(part, _RotatedTerm) else part.factor] for part in parts]
         return np.asarray(math.sqrt(2.0) * np.max(np.broadcast_arrays(*sizes), axis=0) * _SUM_MARGIN)
 
-    def _of_products(self, parts: Sequence[_Part], norm: Array) -> Array:
+    def _of_products(self, parts: Sequence[_RotatedTerm], norm: Array) -> Array:
         """The roundings of the products of one rotation, also those inside them.
 
         Those of the outer products are at most ``u |c A| + u |s B| <= u rho N(A, B)`` together, up to what the

@@ -111,7 +111,7 @@ class ForwardDynamics(Solution):
 
 
 @dataclass(frozen=True)
-class ForwardDynamicsDerivatives(Solution):
+class DerivativesOfSolution(Solution):
     """The derivatives of forward dynamics; ``derivatives`` is the program of those of inverse dynamics."""
 
     derivatives: Program
@@ -181,5 +181,5 @@ def solution_of(programs: Mapping[str, Program], name: str) -> Solution | None:
     if base == "forward_dynamics" and mass is not None and bias is not None:
         return ForwardDynamics(programs[name], mass, bias)
     if base == "forward_dynamics_derivatives" and mass is not None and derivatives is not None:
-        return ForwardDynamicsDerivatives(programs[name], mass, derivatives)
+        return DerivativesOfSolution(programs[name], mass, derivatives)
     return None
