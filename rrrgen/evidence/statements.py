@@ -109,6 +109,7 @@ def rounding_rows(
         return [], [("rounding bounds", "this machine has no format with more digits than double")]
     rows, skipped = [], []
     programs = {name: (program, part) for part in model.parts for name, program in part.derived.programs.items()}
+    derived = {name: program for name, (program, _) in programs.items()}
     if only:
         programs = {name: programs[name] for name in only}
     for done, (name, (program, part)) in enumerate(programs.items()):
@@ -118,7 +119,7 @@ def rounding_rows(
         compiled = partial(_called, part.engine, program) if part.engine.name == "c" else None
         search = partial(_of_rounding, program, box, real, samples, seed, compiled)
         attempts = [("proven rounding bound", search)]
-        solution = solution_of(part.derived.programs, name)
+        solution = solution_of(derived, name)  # M may be in another part than the function
         if solution is not None:
             search = partial(_of_solution, solution, model.spec, box, ranges, precision, samples, seed, compiled)
             attempts.insert(0 if solution.residual_first else 1, ("proven bound of the residual", search))

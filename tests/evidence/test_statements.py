@@ -114,6 +114,13 @@ def test_compiled_control_laws_keep_their_bounds(real):
     assert all(row.ok for row in rows), [row for row in rows if not row.ok]
 
 
+def test_derivatives_of_forward_dynamics_are_compared_with_bounds_of_their_residuals():
+    """Their part of a compiled model has no mass matrix, which the residual takes."""
+    rows, skipped = rounding_rows(load.compile(read("rrr")), Ranges(), 50, 1, only=["forward_dynamics_derivatives"])
+    assert not skipped
+    assert [(row.reference, row.ok) for row in rows] == [("proven bound of the residual", True)]
+
+
 def test_verify_compares_with_the_bounds_and_the_page_shows_them(tmp_path):
     page = tmp_path / "pendulum.html"
     done = invoke(verify, "pendulum", "--samples", 20, "--no-libraries", "--bounds", "--json", "--html", page)
