@@ -267,9 +267,20 @@ def with_tool(spec: RobotSpec, tool: str) -> RobotSpec:
     return replace(spec, tool=spec.tools[tool], name=name)
 
 
-@lru_cache(maxsize=64)  # a process asks for the same robots again and again, which takes 20 ms each time
 def read_spec(text: str, file: str, strict: bool = False) -> RobotSpec:
     """Read a robot from YAML ``text``; ``file`` names it in messages. Raises :class:`InputError` with every fault."""
+    spec = _read(text, file, strict)
+    return replace(  # who changes a dictionary changes no robot that is read later
+        spec,
+        parameters=dict(spec.parameters),
+        parameter_units=dict(spec.parameter_units),
+        tools=dict(spec.tools),
+        tips=dict(spec.tips),
+    )
+
+
+@lru_cache(maxsize=64)  # a process asks for the same robots again and again, which takes 20 ms each time
+def _read(text: str, file: str, strict: bool) -> RobotSpec:
     faults = FaultList(file, text)
     root = parse_document(text, faults)
     values = read_section(root, "robot", "the robot", faults, ROBOT_FILE)

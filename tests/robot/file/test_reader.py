@@ -307,3 +307,11 @@ def test_file_larger_than_a_megabyte(tmp_path: Path) -> None:
 def test_two_escapes_of_one_character_are_joined():
     text = SAMPLE.replace("name: elbow3", 'name: elbow3\ndescription: "an arm \\ud83e\\udd16"')
     assert loads_spec(text).description == "an arm \U0001f916"
+
+
+def test_robots_read_from_the_same_text_share_nothing_that_can_be_changed() -> None:
+    first = load_spec("rrr")
+    for dictionary in (first.parameters, first.parameter_units, first.tools, first.tips):
+        dictionary["changed"] = dictionary
+    again = load_spec("rrr")
+    assert not any("changed" in each for each in (again.parameters, again.parameter_units, again.tools, again.tips))
