@@ -56,7 +56,7 @@ def test_faults_have_their_places() -> None:
     assert check("")["faults"]
     assert check("[" * 50)["faults"]
     assert check("x" * (LARGEST + 1))["faults"][0]["message"] == f"the text is longer than {LARGEST} characters"
-    assert not check(UR5 + "#" * (LARGEST - len(UR5)))["faults"]
+    assert not check(UR5 + "\n" * (LARGEST - len(UR5)))["faults"]
 
 
 def test_a_visitor_who_leaves_during_an_answer_is_no_error(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
