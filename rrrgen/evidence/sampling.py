@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rrrgen.emit.c.language import COSINE, HALF_PI, ROUNDING, SINE
 from rrrgen.evidence.boxes import PortRange
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, Precision
-from rrrgen.evidence.wide_arithmetic import WideProgram, wide_program
+from rrrgen.evidence.wide_arithmetic import WideProgram, compile_wide
 from rrrgen.program import Op, Program, Role
 
 Array = NDArray[Any]
@@ -69,7 +69,7 @@ def largest_errors(
     :func:`errors_at`.
     """
 
-    exact = None if any(conditional) else worth_compiling(program, precision, samples)
+    exact = None if any(conditional) else compile_if_worthwhile(program, precision, samples)
 
     def measure(states: Sequence[Array]) -> NDArray[np.float64]:
         return errors_at(program, states, precision, compiled, conditional, exact)
@@ -77,14 +77,14 @@ def largest_errors(
     return _searched(measure, program, box, precision, samples, seed, climbs)
 
 
-def worth_compiling(program: Program, precision: Precision, samples: int) -> WideProgram | None:
+def compile_if_worthwhile(program: Program, precision: Precision, samples: int) -> WideProgram | None:
     """``program`` compiled in the wider format where ``samples`` states are worth it and there is a compiler."""
-    return wide_program(program, precision) if samples * len(program.nodes) > _COMPILED else None
+    return compile_wide(program, precision) if samples * len(program.nodes) > _COMPILED else None
 
 
 def wide_outputs(program: Program, precision: Precision, samples: int) -> Callable[[Sequence[Array]], Array]:
     """A function from values (states, size) of every input port to all output elements (elements, states), wider."""
-    compiled = worth_compiling(program, precision, samples)
+    compiled = compile_if_worthwhile(program, precision, samples)
     if compiled is not None:
         return compiled.outputs
     wide = np.longdouble if precision is DOUBLE else np.float64

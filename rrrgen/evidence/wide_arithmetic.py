@@ -78,7 +78,7 @@ class WideProgram:
         return [self.ffi.cast("const narrow *", array.ctypes.data) for array in arrays]
 
 
-def wide_program(program: Program, precision: Precision) -> WideProgram | None:
+def compile_wide(program: Program, precision: Precision) -> WideProgram | None:
     """``program`` compiled in the wider format than ``precision``; None if no compiler is found or it refuses."""
     in_double = precision.name == "double"
     narrow, wide, end = ("double", "long double", "l") if in_double else ("float", "double", "")

@@ -9,7 +9,7 @@ import pytest
 
 from rrrgen.evidence.rounding import DOUBLE, FLOAT
 from rrrgen.evidence.sampling import _evaluated, errors_at
-from rrrgen.evidence.wide_arithmetic import wide_program
+from rrrgen.evidence.wide_arithmetic import compile_wide
 from rrrgen.program import Builder, Port
 
 
@@ -39,7 +39,7 @@ def test_values_and_errors_are_those_of_numpy(program, precision):
     states[1][::5, 2] = 0.0  # the sign of zero
     values = _evaluated(program, states, precision, wide)
     expected = np.stack([np.broadcast_to(values[index], 500) for row in program.results for index in row])
-    compiled = wide_program(program, precision)
+    compiled = compile_wide(program, precision)
     got = compiled.outputs(states)
     assert got.dtype == wide
     assert (np.abs(got - expected) <= 4 * np.finfo(wide).eps * np.abs(expected)).all()
@@ -54,7 +54,7 @@ def test_values_and_errors_are_those_of_numpy(program, precision):
 
 
 def test_an_error_that_is_no_number_is_seen(program):
-    compiled = wide_program(program, DOUBLE)
+    compiled = compile_wide(program, DOUBLE)
     states = [np.zeros((1, 2)), np.zeros((1, 3))]
     outputs = [np.full((1, 7), np.nan), np.zeros((1, 2))]
     assert np.isnan(compiled.errors(states, outputs)[:7]).all()
@@ -62,9 +62,9 @@ def test_an_error_that_is_no_number_is_seen(program):
 
 def test_states_of_another_type_are_refused(program):
     with pytest.raises(TypeError, match="contiguous arrays of float64"):
-        wide_program(program, DOUBLE).outputs([np.zeros((1, 2), dtype=np.float32), np.zeros((1, 3))])
+        compile_wide(program, DOUBLE).outputs([np.zeros((1, 2), dtype=np.float32), np.zeros((1, 3))])
 
 
 def test_without_a_compiler_there_is_none(program, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
-    assert wide_program(program, DOUBLE) is None
+    assert compile_wide(program, DOUBLE) is None
