@@ -90,6 +90,8 @@ def name_fault(name: str, role: str) -> tuple[str, str] | None:
         return f"the {role} name '{name}' is a keyword of C or C++", f"e.g. {name}_1"
     if keyword.iskeyword(name):
         return f"the {role} name '{name}' is a keyword of Python", f"e.g. {name}_1"
+    if name.lower() == "null":  # without quotes, as robot files are written
+        return f"the {role} name '{name}' stands for no value in YAML", f"e.g. {name}_1"
     if name.startswith("casadi"):
         return f"the {role} name '{name}' is reserved by CasADi", f"e.g. my_{name}"
     if role == "robot" and name.lower() in _DEVICES:

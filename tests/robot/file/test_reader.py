@@ -61,6 +61,7 @@ ERRORS = {
     "keyword of C++ as robot": ("elbow3", "template", "2:7", "a keyword of C or C++", ""),
     "keyword of Python as parameter": ("a2: 0.200", "lambda: 1", "6:14", "a keyword of Python", ""),
     "keyword of C as joint": ("name: q1", "name: int", "8:12", "joint name 'int' is a keyword of C", ""),
+    "joint called like nothing": ("name: q1", 'name: "null"', "8:13", "'null' stands for no value", ""),
     "underscores in a row as robot": ("elbow3", "my__arm", "2:7", "two underscores in a row", "e.g. my_arm"),
     "underscore at the end of robot": ("elbow3", "elbow3_", "2:7", "two underscores in a row", "e.g. elbow3"),
     "header as robot": ("elbow3", "math", "2:7", "taken by a C header", "math_robot"),

@@ -216,3 +216,13 @@ def test_equalities_of_two_joints_make_one_follow_the_other(tmp_path):
     pytest.importorskip("mujoco")
     compared = compare_with_source(found)
     assert max(compared.pose, compared.torque) < 1e-9
+
+
+def test_a_joint_called_null_gets_another_name(tmp_path):
+    (tmp_path / "arm.xml").write_text(
+        '<mujoco model="arm"><worldbody><body name="upper"><joint name="null" axis="0 0 1"/>'
+        '<geom type="box" size="0.1 0.1 0.1"/></body></worldbody></mujoco>'
+    )
+    imported = import_robot(tmp_path / "arm.xml")
+    assert imported.spec.joints[0].name == "q1"
+    assert any("joint 'null' is called q1" in note.message for note in imported.notes)
