@@ -48,7 +48,7 @@ MARKDOWN = f"{FOLDER}/certificate.md"
 PAGE = f"{FOLDER}/certificate.html"
 VECTORS = f"{FOLDER}/vectors.json"
 
-METHOD = "mean-value form over the roundings, outward rounding, angles split into equal parts"
+METHOD = "mean-value form over the roundings in reverse and forward mode, outward rounding, angles in equal parts"
 RESIDUAL_METHOD = f"backward analysis of M = L D L'; its sums: {METHOD}"
 
 CONDITION = "every comparison of the function comes out as in exact arithmetic"

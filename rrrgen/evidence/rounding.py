@@ -152,11 +152,11 @@ class NoBoundError(Exception):
 
 @dataclass(frozen=True)
 class RoundingBounds:
-    """Proven absolute error bounds: ``double[k]`` and ``float[k]`` hold one number per element of output k.
+    """Proven absolute error bounds: ``double[k]`` and ``single[k]`` hold one number per element of output k.
 
-    ``parts`` is the number of equal parts into which every angle's range was split. ``conditional[k]`` says whether the
-    bounds of output k hold only where comparisons come out as in exact arithmetic, ``library`` whether they assume an
-    accuracy of the C library.
+    ``parts`` is the number of equal parts into which every angle's range was split in reverse mode. ``conditional[k]``
+    says whether the bounds of output k hold only where comparisons come out as in exact arithmetic, ``library`` whether
+    they assume an accuracy of the C library.
     """
 
     double: tuple[tuple[float, ...], ...]
@@ -174,7 +174,8 @@ def rounding_bounds(program: Program, box: Box, budget: float = _BUDGET) -> Roun
     """
     analysis = _Analysis(program, box)
     parts = analysis.affordable_parts(budget)
-    double, single = analysis.bounds(parts)
+    finer = analysis.parts_within(budget / _COST_OF_CARRYING, len(program.nodes))
+    double, single = analysis.bounds(parts, finer)
     library = any(node.op is Op.TANH or node.op is Op.EXP for node in program.nodes)
     return RoundingBounds(double, single, parts, analysis.conditional(), library)
 
@@ -1104,10 +1105,12 @@ class _Analysis:
 
     # -- evaluation --------------------------------------------------------------------------------------------
 
-    def bounds(self, parts: int) -> tuple[tuple[tuple[float, ...], ...], tuple[tuple[float, ...], ...]]:
-        """The bounds per output element in both precisions, with every angle split into ``parts``."""
+    def bounds(self, parts: int, finer: int) -> tuple[tuple[tuple[float, ...], ...], tuple[tuple[float, ...], ...]]:
+        """The bounds per output element in both precisions, with every angle split into ``parts``.
+
+        Forward mode alone, which takes one sweep for all outputs, is also evaluated with ``finer`` parts.
+        """
         totals = self._largest(parts, by_reverse_mode=True)
-        finer = self.parts_within(_BUDGET / _COST_OF_CARRYING, len(self.nodes))
         if finer > parts:
             carried = self._largest(finer, by_reverse_mode=False)
             totals = {index: np.minimum(total, carried[index]) for index, total in totals.items()}
