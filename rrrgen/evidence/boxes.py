@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rrrgen.base.errors import InputError
 from rrrgen.derive.functions.friction import friction_parameters
 from rrrgen.program import Port, Program, Role
 from rrrgen.program.program import Domain
@@ -23,12 +24,19 @@ class Ranges:
     """The ranges that are assumed where the robot file states none, and those that the user sets instead.
 
     ``speed`` and ``acceleration`` of all joints replace the limits of the file; None keeps them. ``spread`` is the
-    relative range of inertial and friction parameters around their nominal values.
+    relative range of inertial and friction parameters around their nominal values. Raises InputError for a speed or
+    an acceleration that is not positive and finite.
     """
 
     speed: float | None = None
     acceleration: float | None = None
     spread: float = 0.2
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "acceleration"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise InputError(f"the range of the {name} must be positive and finite, not {value:g}")
 
 
 ASSUMED_ANGLE, ASSUMED_STROKE = math.pi, 1.0

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rrrgen.base.errors import InputError
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.emit.interface import RoundingStatement
 from rrrgen.evidence.boxes import PortRange, Ranges, box_of, nominal_beta
 from rrrgen.evidence.rounding import DOUBLE, FLOAT, NoBoundError, Precision, rounding_bounds
@@ -99,7 +101,8 @@ def rounding_rows(
     The box is that of the robot file's limits and ``ranges``; half of the states have their rates at its corners. The
     difference of a row is the largest error found over its bound, of all output elements, so the tolerance is 1 but for
     the resolution of the figures. Errors are those of the compiled code where the model is compiled, and else of the
-    same operations in NumPy. ``only`` names the functions if not all are wanted.
+    same operations in NumPy. ``only`` names the functions if not all are wanted;
+    raises InputError for a name that is none.
 
     Returns the rows, and what has no bound with the reason.
     """
@@ -111,6 +114,9 @@ def rounding_rows(
     programs = {name: (program, part) for part in model.parts for name, program in part.derived.programs.items()}
     derived = {name: program for name, (program, _) in programs.items()}
     if only:
+        if unknown := [name for name in only if name not in programs]:
+            hint = did_you_mean(unknown[0], programs) or "there are " + ", ".join(programs)
+            raise InputError(f"no function '{unknown[0]}'; {hint}")
         programs = {name: programs[name] for name in only}
     for done, (name, (program, part)) in enumerate(programs.items()):
         if tell is not None:

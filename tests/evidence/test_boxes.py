@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
+import pytest
+
+from rrrgen.base.errors import InputError
 from rrrgen.derive import derive_once
 from rrrgen.evidence.boxes import ASSUMED_TORQUE, PortRange, Ranges, box_of
 from rrrgen.evidence.rounding import rounding_bounds
@@ -27,3 +32,10 @@ def test_torques_without_a_limit_have_an_assumed_range():
         tau = b.input(Port("tau", (spec.n,), role=Role.TORQUE))
         program = b.program("sum", [(Port("y", (1,)), [sum(tau)])])
         assert box_of(program, spec, None, Ranges())["tau"] == PortRange((-size,) * spec.n, (size,) * spec.n, source)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 0.0, -1.0])
+@pytest.mark.parametrize("name", ["speed", "acceleration"])
+def test_ranges_of_rates_are_positive_and_finite(name, value):
+    with pytest.raises(InputError, match=f"the range of the {name} must be positive and finite"):
+        Ranges(**{name: value})

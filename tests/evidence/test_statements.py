@@ -12,6 +12,7 @@ from fractions import Fraction
 import pytest
 from click.testing import CliRunner
 
+from rrrgen.base.errors import InputError
 from rrrgen.cli.generate import generate
 from rrrgen.cli.verify import verify
 from rrrgen.derive import derive_once
@@ -119,6 +120,11 @@ def test_derivatives_of_forward_dynamics_are_compared_with_bounds_of_their_resid
     rows, skipped = rounding_rows(load.compile(read("rrr")), Ranges(), 50, 1, only=["forward_dynamics_derivatives"])
     assert not skipped
     assert [(row.reference, row.ok) for row in rows] == [("proven bound of the residual", True)]
+
+
+def test_an_unknown_function_is_named_with_a_near_one():
+    with pytest.raises(InputError, match=r"no function 'mass_matrx'.*mass_matrix"):
+        rounding_rows(load.compile("pendulum"), Ranges(), 50, 1, only=["mass_matrx"])
 
 
 def test_verify_compares_with_the_bounds_and_the_page_shows_them(tmp_path):
