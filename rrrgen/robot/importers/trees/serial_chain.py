@@ -116,7 +116,7 @@ def serial_chain(tree: Tree, ends: Ends, faults: FaultList) -> SerialChain | Non
     }
     on_chain = {joint.name: joint for way in moving.values() for joint, _ in way}
     for name, way in moving.items():
-        _check_path(base, name, way, on_chain, faults)
+        _check_path(tree, base, name, way, on_chain, faults)
     if faults.errors:
         return None
     beside = _beside(tree, held, set(on_chain), faults)
@@ -187,7 +187,7 @@ def _only_tip(tree: Tree, base: str | None, held: Mapping[str, Any], faults: Fau
     named = ", ".join(f"{body} ({count} joints)" for count, body in shown)
     more = ", ..." if len(leaves) > MAX_NAMED else ""
     hint = f"choose one with --tip, or several for a robot that branches: {named}{more}, or a link before them"
-    faults.error(None, f"the file has {len(leaves)} chains from '{base}'", hint)
+    faults.error(tree.bodies[base].place, f"the file has {len(leaves)} chains from '{base}'", hint)
     return None
 
 
@@ -213,6 +213,7 @@ def _path(tree: Tree, base: str, tip: str) -> Iterator[tuple[TreeJoint, bool]]:
 
 
 def _check_path(
+    tree: Tree,
     base: str,
     tip: str,
     moving: list[tuple[TreeJoint, bool]],
@@ -227,10 +228,11 @@ def _check_path(
             hint = f"hold it with --hold {joint.name}=0, or choose other ends with --base and --tip"
             message = f"joint '{joint.name}' on the chain follows '{joint.mimic.of}', which is not a moving joint of it"
             faults.error(joint.place, message, hint)
+    place = tree.bodies[tip].place
     if not moving:
-        faults.error(None, f"no joint moves between '{base}' and '{tip}'", "choose other ends with --base and --tip")
+        faults.error(place, f"no joint moves between '{base}' and '{tip}'", "choose other ends with --base and --tip")
     if len(moving) > MAX_JOINTS:
-        faults.error(None, f"{len(moving)} joints between '{base}' and '{tip}'", f"at most {MAX_JOINTS}")
+        faults.error(place, f"{len(moving)} joints between '{base}' and '{tip}'", f"at most {MAX_JOINTS}")
 
 
 def _leads_to_drive(joint: TreeJoint, on_chain: Mapping[str, TreeJoint]) -> bool:
