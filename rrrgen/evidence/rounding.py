@@ -17,11 +17,11 @@ of the same line, so a product that a compiler contracts with a sum to one fused
 or in those that stand in one expression with it, is covered.
 
 Local errors: half a unit in the last place of the largest magnitude of the exact result of the operation; nothing for
-inputs, their signs, changes of sign and products with powers of two; for a constant the exact distance from its
-literal; for sine and cosine the proven bound of the kernel; and the smallest normal number wherever a product or
+inputs, their signs, changes of sign, products with powers of two and ``x + x``; for a constant the exact distance from
+its literal; for sine and cosine the proven bound of the kernel; and the smallest normal number wherever a product or
 quotient may underflow, which also covers processors that flush subnormal results to zero.
 
-Three rules tighten plain intervals, which lose a factor sqrt(2) in every rotation. Let c, s be values within k of the
+Four rules tighten plain intervals, which lose a factor sqrt(2) in every rotation. Let c, s be values within k of the
 cosine and the sine of one angle, and ``rho = 1 + sqrt(2) k``; N(x, y, ..) is the Euclidean norm.
 
 1. Rotation. ``|c A + s B| <= rho N(A, B)``. Proof: Cauchy-Schwarz, ``|c A + s B| <= N(c, s) N(A, B)``, and ``N(c, s)
@@ -32,12 +32,20 @@ cosine and the sine of one angle, and ``rho = 1 + sqrt(2) k``; N(x, y, ..) is th
    <= rho; the block matrix diag(R, 1) stretches by max(N(c, s), 1). Without the second element the norm is smaller
    still, since leaving out elements lowers a norm. With errors and further terms, Minkowski's inequality ``N(x + y)
    <= N(x) + N(y)`` splits them off. ``N(c A, s A, rest) <= max(1, rho) N(A, rest)`` likewise, as ``N(c A, s A) = |A|
-   N(c, s)``.
-3. Cross products. ``|a b + c d| <= N(a, c) N(b, d)``, and with d and b in each other's place where that is smaller.
-   Proof: Cauchy-Schwarz; the signs of the four numbers do not matter.
+   N(c, s)``; and ``N(c A, s A E, rest) <= rho^(m + 1) N(A, rest)`` for a product E of m sines and cosines, since
+   ``|E| <= (1 + k)^m <= rho^m``. These are columns of rotation matrices.
+3. Scalar products. ``|a b + c d + ..| <= N(a, c, ..) N(b, d, ..)``, and with d and b in each other's place where that
+   is smaller. Proof: Cauchy-Schwarz; the signs do not matter. The products of a longer sum are grouped, each group by
+   itself. A product of two sums likewise: ``|a b| <= N(a, b)^2 / 2``, as ``(|a| - |b|)^2 >= 0``.
+4. Rotations by twice an angle, as factoring leaves them: ``2 c (c A + s B) - A = C A + S B`` and ``2 s (c A + s B) -
+   B = S A - C B`` with ``C = 2 c^2 - 1`` or ``1 - 2 s^2`` and ``S = 2 c s``. Rules 1 and 2 hold with ``rho_2 = 1 +
+   2 (rho^2 + 1) (rho^2 - 1)`` for rho. Proof: ``C^2 + S^2 = 1 + 4 v^2 (c^2 + s^2 - 1)`` for v = c or s, hence ``N(C, S)
+   <= 1 + 2 rho^2 (rho^2 - 1)``. Two rows with C from c and from s are N(C, S) times an orthogonal matrix but for one
+   element, in which they differ by ``2 |c^2 + s^2 - 1| <= 2 (rho^2 - 1)``.
 
 Products of products are multiplied out before the rules look for sines and cosines, ``c (s A) = s (c A)``: the rounding
-of an inner product is split off with the factors behind it.
+of an inner product is split off with the factors behind it. Sums of sums are flattened, and terms that cancel are left
+out; what remains are the roundings of the sums inside.
 
 Each rule gives an enclosure of its own, which is intersected with that of interval arithmetic. All arithmetic of the
 analysis is rounded outwards: to the next floating-point number after every operation, with a margin where several
@@ -53,7 +61,13 @@ from it. A rotation ``v = c A + s B + e`` has ``v' = (c A' + s B') + (A c' + B s
 1. ``|c A' + s B'| <= rho N(A', B')`` and ``|A c' + B s'| <= N(A, B) N(c', s')``, by Cauchy-Schwarz.
 2. For the two rows of a rotation ``N(v', w') <= rho N(A', B') + N(A, B) N(c', s') + N(e', f')``, since the second terms
    are ``N(A c' + B s', B c' - A s') = N(A, B) N(c', s')``; e' and f' are what is left, by Minkowski's inequality.
-3. ``|(a b + c d)'| <= N(a, c) N(b', d') + N(b, d) N(a', c')``, with d and b in each other's place likewise.
+   A factor E adds ``|s A E'| <= rho |A| |E'|`` to the right side.
+3. ``|(a b + c d + ..)'| <= N(a, c, ..) N(b', d', ..) + N(b, d, ..) N(a', c', ..)``, with d and b in each other's place
+   likewise, and ``|(a b)'| <= N(a, b) N(a', b')``.
+4. As 1 and 2, with rho_2 for rho and ``5 rho N(c', s')`` for N(c', s'). Proof: with ``C' = 4 c c'`` or ``-4 s s'`` and
+   ``S' = 2 (c' s + c s')`` one row, or two with the same C, add ``N(A, B) N(C', S')`` as before, and ``C'^2 + S'^2 <=
+   (16 + 4) rho^2 N(c', s')^2``; for C of both kinds the Frobenius norm bounds it, ``C_1'^2 + C_2'^2 + 2 S'^2 <=
+   (16 + 8) rho^2 N(c', s')^2``.
 
 The roundings of the two products of a row are together at most ``u |c A| + u |s B| <= u rho N(A, B)``, and those of the
 two sums of a rotation ``u N(c A + s B, c B - s A)``, which is half of what each of them may be by itself. Errors of
@@ -79,7 +93,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -123,15 +137,15 @@ RHO = math.nextafter(1.0 + math.sqrt(2.0) * 1.001 * FLOAT.kernel_error, 2.0)
 """Bound of N(c, s) for computed sines and cosines, of the coarser precision; see rule 1."""
 
 _MARGIN = 1.0 + 2.0**-48  # covers the roundings of a formula of at most 2^4 operations on positive numbers
-_SUM_MARGIN = 1.0 + 2.0**-46  # the same for at most 2^6 operations, such as the sums of :data:`_MOST_TERMS`
+_SUM_MARGIN = 1.0 + 2.0**-46  # the same for at most 2^7 - 1 operations, such as the sums of :data:`_MOST_TERMS`
 _TINY = 1e-150  # magnitudes below it vanish when squared
 _SINE_ERROR = 2.0**-48  # of NumPy's sine and cosine, which are accurate to some units in the last place of 1
-_BUDGET = 6e6  # nodes times parts of the box: some seconds for the largest function
+_BUDGET = 4e6  # nodes times parts of the box: some seconds for the largest function
 _LARGE = 3e4  # nodes from which on the box stays whole: finding the rotations takes longer than the arithmetic
-_COST_OF_CARRYING = 3.0  # of forward mode, by the nodes of the program
 _MOST_PARTS = 8  # of one angle; more gained less than a tenth on the bundled arms
 _MOST_TERMS = 24  # of a flattened sum
 _MOST_FACTORS = 6  # of a product that is multiplied out
+_MOST_PRODUCTS = 8  # of a sum of products that is bounded as the scalar product of two vectors
 _CHUNK = 4e6  # nodes times boxes evaluated together: 64 MB
 
 
@@ -174,7 +188,7 @@ def rounding_bounds(program: Program, box: Box, budget: float = _BUDGET) -> Roun
     """
     analysis = _Analysis(program, box)
     parts = analysis.affordable_parts(budget)
-    finer = analysis.parts_within(budget / _COST_OF_CARRYING, len(program.nodes))
+    finer = analysis.parts_within(budget, len(program.nodes))
     double, single = analysis.bounds(parts, finer)
     library = any(node.op is Op.TANH or node.op is Op.EXP for node in program.nodes)
     return RoundingBounds(double, single, parts, analysis.conditional(), library)
@@ -283,6 +297,17 @@ def _hypot(sizes: Sequence[Array | float]) -> Array | float:
     return sizes[0] if len(sizes) == 1 else np.hypot(sizes[0], sizes[1])
 
 
+def _stretch(multiple: int) -> float:
+    """Bound of the norm of a rotation by an angle, or by twice the angle; see rules 1 and 4."""
+    return RHO if multiple == 1 else 1.0 + 2.0 * (RHO**2 + 1.0) * (RHO**2 - 1.0) * _MARGIN
+
+
+def _joined(first: _Vectors, second: _Vectors, turned: bool) -> _Vectors:
+    """Two scalar products as one; ``turned``: with the vectors of the second in each other's place."""
+    (a, b), (c, d) = first, second[:: -1 if turned else 1]
+    return a + c, b + d
+
+
 def _half_unit(magnitude: Array, roundoff: float) -> Array:
     """The largest error of rounding a number of at most this magnitude to nearest."""
     exponent = np.frexp(magnitude)[1]
@@ -290,7 +315,7 @@ def _half_unit(magnitude: Array, roundoff: float) -> Array:
 
 
 # ------------------------------------------------------------------------------------------------------------------
-# Enclosures of all nodes, with the three rules.
+# Enclosures of all nodes, with the four rules.
 # ------------------------------------------------------------------------------------------------------------------
 
 
@@ -316,8 +341,11 @@ class _Choice(NamedTuple):
     followed: set[int]
 
 
+TWO = -1
+"""Stands in products for the factor 2."""
+
 Factors = tuple[int, ...]
-"""Nodes that are multiplied with each other; () stands for 1."""
+"""Nodes that are multiplied with each other, and :data:`TWO`; () stands for 1."""
 
 _Lost = tuple[tuple[Factors, int], ...]
 """Local errors of nodes, each with factors that it is multiplied with."""
@@ -332,12 +360,16 @@ class _Factored(NamedTuple):
 
 
 class _Turned(NamedTuple):
-    """A product as ``factor``, the sine or cosine (``kind``) of ``angle``, times ``rest``."""
+    """A product as ``factor``, the sine or cosine (``kind``) of ``angle``, times ``rest``.
+
+    For ``multiple`` 2 it is that of twice the angle, of which ``factor`` is the sine or cosine.
+    """
 
     angle: int
     kind: Op
     factor: int
     rest: Factors
+    multiple: int = 1
 
 
 class _RotatedTerm(NamedTuple):
@@ -353,26 +385,45 @@ class _RotatedTerm(NamedTuple):
 
 
 class _Terms(NamedTuple):
-    """A sum as signed ``terms`` that are no sums, the sums ``inner`` in it, and the terms with cosine and with sine.
+    """A sum as ``terms`` with their coefficients, the sums ``inner`` in it, and the terms with cosine and with sine.
 
-    ``pairs`` has an entry for every angle of which both functions occur.
+    ``pairs`` has an entry for every angle of which both functions occur. ``merged``: terms cancel or occur twice.
+    ``vectors`` are ways to read the products among the terms as scalar products.
     """
 
     terms: list[tuple[int, int]]
     inner: list[int]
     pairs: list[tuple[list[_RotatedTerm], list[_RotatedTerm]]]
+    vectors: list[_ScalarProducts]
+    merged: bool = False
+
+
+_Vectors = tuple[tuple[Factors, ...], tuple[Factors, ...]]
+"""Two vectors whose scalar product is taken."""
+
+
+class _ScalarProducts(NamedTuple):
+    """The terms ``products`` of a sum as the scalar products of pairs of vectors."""
+
+    vectors: list[_Vectors]
+    products: list[int]
 
 
 class _Rotation(NamedTuple):
     """The sum ``node`` as a term with the cosine and one with the sine of an angle, and further terms ``rest``.
 
-    ``inner`` are the sums inside it.
+    ``inner`` are the sums inside it; the further terms have their coefficients.
     """
 
     parts: tuple[_RotatedTerm, _RotatedTerm]
     node: int
     inner: list[int]
-    rest: list[int]
+    rest: list[tuple[int, int]]
+
+    @property
+    def multiple(self) -> int:
+        """1 for a rotation by the angle itself, 2 by twice the angle."""
+        return self.parts[0].turned.multiple
 
     @property
     def pair(self) -> tuple[Factors, Factors]:
@@ -381,7 +432,8 @@ class _Rotation(NamedTuple):
 
     def is_orthogonal_to(self, other: _Rotation) -> bool:
         """Whether both are rows (a c, b s) and (d s, e c) on the same pair, whose products cancel."""
-        if self.parts[0].turned.angle != other.parts[0].turned.angle or self.pair != other.pair[::-1]:
+        angles = [(each.parts[0].turned.angle, each.multiple) for each in (self, other)]
+        if angles[0] != angles[1] or self.pair != other.pair[::-1]:
             return False
         (a, b), (e, d) = ([part.sign for part in rotation.parts] for rotation in (self, other))
         return a * d == -b * e
@@ -391,13 +443,19 @@ class _Reduction(NamedTuple):
     """A norm by rule 2: that of ``members``, and what is split off one or two of the former members.
 
     These are sums that a rotation leaves, or the products of one factor with sine and cosine, ``turned``, with the
-    roundings ``lost`` inside them.
+    roundings ``lost`` inside them. One of the products may have further sines and cosines, ``extra``.
     """
 
     members: list[Factors]
-    rotations: tuple[_Rotation, ...]
-    turned: tuple[_Turned, ...]
-    lost: tuple[_Lost, ...]
+    rotations: tuple[_Rotation, ...] = ()
+    turned: tuple[_Turned, ...] = ()
+    lost: tuple[_Lost, ...] = ()
+    extra: Factors = ()
+
+    @property
+    def stretch(self) -> float:
+        """By how much the norm of the new members may be smaller than that of the former ones."""
+        return _stretch(self.rotations[0].multiple) if self.rotations else float(RHO ** (1 + len(self.extra)))
 
 
 class _Ranges:
@@ -406,14 +464,15 @@ class _Ranges:
     ``errors[i]`` is the bound of the local error of node i in the coarser precision, which the enclosure includes.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, program_size: int | None = None) -> None:
+        self._program_size = program_size
         self.nodes: list[Node] = []
         self.ranges: list[Interval] = []
         self.errors: list[Array | float] = []
         self._norms: dict[tuple[Factors, ...], Array] = {}
         self._lasting = 0  # norms at the beginning that do not rest on nodes to be forgotten
         self._products: dict[int, _Factored] = {}
-        self._terms: dict[int, _Terms | None] = {}
+        self.readings: dict[int, list[_Terms]] = {}
 
     def truncate(self, size: int) -> None:
         """Forget all nodes from number ``size`` on."""
@@ -425,13 +484,13 @@ class _Ranges:
                 lasting[key] = norm
         self._norms |= lasting
         self._lasting = len(self._norms)
-        for cache in (self._products, self._terms):
+        for cache in (self._products, self.readings):
             for index in [index for index in reversed(cache) if index >= size]:
                 del cache[index]
 
     def magnitude(self, index: int) -> Array:
         """The largest magnitude of a node in every box."""
-        return _magnitude(self.ranges[index])
+        return np.array([2.0]) if index == TWO else _magnitude(self.ranges[index])
 
     def exact(self, node: Node) -> Interval:
         """The enclosure of ``node``, the next one, without its own local error."""
@@ -442,7 +501,7 @@ class _Ranges:
         if op is Op.SUB:
             return self._of_sum(node, _difference(x, self.ranges[args[1]]))
         if op is Op.MUL:
-            return _product(x, self.ranges[args[1]])
+            return self._of_product(node, _product(x, self.ranges[args[1]]))
         if op is Op.NEG:
             return -x[1], -x[0]
         if op is Op.DIV:
@@ -583,6 +642,11 @@ class _Ranges:
         if node.op is Op.NEG:
             inner = self.product(node.args[0])
             return inner._replace(sign=-inner.sign)
+        if (half := self._half(node)) is not None:
+            inner = self.product(half)
+            if len(inner.factors) < _MOST_FACTORS and TWO not in inner.factors:
+                twice = [((TWO, *weights), place) for weights, place in inner.lost]
+                return _Factored(inner.sign, (TWO, *inner.factors), (((), index), *twice))
         if node.op is not Op.MUL:
             return _Factored(1, (index,), ())
         x, y = (self.product(arg) for arg in node.args)
@@ -594,70 +658,110 @@ class _Ranges:
         of_y = [((*weights, *x.factors), inner) for weights, inner in y.lost]
         return _Factored(x.sign * y.sign, factors, (((), index), *of_x, *of_y))
 
+    def _half(self, node: Node) -> int | None:
+        """The operand x of ``x + x`` or ``2 x``; None for another node."""
+        if node.op is Op.ADD and node.args[0] == node.args[1]:
+            return node.args[0]
+        if node.op is Op.MUL:
+            for factor, other in (node.args, node.args[::-1]):
+                if self.nodes[factor].op is Op.CONST and self.nodes[factor].number == 2:
+                    return other
+        return None
+
     def turned(self, factors: Factors) -> list[_Turned]:
         """The ways to read a product as sine or cosine times other factors."""
         found = []
         for factor in dict.fromkeys(factors):
+            if factor == TWO:
+                continue
             node = self.nodes[factor]
             if node.op is Op.SIN or node.op is Op.COS:
                 place = factors.index(factor)
                 found.append(_Turned(node.args[0], node.op, factor, factors[:place] + factors[place + 1 :]))
         return found
 
-    def terms(self, index: int) -> _Terms | None:
-        """The sum ``index`` taken apart; None if there are too many terms."""
-        if index not in self._terms:
-            self._terms[index] = self.taken_apart(self.nodes[index])
-        return self._terms[index]
-
-    def taken_apart(self, node: Node) -> _Terms | None:
-        """The sum ``node`` taken apart; None if there are too many terms."""
-        terms: list[tuple[int, int]] = []
+    def _taken_apart(self, node: Node) -> list[_Terms]:
+        """The sum ``node`` taken apart, into terms that are no sums unless these are too many."""
+        by_twice = self._by_twice_the_angle(node)
+        net: dict[int, int] = {}
         inner: list[int] = []
-        stack = [(1, node.args[0]), (1 if node.op is Op.ADD else -1, node.args[1])]
+        count = 0
+        stack = self._signed_operands(node)
         while stack:
             sign, index = stack.pop()
-            op, args, _ = self.nodes[index]
-            if op is Op.ADD or op is Op.SUB:
+            below = self.nodes[index]
+            if below.op is Op.ADD or below.op is Op.SUB:
                 inner.append(index)
-                stack += [(sign, args[0]), (sign if op is Op.ADD else -sign, args[1])]
-            elif op is Op.NEG:
-                stack.append((-sign, args[0]))
+                stack += [(sign * other, arg) for other, arg in self._signed_operands(below)]
+            elif below.op is Op.NEG:
+                stack.append((-sign, below.args[0]))
             else:
-                terms.append((sign, index))
-            if len(terms) + len(stack) > _MOST_TERMS:
-                return None
+                net[index] = net.get(index, 0) + sign
+                count += 1
+            if count + len(stack) > _MOST_TERMS:
+                return by_twice
+        terms = [(coefficient, index) for index, coefficient in net.items() if coefficient]
         by_angle: dict[int, tuple[list[_RotatedTerm], list[_RotatedTerm]]] = {}
-        for sign, index in terms:
+        for coefficient, index in terms:
             product = self.product(index)
+            sign = product.sign if coefficient > 0 else -product.sign
             read = self.turned(product.factors)
             angles = [turned.angle for turned in read]
             for turned in read:
                 if angles.count(turned.angle) == 1:
-                    part = _RotatedTerm(sign * product.sign, index, turned, product.lost)
-                    by_angle.setdefault(turned.angle, ([], []))[turned.kind is Op.SIN].append(part)
+                    part = _RotatedTerm(sign, index, turned, product.lost)
+                    group = by_angle.setdefault(turned.angle, ([], []))[turned.kind is Op.SIN]
+                    group += [part] * abs(coefficient)
         pairs = [(cosines, sines) for cosines, sines in by_angle.values() if cosines and sines]
-        return _Terms(terms, inner, pairs)
+        return [_Terms(terms, inner, pairs, self._scalar_products(terms), len(terms) < count), *by_twice]
+
+    def _signed_operands(self, node: Node) -> list[tuple[int, int]]:
+        """The two operands of a sum or difference with their signs."""
+        return [(1, node.args[0]), (1 if node.op is Op.ADD else -1, node.args[1])]
+
+    def _by_twice_the_angle(self, node: Node) -> list[_Terms]:
+        """Rule 4: the readings of a sum as ``2 c (c A + s B) - A`` or ``2 s (c A + s B) - B``."""
+        found = []
+        operands = self._signed_operands(node)
+        for (outer_sign, outer), (other_sign, other) in (operands, operands[::-1]):
+            product, subtracted = self.product(outer), self.product(other)
+            if product.factors[0] != TWO or len(product.factors) != 3:
+                continue
+            for turned in self.turned(product.factors[1:]):
+                for rotation in self.rotations(turned.rest[0]):
+                    if rotation.rest or (rotation.parts[0].turned.angle, rotation.multiple) != (turned.angle, 1):
+                        continue
+                    cosine, sine = rotation.parts
+                    behind, beside, flip = (cosine, sine, 1) if turned.kind is Op.COS else (sine, cosine, -1)
+                    sign = outer_sign * product.sign
+                    if behind.turned.rest != subtracted.factors or sign * behind.sign != -other_sign * subtracted.sign:
+                        continue
+                    inside = [((), turned.rest[0]), *(((), k) for k in rotation.inner), *behind.lost, *beside.lost]
+                    twice = tuple(((TWO, turned.factor, *weights), k) for weights, k in inside)
+                    of_cosine = _Turned(turned.angle, Op.COS, cosine.turned.factor, behind.turned.rest, 2)
+                    of_sine = _Turned(turned.angle, Op.SIN, sine.turned.factor, beside.turned.rest, 2)
+                    in_cosine = _RotatedTerm(sign * behind.sign * flip, outer, of_cosine, product.lost + twice)
+                    in_sine = _RotatedTerm(sign * beside.sign, other, of_sine, subtracted.lost)
+                    found.append(_Terms(operands, [], [([in_cosine], [in_sine])], []))
+        return found
 
     def rotations(self, index: int) -> list[_Rotation]:
         """The ways to read node ``index``, if it is a sum, as a rotation of two products and a rest."""
-        if self.nodes[index].op is not Op.ADD and self.nodes[index].op is not Op.SUB:
-            return []
-        taken = self.terms(index)
-        if taken is None:
+        if index == TWO or (self.nodes[index].op is not Op.ADD and self.nodes[index].op is not Op.SUB):
             return []
         found = []
-        for cosines, sines in taken.pairs:
-            if len(cosines) == len(sines) == 1:
-                parts = cosines[0], sines[0]
-                used = [part.node for part in parts]
-                rest = [other for _, other in taken.terms if other not in used]
-                found.append(_Rotation(parts, index, taken.inner, rest))
+        for taken in self.readings[index]:
+            for cosines, sines in taken.pairs:
+                if len(cosines) == len(sines) == 1:
+                    parts = cosines[0], sines[0]
+                    used = [part.node for part in parts]
+                    rest = [term for term in taken.terms if term[1] not in used]
+                    found.append(_Rotation(parts, index, taken.inner, rest))
         return found
 
     def reductions(self, members: Sequence[Factors]) -> list[_Reduction]:
         """Rule 2: the ways to take one rotation off the norm of ``members`` that are worth following."""
-        read = [self.product(member[0]) if len(member) == 1 else _Factored(1, member, ()) for member in members]
+        read = [self._read(member) for member in members]
         rotations = [self.rotations(each.factors[0]) if len(each.factors) == 1 else [] for each in read]
 
         def without(*places: int) -> list[Factors]:
@@ -668,22 +772,42 @@ class _Ranges:
                 for j in range(i + 1, len(members)):
                     for second in rotations[j]:
                         if first.is_orthogonal_to(second):
-                            return [_Reduction([*without(i, j), *first.pair], (first, second), (), ())]
-        for i, one in enumerate(read):
-            for turned in self.turned(one.factors):
-                for j in range(i + 1, len(members)):
-                    for again in self.turned(read[j].factors):
-                        if (turned.angle, turned.rest) == (again.angle, again.rest) and turned.kind is not again.kind:
-                            lost = one.lost, read[j].lost
-                            return [_Reduction([*without(i, j), turned.rest], (), (turned, again), lost)]
+                            return [_Reduction([*without(i, j), *first.pair], (first, second))]
+        ways = [self.turned(each.factors) for each in read]
+        pairs = []
+        for i, j in combinations(range(len(members)), 2):
+            for turned, again in product(ways[i], ways[j]):
+                if turned.angle == again.angle and turned.kind is not again.kind:
+                    fewer, more = sorted((turned.rest, again.rest), key=len)
+                    extra = self._further(more, fewer)
+                    if extra is not None:
+                        lost = read[i].lost, read[j].lost
+                        pair = _Reduction([*without(i, j), fewer], (), (turned, again), lost, extra)
+                        if not extra:
+                            return [pair]
+                        pairs.append(pair)
         # one of a pair alone: which leads on to further pairs is not known; the last may rest on what others rest on
         single = [
-            _Reduction([*without(i), *first.pair], (first,), (), ())
+            _Reduction([*without(i), *first.pair], (first,))
             for i, of_first in enumerate(rotations)
             for first in of_first[:1]
             if not first.rest
         ]
-        return single if len(members) == 2 else single[-1:]
+        return [*pairs[:1], *(single if len(members) == 2 else single[-1:])]
+
+    def _read(self, member: Factors) -> _Factored:
+        """A member of a norm, multiplied out if it is a single node."""
+        return self.product(member[0]) if len(member) == 1 and member[0] != TWO else _Factored(1, member, ())
+
+    def _further(self, factors: Factors, others: Factors) -> Factors | None:
+        """The factors beyond ``others``, if these are among them and the further ones are sines and cosines."""
+        left = list(factors)
+        for other in others:
+            if other not in left:
+                return None
+            left.remove(other)
+        trigonometric = all(k != TWO and self.nodes[k].op in (Op.SIN, Op.COS) for k in left)
+        return tuple(left) if trigonometric else None
 
     # -- the rules ---------------------------------------------------------------------------------------------
 
@@ -694,33 +818,97 @@ class _Ranges:
             size = size * self.magnitude(index)
         return size * _MARGIN
 
-    def _of_sum(self, node: Node, enclosure: Interval) -> Interval:
-        taken = self.taken_apart(node)
-        if taken is None:
+    def _of_product(self, node: Node, enclosure: Interval) -> Interval:
+        """Rule 3 for a product of two sums: ``|a b| <= N(a, b)^2 / 2``."""
+        if not self.is_product_of_sums(node) or self._is_derivative():
             return enclosure
-        for cosines, sines in taken.pairs:
-            enclosure = _intersection(enclosure, self._by_rotation(taken, cosines, sines))
-        if len(taken.terms) == 2 and not taken.inner:
-            (_, x), (_, y) = taken.terms
-            if self.nodes[x].op is Op.MUL and self.nodes[y].op is Op.MUL:
-                bound = self._by_cross_product(x, y)
-                enclosure = _intersection(enclosure, (-bound, bound))
+        a, b = node.args
+        norm = self.norm(((a,), (b,)))
+        bound = norm * norm / 2.0 * _MARGIN
+        return _intersection(enclosure, (-bound, bound))
+
+    def is_product_of_sums(self, node: Node) -> bool:
+        """Whether ``node`` is the product of two different sums, which may be rows of one rotation."""
+        sums = all(self.nodes[arg].op in (Op.ADD, Op.SUB) for arg in node.args)
+        return node.op is Op.MUL and sums and node.args[0] != node.args[1]
+
+    def _is_derivative(self) -> bool:
+        """Whether the next node is one of the many derivatives, for which searching for vectors takes too long."""
+        return self._program_size is not None and len(self.nodes) >= self._program_size
+
+    def _of_sum(self, node: Node, enclosure: Interval) -> Interval:
+        self.readings[len(self.nodes)] = self._taken_apart(node)
+        for taken in self.readings[len(self.nodes)]:
+            inner = self._error(taken.inner)
+            if taken.merged:
+                enclosure = _intersection(enclosure, self._of_terms(taken, (), inner))
+            for cosines, sines in taken.pairs:
+                enclosure = _intersection(enclosure, self._by_rotation(taken, cosines, sines))
+            for reading in taken.vectors:
+                radius = sum((self.norm(left) * self.norm(right) for left, right in reading.vectors), 0.0)
+                radius = radius + self._error(reading.products) + inner
+                enclosure = _intersection(enclosure, self._of_terms(taken, reading.products, radius))
         return enclosure
+
+    def _scalar_products(self, terms: Sequence[tuple[int, int]]) -> list[_ScalarProducts]:
+        """Rule 3: ways to read the products among the terms of a sum as scalar products. Signs do not matter.
+
+        Of two products both ways, in which either operand of the second belongs to the vector of the first's left one.
+        More are grouped where that lowers the bound, and taken as one scalar product, of the smaller operands of all
+        with the larger ones.
+        """
+        products = [index for coefficient, index in terms if abs(coefficient) == 1 and self.nodes[index].op is Op.MUL]
+        if not 2 <= len(products) <= (2 if self._is_derivative() else _MOST_PRODUCTS):
+            return []
+        ordered = [sorted(self.nodes[k].args, key=lambda arg: float(np.max(self.magnitude(arg)))) for k in products]
+        pairs: list[_Vectors] = [(((small,),), ((large,),)) for small, large in ordered]
+        if len(products) == 2:
+            readings = [[_joined(pairs[0], pairs[1], turned)] for turned in (False, True)]
+        else:
+            together = tuple(tuple((k,) for k in side) for side in zip(*ordered, strict=True))
+            readings = [self._grouped(pairs), [(together[0], together[1])]]
+        return [_ScalarProducts(reading, products) for reading in readings]
+
+    def _grouped(self, groups: list[_Vectors]) -> list[_Vectors]:
+        """Join scalar products, two at a time, those first that lower the sum of the bounds most."""
+
+        sizes: dict[_Vectors, float] = {}
+
+        def size(vectors: _Vectors) -> float:
+            if vectors not in sizes:
+                sizes[vectors] = float(np.mean(self.norm(vectors[0]) * self.norm(vectors[1])))
+            return sizes[vectors]
+
+        while True:
+            best, chosen = 0.0, None
+            for i, j in combinations(range(len(groups)), 2):
+                for turned in (False, True):
+                    joined = _joined(groups[i], groups[j], turned)
+                    gain = size(groups[i]) + size(groups[j]) - size(joined)
+                    if gain > best:
+                        best, chosen = gain, (i, j, joined)
+            if chosen is None:
+                return groups
+            groups = [group for k, group in enumerate(groups) if k not in chosen[:2]] + [chosen[2]]
 
     def _by_rotation(self, taken: _Terms, cosines: Sequence[_RotatedTerm], sines: Sequence[_RotatedTerm]) -> Interval:
         """Rule 1 for a flattened sum: the terms of one angle by their norm, the others by intervals."""
         bound = self.norm_of_sums(cosines, sines)
         parts = (*cosines, *sines)
-        used = [part.node for part in parts]
-        radius = bound * RHO + sum(map(self._lost, parts), 0.0) + self._error(taken.inner)
+        stretch = _stretch(parts[0].turned.multiple)
+        radius = bound * stretch + sum(map(self._lost, parts), 0.0) + self._error(taken.inner)
+        return self._of_terms(taken, [part.node for part in parts], radius)
+
+    def _of_terms(self, taken: _Terms, left_out: Sequence[int], radius: Array | float) -> Interval:
+        """The range of a flattened sum: its terms but those ``left_out``, and a number of at most ``radius``."""
         low: Array | float = 0.0
         high: Array | float = 0.0
         size: Array | float = radius
-        for sign, index in taken.terms:
-            if index not in used:
-                x = self.ranges[index]
-                low, high = (low + x[0], high + x[1]) if sign > 0 else (low - x[1], high - x[0])
-                size = size + _magnitude(x)
+        for coefficient, index in taken.terms:
+            if index not in left_out:
+                x = self.ranges[index][:: 1 if coefficient > 0 else -1]
+                low, high = low + coefficient * x[0], high + coefficient * x[1]
+                size = size + abs(coefficient) * _magnitude(self.ranges[index])
         slack = size * 2.0**-46  # covers the roundings of at most _MOST_TERMS additions and of the norm
         return np.asarray(low - radius - slack), np.asarray(high + radius + slack)
 
@@ -730,14 +918,6 @@ class _Ranges:
             return self.norm((cosines[0].turned.rest, sines[0].turned.rest))
         groups = [sum(self.size(part.turned.rest) for part in group) for group in (cosines, sines)]
         return np.asarray(np.hypot(groups[0], groups[1])) * _MARGIN
-
-    def _by_cross_product(self, x: int, y: int) -> Array:
-        """Rule 3: the bound of the sum or difference of the products ``x`` and ``y``."""
-        (a, b), (c, d) = ([(arg,) for arg in self.nodes[index].args] for index in (x, y))
-        straight = self.norm((a, c)) * self.norm((b, d))
-        crossed = self.norm((a, d)) * self.norm((b, c))
-        bound: Array = (np.minimum(straight, crossed) + self._error((x, y))) * _MARGIN
-        return bound
 
     def _error(self, indices: Sequence[int]) -> Array | float:
         return sum((self.errors[index] for index in indices), 0.0)
@@ -758,8 +938,11 @@ class _Ranges:
                 sum(map(self._lost, rotation.parts), 0.0) + self._error((rotation.node, *rotation.inner))
                 for rotation in reduction.rotations
             ] or [self._lost(each) for each in reduction.lost]
-            rests = [sum(map(self.magnitude, rotation.rest), 0.0) for rotation in reduction.rotations] or [0.0]
-            other = self.norm(reduction.members) * RHO + _hypot(lost) + _hypot(rests)
+            rests = [
+                sum((abs(coefficient) * self.magnitude(k) for coefficient, k in rotation.rest), 0.0)
+                for rotation in reduction.rotations
+            ] or [0.0]
+            other = self.norm(reduction.members) * reduction.stretch + _hypot(lost) + _hypot(rests)
             bound = np.minimum(bound, other * _MARGIN)
         self._norms[key] = bound
         return bound
@@ -771,7 +954,7 @@ class _Ranges:
 
 
 class _Carried:
-    """Bounds of the derivatives of all nodes along the line of errors, by forward mode, with the three rules.
+    """Bounds of the derivatives of all nodes along the line of errors, by forward mode, with the four rules.
 
     ``sizes[i]``, of shape (precisions, boxes), bounds ``|d v_i / dt|`` where all local errors are t times their actual
     values. ``local[i]`` bounds the local error of node i, and ``known`` has bounds of some nodes from elsewhere.
@@ -786,6 +969,8 @@ class _Carried:
             size = (self._of_operation(node) + local[index]) * _SUM_MARGIN
             if node.op is Op.ADD or node.op is Op.SUB:
                 size = self._of_sum(index, size)
+            elif node.op is Op.MUL:
+                size = self._of_product_of_sums(index, size)
             if index in known:
                 size = np.minimum(size, known[index])
             self.sizes.append(size)
@@ -816,16 +1001,22 @@ class _Carried:
             return np.exp(magnitude(args[0])) * (1.0 + _SINE_ERROR) * first
         return first  # the slope of sine, cosine, tanh, magnitude and change of sign is at most 1
 
-    def _of_sum(self, index: int, size: Array) -> Array:
-        taken = self.ranges.terms(index)
-        if taken is None:
+    def _of_product_of_sums(self, index: int, size: Array) -> Array:
+        """Rule 3 for a product of two sums: ``|a db + b da| <= N(a, b) N(da, db)``."""
+        if not self.ranges.is_product_of_sums(self.ranges.nodes[index]):
             return size
-        for cosines, sines in taken.pairs:
-            size = np.minimum(size, self._by_rotation(index, taken, cosines, sines))
-        if len(taken.terms) == 2 and not taken.inner:
-            (_, x), (_, y) = taken.terms
-            if self.ranges.nodes[x].op is Op.MUL and self.ranges.nodes[y].op is Op.MUL:
-                size = np.minimum(size, self._by_cross_product(index, x, y))
+        a, b = self.ranges.nodes[index].args
+        pair = (a,), (b,)
+        return np.minimum(size, (self.ranges.norm(pair) * self.norm(pair) + self.local[index]) * _SUM_MARGIN)
+
+    def _of_sum(self, index: int, size: Array) -> Array:
+        for taken in self.ranges.readings[index]:
+            if taken.merged:
+                size = np.minimum(size, self._of_terms(index, taken, (), 0.0))
+            for cosines, sines in taken.pairs:
+                size = np.minimum(size, self._by_rotation(index, taken, cosines, sines))
+            for reading in taken.vectors:
+                size = np.minimum(size, self._by_scalar_products(index, taken, reading))
         return size
 
     def _by_rotation(
@@ -838,26 +1029,32 @@ class _Carried:
             groups = [sum(self._of_product(part.turned.rest) for part in group) for group in (cosines, sines)]
             bound = np.hypot(groups[0], groups[1])
         parts = (*cosines, *sines)
-        used = [part.node for part in parts]
-        size = bound * RHO + self._of_trigonometry(parts) * self.ranges.norm_of_sums(cosines, sines)
+        size = bound * _stretch(parts[0].turned.multiple)
+        size = size + self._of_trigonometry(parts) * self.ranges.norm_of_sums(cosines, sines)
         size = size + self._of_products(parts, self.ranges.norm_of_sums(cosines, sines))
+        return self._of_terms(index, taken, [part.node for part in parts], size)
+
+    def _of_terms(self, index: int, taken: _Terms, left_out: Sequence[int], size: Array | float) -> Array:
+        """The derivative of a flattened sum: of its terms but those ``left_out``, and ``size`` for these."""
         for k in (index, *taken.inner):
             size = size + self.local[k]
-        for _, k in taken.terms:
-            if k not in used:
-                size = size + self.sizes[k]
+        for coefficient, k in taken.terms:
+            if k not in left_out:
+                size = size + abs(coefficient) * self.sizes[k]
         return np.asarray(size * _SUM_MARGIN)
 
     def _of_trigonometry(self, parts: Sequence[_RotatedTerm | _Turned]) -> Array:
-        """A bound of N(dc, ds) for sine and cosine of one angle."""
-        sizes = [self.sizes[part.turned.factor if isinstance(part, _RotatedTerm) else part.factor] for part in parts]
-        return np.asarray(math.sqrt(2.0) * np.max(np.broadcast_arrays(*sizes), axis=0) * _SUM_MARGIN)
+        """A bound of N(dc, ds) for sine and cosine of one angle, times 5 for twice the angle, by rule 4."""
+        read = [part.turned if isinstance(part, _RotatedTerm) else part for part in parts]
+        slope = math.sqrt(2.0) if read[0].multiple == 1 else 5.0 * math.sqrt(2.0) * RHO
+        sizes = [self.sizes[turned.factor] for turned in read]
+        return np.asarray(slope * np.max(np.broadcast_arrays(*sizes), axis=0) * _SUM_MARGIN)
 
     def _of_products(self, parts: Sequence[_RotatedTerm], norm: Array) -> Array:
         """The roundings of the products of one rotation, also those inside them.
 
         Those of the outer products are at most ``u |c A| + u |s B| <= u rho N(A, B)`` together, up to what the
-        roundings inside add to them.
+        roundings inside add to them. The products of a rotation by twice the angle are others.
         """
         outer: Array | float = 0.0
         inner: Array | float = 0.0
@@ -869,22 +1066,26 @@ class _Carried:
                 else:
                     outer = outer + self.local[k]
                     underflow = underflow + _SMALLEST
-        together = _ROUNDOFF * (norm * RHO + inner) + underflow
-        return np.asarray(np.minimum(outer, together) + inner) * _SUM_MARGIN
+        if parts[0].turned.multiple == 1:
+            outer = np.minimum(outer, _ROUNDOFF * (norm * RHO + inner) + underflow)
+        return np.asarray(outer + inner) * _SUM_MARGIN
 
-    def _by_cross_product(self, index: int, x: int, y: int) -> Array:
+    def _by_scalar_products(self, index: int, taken: _Terms, reading: _ScalarProducts) -> Array:
         """Rule 3 on both halves of ``a db + c dd + b da + d dc``."""
-        (a, b), (c, d) = ([(arg,) for arg in self.ranges.nodes[k].args] for k in (x, y))
         of = self.ranges.norm
-        straight = of((a, c)) * self.norm((b, d)) + of((b, d)) * self.norm((a, c))
-        crossed = of((a, d)) * self.norm((b, c)) + of((b, c)) * self.norm((a, d))
-        return (np.minimum(straight, crossed) + self.local[x] + self.local[y] + self.local[index]) * _SUM_MARGIN
+        size: Array | float = 0.0
+        for left, right in reading.vectors:
+            size = size + of(left) * self.norm(right) + of(right) * self.norm(left)
+        for k in reading.products:
+            size = size + self.local[k]
+        return self._of_terms(index, taken, reading.products, size)
 
     def _of_product(self, factors: Factors) -> Array | float:
         """The derivative of a product of nodes."""
         size: Array | float = 0.0
         for place, factor in enumerate(factors):
-            size = size + self.ranges.size(factors[:place] + factors[place + 1 :]) * self.sizes[factor]
+            if factor != TWO:
+                size = size + self.ranges.size(factors[:place] + factors[place + 1 :]) * self.sizes[factor]
         return size * _SUM_MARGIN
 
     def norm(self, members: Sequence[Factors]) -> Array:
@@ -896,7 +1097,7 @@ class _Carried:
         bound = np.sqrt(squares) * _SUM_MARGIN + _TINY
         for reduction in self.ranges.reductions(key) if len(key) > 1 else ():
             extra = self._of_pair(reduction) if reduction.turned else self._of_rotations(reduction.rotations)
-            bound = np.minimum(bound, (self.norm(reduction.members) * RHO + extra) * _SUM_MARGIN)
+            bound = np.minimum(bound, (self.norm(reduction.members) * reduction.stretch + extra) * _SUM_MARGIN)
         self._norms[key] = bound
         return bound
 
@@ -910,18 +1111,23 @@ class _Carried:
         products = _hypot([self._of_products(rotation.parts, norm) for rotation in rotations])
         sums = _hypot([sum((self.local[k] for k in (each.node, *each.inner)), 0.0) for each in rotations])
         if not any(rotation.inner or rotation.rest for rotation in rotations):
-            sums = np.minimum(sums, _ROUNDOFF * (norm * RHO + products))
-        rests = _hypot([sum((self.sizes[k] for k in rotation.rest), 0.0) for rotation in rotations])
+            sums = np.minimum(sums, _ROUNDOFF * (norm * _stretch(rotations[0].multiple) + products))
+        rests = _hypot(
+            [sum((abs(coefficient) * self.sizes[k] for coefficient, k in each.rest), 0.0) for each in rotations]
+        )
         return np.asarray(self._of_trigonometry(rotations[0].parts) * norm + products + sums + rests)
 
     def _of_pair(self, reduction: _Reduction) -> Array:
-        """What is added to ``|dA|`` by ``N(A dc, A ds)`` and by the roundings of both products."""
-        size = self.ranges.size(reduction.turned[0].rest)
+        """What is added to ``|dA|`` by ``N(A dc, A ds)``, by further factors and by the roundings of both products."""
+        common = reduction.members[-1]
+        size = self.ranges.size(common)
         nothing = np.zeros((len(PRECISIONS), 1))
         outer = _hypot([sum((self.local[k] for weights, k in lost if not weights), nothing) for lost in reduction.lost])
         inner = _hypot([sum((self._weighted(*each) for each in lost if each[0]), nothing) for lost in reduction.lost])
-        together = _ROUNDOFF * (size * RHO + inner) + 2.0 * _SMALLEST
-        return np.asarray(self._of_trigonometry(reduction.turned) * size + np.minimum(outer, together) + inner)
+        together = _ROUNDOFF * (size * reduction.stretch + inner) + 2.0 * _SMALLEST
+        further = size * self._of_product(reduction.extra) * RHO if reduction.extra else 0.0
+        trigonometry = self._of_trigonometry(reduction.turned) * RHO ** len(reduction.extra)
+        return np.asarray(trigonometry * size + further + np.minimum(outer, together) + inner)
 
     def _weighted(self, weights: Factors, index: int) -> Array:
         """A local error times the factors behind it, along the whole line."""
@@ -944,6 +1150,8 @@ class _Analysis:
         self.angles = sorted({node.args[0] for node in self.nodes if node.op is Op.SIN or node.op is Op.COS})
         self._in_angles = set(reachable(self.nodes, self.angles))
         self._check_angles()
+        builder = Builder()  # one for all sweeps, of which each takes the nodes that it reaches
+        self._recording = builder, builder.input(Port("v", (len(self.nodes),)))
         self.sweeps = {index: self._sweep(index) for row in program.results for index in row}
         self.followed: dict[int, set[int]] = {}  # of the choices: the nodes that they take in some part of the box
         self.undecided: set[int] = set()  # choices and signs that rounding may turn over
@@ -991,9 +1199,8 @@ class _Analysis:
         the node that computes it. The values of the program's nodes are inputs of the recording, so that nothing is
         simplified by an identity that holds only without rounding. Derivatives do not pass through sines and cosines.
         """
-        builder = Builder()
+        builder, value = self._recording
         size = len(self.nodes)
-        value = builder.input(Port("v", (size,)))
         adjoints: dict[int, Value] = {output: 1}
         order = reachable(self.nodes, [output])
 
@@ -1048,10 +1255,16 @@ class _Analysis:
                 numbers[index] = adjoint
             else:
                 wanted.append((index, adjoint.index))
-        kept = reachable(builder.nodes, [place for _, place in wanted])
+        kept: set[int] = set()
+        waiting = [place for _, place in wanted]
+        while waiting:
+            place = waiting.pop()
+            if place not in kept:
+                kept.add(place)
+                waiting += builder.nodes[place].args
         moved: dict[int, int] = {}
         nodes: list[Node] = []
-        for old in kept:
+        for old in sorted(kept):
             node = builder.nodes[old]
             if node.op is Op.INPUT:
                 moved[old] = node.place[1]
@@ -1159,7 +1372,7 @@ class _Analysis:
 
     def _enclosed(self, boxes: Mapping[int, Interval]) -> tuple[_Ranges, list[tuple[Array | float, ...]]]:
         """The enclosures of all nodes, and the bounds of their local errors in both precisions."""
-        ranges = _Ranges()
+        ranges = _Ranges(len(self.nodes))
         errors: list[tuple[Array | float, ...]] = []
         for index, node in enumerate(self.nodes):
             if node.op is Op.INPUT:
@@ -1250,6 +1463,8 @@ class _Analysis:
                 for precision in PRECISIONS
             )
         underflow = node.op is Op.MUL or node.op is Op.DIV
+        if node.op is Op.ADD and node.args[0] == node.args[1]:
+            return tuple(precision.smallest for precision in PRECISIONS)
         if node.op is Op.MUL and any(
             self.nodes[arg].op is Op.CONST and _is_power_of_two(self.nodes[arg].number) for arg in node.args
         ):

@@ -43,6 +43,7 @@ RESOLUTION = 1.001
 
 _CLIMBED = 8  # elements of a port from which the search goes on; every state of it counts for all elements
 _NEIGHBOURS = 64  # states tried around each of them in a step
+_STATES_OF_A_SEARCH = 20_000  # random states from whose worst ones a search begins
 _TOGETHER = 2e6  # nodes times states evaluated together: 32 MB in the wider format
 _COMPILED = 3e8  # nodes times states from which on compiling the wider format takes less time than NumPy
 
@@ -110,8 +111,26 @@ def _searched(
     seed: int,
     climbs: int,
 ) -> NDArray[np.float64]:
-    """The largest errors that random states and a search uphill find, one for every row of what ``measure`` returns."""
+    """The largest errors that random states and searches uphill find, one for every row of what ``measure`` returns.
+
+    After every :data:`_STATES_OF_A_SEARCH` states a search of its own begins at the worst of these.
+    """
     rng = np.random.default_rng(seed)
+    counts = [min(_STATES_OF_A_SEARCH, samples - first) for first in range(0, samples, _STATES_OF_A_SEARCH)]
+    found = [_search(measure, program, box, precision, count, rng, climbs) for count in counts]
+    return np.asarray(np.max(found, axis=0), dtype=np.float64)
+
+
+def _search(
+    measure: Measure,
+    program: Program,
+    box: Mapping[str, PortRange],
+    precision: Precision,
+    samples: int,
+    rng: np.random.Generator,
+    climbs: int,
+) -> NDArray[np.float64]:
+    """The largest errors of ``samples`` random states and of ``climbs`` steps uphill from the worst of them."""
     narrow = np.float64 if precision is DOUBLE else np.float32
     most = max(_NEIGHBOURS, int(_TOGETHER / len(program.nodes)))  # states evaluated together
     size = sum(map(len, program.results))
@@ -142,7 +161,7 @@ def _searched(
             for champion, state in zip(champions, states, strict=True):
                 champion[grown] = state[place[grown]]
             best = np.maximum(best, worst)
-    return np.asarray(best, dtype=np.float64)
+    return best
 
 
 def relative_errors(
