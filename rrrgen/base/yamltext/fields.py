@@ -301,7 +301,8 @@ class Reader:
     def choice(self, node: Node, what: str, allowed: Collection[str]) -> str:
         """The word in ``node``; one outside ``allowed`` is a fault and returned unchanged."""
         value = self.text(node, what)
-        if value and value not in allowed:
+        is_text = isinstance(node, ScalarNode) and not node.is_null  # anything else is a fault already
+        if is_text and value not in allowed:
             self.faults.error(node, f"{what} is '{value}'", hint_for(value, allowed))
         return value
 

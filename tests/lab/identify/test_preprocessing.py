@@ -32,6 +32,12 @@ def test_every_word_on_the_command_line_changes_what_it_names_and_nothing_else()
     assert chosen("processing: {position_resolution: 0.001}\n").method == "kalman"
 
 
+@pytest.mark.parametrize("entry", ["processing: {method: ''}", "side: ''"])
+def test_an_empty_word_is_none_of_the_allowed_ones(entry):
+    with pytest.raises(InputError, match=r":8:\d+: error: .* is ''(.|\n)*allowed are "):
+        loads_mapping(mapping(f"{entry}\n"))
+
+
 def test_words_that_would_be_ignored_are_refused():
     with pytest.raises(OptionError, match="add method butterworth"):
         chosen("processing: {method: kalman}\n", cutoff=20.0)
