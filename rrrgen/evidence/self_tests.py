@@ -19,7 +19,8 @@ from rrrgen.base.files import write
 if TYPE_CHECKING:
     from rrrgen.base.files import Contents
 
-COMPILER = ("gcc", "-std=c99", "-O1", "-ffp-contract=off")
+COMPILERS = ("gcc", "clang")
+FLAGS = ("-std=c99", "-O1", "-ffp-contract=off")
 SUFFIX = "_selftest.c"
 
 CHECKS_OF = {
@@ -39,9 +40,11 @@ _LINE = re.compile(r"(ok|FAIL)\S*\s+(.+?)\s+(\S+)")
 def self_test_lines(files: Mapping[str, Contents]) -> dict[str, list[tuple[str, str]]] | None:
     """The checks and their largest differences that every emitted self-test prints, by the name of its file.
 
-    None where gcc is not installed. Raises RuntimeError, with what was printed, if a self-test does not pass.
+    It is run with every compiler of :data:`COMPILERS` that is installed; the differences are those of the first. None
+    where none is. Raises RuntimeError, with what was printed, if a self-test does not pass.
     """
-    if shutil.which(COMPILER[0]) is None:
+    compilers = installed_compilers()
+    if not compilers:
         return None
     code = {path: text for path, text in files.items() if "/" not in path and path.endswith((".c", ".h"))}
     sources = sorted(path for path in code if path.endswith(".c") and not path.endswith(SUFFIX))
@@ -49,16 +52,22 @@ def self_test_lines(files: Mapping[str, Contents]) -> dict[str, list[tuple[str, 
     with tempfile.TemporaryDirectory() as folder:
         write(code, Path(folder))
         for path in sorted(path for path in code if path.endswith(SUFFIX)):
-            found[path] = _lines(folder, path, sources)
+            runs = [_lines(folder, path, sources, compiler) for compiler in compilers]
+            found[path] = runs[0]
     return found
 
 
-def _lines(folder: str, path: str, sources: Sequence[str]) -> list[tuple[str, str]]:
+def installed_compilers() -> list[str]:
+    """The compilers with which self-tests are run, of those that are installed."""
+    return [compiler for compiler in COMPILERS if shutil.which(compiler) is not None]
+
+
+def _lines(folder: str, path: str, sources: Sequence[str], compiler: str) -> list[tuple[str, str]]:
     program = Path(folder, "selftest")
-    for command in ([*COMPILER, *sources, path, "-lm", "-o", str(program)], [str(program)]):
+    for command in ([compiler, *FLAGS, *sources, path, "-lm", "-o", str(program)], [str(program)]):
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode:
-            raise RuntimeError(f"{path} does not pass: {done.stdout}{done.stderr}")
+            raise RuntimeError(f"{path}, compiled with {compiler}, does not pass: {done.stdout}{done.stderr}")
     return [(row[2], row[3]) for row in map(_LINE.fullmatch, done.stdout.splitlines()) if row]
 
 
@@ -71,4 +80,6 @@ def checks_of(header: str, lines: Mapping[str, Sequence[tuple[str, str]]]) -> st
     if not own:
         return ""
     listed = "; ".join(f"{name.partition(': ')[2] or name} ({value})" for name, value in own)
-    return f"the emitted self-test passes {len(own)} checks, with the largest differences: {listed}"
+    compiled = " and ".join(installed_compilers())
+    passed = f"the emitted self-test passes {len(own)} checks, compiled with {compiled}"
+    return f"{passed}, with the largest differences: {listed}"

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from evidence.certified import content_of, run
 from rrrgen.cli.generate import generate
 from rrrgen.evidence import coding_rules
-from rrrgen.evidence.self_tests import checks_of, self_test_lines
+from rrrgen.evidence.self_tests import checks_of, installed_compilers, self_test_lines
 
 TEST = """#include <stdio.h>
 #include "arm.h"
@@ -31,9 +31,13 @@ def test_checks_of_a_header_are_quoted():
     assert checks_of("arm_fourier.h", lines) == ""
 
 
-def test_a_self_test_that_fails_is_no_evidence():
-    with pytest.raises(RuntimeError, match="does not pass"):
-        self_test_lines({**FILES, "arm.c": FILES["arm.c"].replace("/ 2", "/ 3"), "arm_selftest.c": TEST})
+@pytest.mark.parametrize("compiler", installed_compilers())
+def test_a_self_test_that_fails_with_one_compiler_is_no_evidence(compiler):
+    """Both define ``__GNUC__``, clang ``__clang__`` too."""
+    divisors = (3, 2) if compiler == "clang" else (2, 3)
+    divisor = "#ifdef __clang__\n#define D {}\n#else\n#define D {}\n#endif\n".format(*divisors)
+    with pytest.raises(RuntimeError, match=f"compiled with {compiler}, does not pass"):
+        self_test_lines({**FILES, "arm.c": divisor + FILES["arm.c"].replace("/ 2", "/ D"), "arm_selftest.c": TEST})
 
 
 @pytest.fixture(scope="module")
