@@ -462,9 +462,9 @@ class _ExperimentReader(Reader):
         """Make a reader of one value per joint with a unit of ``table``; a number without a unit is in ``bare``."""
         return lambda node, what: self.per_joint(node, what, self.n, table, bare)
 
-    def bandwidths(self, node: Node, what: str) -> tuple[float, ...] | None:
-        found: tuple[float, ...] | None = self.each(units.RATE, "Hz")(node, what)
-        if found is not None and min(found) <= 0.0:
+    def bandwidths(self, node: Node, what: str) -> tuple[float | None, ...] | None:
+        found: tuple[float | None, ...] | None = self.each(units.RATE, "Hz")(node, what)
+        if found is not None and any(value is not None and value <= 0.0 for value in found):  # None: a fault already
             self.faults.error(node, f"{what} must be positive")
             return None
         return found

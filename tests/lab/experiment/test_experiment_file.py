@@ -89,3 +89,11 @@ def test_half_a_pair_leaves_one_side_of_the_box_open_and_is_a_fault_of_the_plane
     assert (limits.box_lower, limits.box_upper) == ((None, None, 0.4), (None, None, None))
     with pytest.raises(InputError, match=r"plane.yaml:2:\d+: error: z is .*, not a value"):
         loads_experiment("schema: rrrgen-experiment/1\nwriting: {plane: {z: [0.4, ~]}}\n", 3, "plane.yaml")
+
+
+@pytest.mark.parametrize(
+    ("value", "fault"), [("4 -", "bandwidth: '4 -' is not"), ("[1, x, 0]", "bandwidth must be positive")]
+)
+def test_a_bandwidth_that_is_no_number_is_a_fault_in_place(value: str, fault: str) -> None:
+    with pytest.raises(InputError, match=rf"mine.yaml:2:\d+: error: {fault}"):
+        loads_experiment(f"schema: rrrgen-experiment/1\ncontrol: {{kind: pd, bandwidth: {value}}}\n", 3, "mine.yaml")
