@@ -853,9 +853,9 @@ class _Ranges:
     def _scalar_products(self, terms: Sequence[tuple[int, int]]) -> list[_ScalarProducts]:
         """Rule 3: ways to read the products among the terms of a sum as scalar products. Signs do not matter.
 
-        Of two products both ways, in which either operand of the second belongs to the vector of the first's left one.
-        More are grouped where that lowers the bound, and taken as one scalar product, of the smaller operands of all
-        with the larger ones.
+        Two products are read both ways, as either operand of the second may stand in the vector of the first one's
+        smaller operand. More are grouped where that lowers the bound, and all taken as one scalar product, of the
+        smaller operands with the larger ones.
         """
         products = [index for coefficient, index in terms if abs(coefficient) == 1 and self.nodes[index].op is Op.MUL]
         if not 2 <= len(products) <= (2 if self._is_derivative() else _MOST_PRODUCTS):
@@ -870,7 +870,7 @@ class _Ranges:
         return [_ScalarProducts(reading, products) for reading in readings]
 
     def _grouped(self, groups: list[_Vectors]) -> list[_Vectors]:
-        """Join scalar products, two at a time, those first that lower the sum of the bounds most."""
+        """Join scalar products two at a time, first those whose joining lowers the sum of the bounds most."""
 
         sizes: dict[_Vectors, float] = {}
 
