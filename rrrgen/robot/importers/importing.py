@@ -90,9 +90,11 @@ def import_robot(
     found = importer.read(source, faults)
     faults.raise_errors()
     assert found is not None  # every None comes with an error
-    written = _written(
-        replace(found.spec, name=name or found.spec.name), importer.name, file, tuple(sorted(faults.warnings))
-    )
+    spec = replace(found.spec, name=name or found.spec.name)
+    if fault := name_fault(spec.name, "robot"):
+        faults.error(found.place, fault[0], f"{fault[1]}; give another with --name")
+        faults.raise_errors()
+    written = _written(spec, importer.name, file, tuple(sorted(faults.warnings)))
     return replace(written, chain=found.chain, source=text)
 
 
@@ -128,8 +130,6 @@ def _from_stem(stem: str) -> str:
 
 def _written(spec: RobotSpec, form: str, file: str, notes: tuple[Fault, ...]) -> Imported:
     """Write the text of the robot file and read it back, which makes sure that it is valid."""
-    if fault := name_fault(spec.name, "robot"):
-        raise InputError([Fault(file, 0, 0, fault[0], hint=f"{fault[1]}; give another with --name")])
     text = dumps(spec)
     try:
         again = read_spec(text, f"{spec.name}.yaml")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import sympy as sp
 
-from rrrgen.base.yamltext.document import FaultList
+from rrrgen.base.yamltext.document import FaultList, Place
 from rrrgen.robot.spec import Convention, RobotSpec
 
 DEFAULT_ANGLE_TOLERANCE = 1e-5
@@ -80,10 +80,14 @@ class ImportedChain:
 
 @dataclass(frozen=True)
 class Found:
-    """The result of an importer: the robot, and ``chain``, which is None where the format describes one chain only."""
+    """The result of an importer: the robot, and ``chain``, which is None where the format describes one chain only.
+
+    ``place`` is that of the robot's name in the file, if the file states one.
+    """
 
     spec: RobotSpec
     chain: ImportedChain | None = None
+    place: Place | None = None
 
 
 @dataclass(frozen=True)

@@ -403,6 +403,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         tuple(actuators.with_limit(joint) for joint in reader.joints.values()),
         reader.settings.gravity,
         actuators.shafts,
+        root.place,
     )
     return robot_of_tree(tree, source, values.rounded, faults)
 

@@ -89,6 +89,9 @@ def _value(node: Node, key: str, faults: FaultList) -> sp.Expr:
         words, hint = held_fault(expr)
         faults.error(node, f"an entry of {key} {words}", hint)
         return sp.S.Zero
+    if key not in ANGLES and not expr.is_rational:
+        faults.error(node, f"an entry of {key} is {node.text}, not a decimal number", "lengths are in m")
+        return sp.S.Zero
     number = float(expr)
     if key in ANGLES and abs(number) > TURN:
         hint = f"angles are in rad, at most a turn; {number:g} degrees are {math.radians(number):.6g}"

@@ -80,7 +80,8 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         return None
     _tell_left_out(root, faults)
     faults.warning(root.place, "a URDF has no gravity", "(0, 0, -9.81) m/s^2 in the frame of its root is taken")
-    tree = Tree(root.attributes.get("name", ""), base, bodies, tuple(joints), vector(GRAVITY))
+    name = root.attributes.get("name", "")
+    tree = Tree(name, base, bodies, tuple(joints), vector(GRAVITY), place=root.place)
     return robot_of_tree(tree, source, values.rounded, faults)
 
 

@@ -30,6 +30,20 @@ def test_a_wrong_choice_is_refused(case, tmp_path):
         import_robot(write(tmp_path, ARM), chain=choice)
 
 
+@pytest.mark.parametrize("name", ["0 link", "true"])
+def test_a_name_that_no_robot_can_have_is_a_fault_in_place_unless_another_is_given(name, tmp_path):
+    file = write(tmp_path, ARM.replace("two link", name))
+    with pytest.raises(InputError, match=r":1:1: error: the robot name (.|\n)*give another with --name"):
+        import_robot(file)
+    assert import_robot(file, name="arm").spec.name == "arm"
+
+
+def test_a_length_of_a_calibration_is_a_decimal_number(tmp_path):
+    rows = "dh_theta: [0,0,0,0,0,0]\ndh_a: [0,0,0,0,0,0]\ndh_d: [.1,0,pi -3.1,0,0,0]\ndh_alpha: [0,0,0,0,0,0]\n"
+    with pytest.raises(InputError, match=r":3:13: error: an entry of dh_d is pi -3.1, not a decimal number"):
+        import_robot(write(tmp_path, rows, "arm.yaml"), "ur-calibration")
+
+
 def test_several_tips_are_listed(tmp_path):
     more = '<link name="cup"/><joint name="c" type="fixed"><parent link="lower"/><child link="cup"/></joint></robot>'
     with pytest.raises(

@@ -48,6 +48,13 @@ def test_attributes_of_other_programs_are_said(tmp_path):
     assert "attribute 'xmlns" not in said(found)
 
 
+def test_the_shown_line_is_the_counted_one(tmp_path):
+    """XML counts no line at the separators of Unicode, which end a line in YAML."""
+    text = ARM.replace('<link name="base"/>', '<!-- \u2028 \x85 --><link name="base">')
+    with pytest.raises(InputError, match=r":17:3: error: not valid XML(.|\n)*    </robot>"):
+        import_robot(write(tmp_path, text))
+
+
 @pytest.mark.parametrize("zero", [".0", "-.0", ".00", "+.0", "0.", "-.000", ".0e3"])
 def test_spellings_of_zero(zero, tmp_path):
     found = import_robot(write(tmp_path, ARM.replace('xyz="0.5 0 0"', f'xyz="0.5 {zero} {zero}"'))).spec

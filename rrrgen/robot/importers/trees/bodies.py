@@ -117,7 +117,8 @@ class Shaft:
 class Tree:
     """Bodies by name and the joints between them; ``root`` is the name of the body that no joint carries.
 
-    ``gravity`` (3,), m/s^2, is in the frame of the root. ``shafts`` are motors that move several joints.
+    ``gravity`` (3,), m/s^2, is in the frame of the root. ``shafts`` are motors that move several joints. ``place`` is
+    that of the element which names the robot.
     """
 
     name: str
@@ -126,6 +127,7 @@ class Tree:
     joints: tuple[TreeJoint, ...]
     gravity: Array
     shafts: tuple[Shaft, ...] = ()
+    place: Place | None = None
 
     def joint_above(self) -> dict[str, TreeJoint]:
         """The joint that carries each body but the root."""

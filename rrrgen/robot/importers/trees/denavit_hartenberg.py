@@ -350,7 +350,8 @@ def robot_of_tree(tree: Tree, source: Source, rounded: list[Any], faults: FaultL
     moving = tuple(each.joint.name for each in chain.joints)
     places = tuple(i for i, row in enumerate(table.rows) if row.joint is not None)
     links_of_tips = dict(zip(tips, table.tips, strict=True))
-    return Found(spec, ImportedChain(chain.base, chain.tip, moving, held, offsets, places, links_of_tips))
+    imported = ImportedChain(chain.base, chain.tip, moving, held, offsets, places, links_of_tips)
+    return Found(spec, imported, tree.place)
 
 
 def _tips(table: DenavitHartenberg, rows: list[JointSpec], faults: FaultList) -> dict[str, TipSpec]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import accumulate
 from typing import Any
 from xml.parsers import expat
 
@@ -20,6 +22,8 @@ from rrrgen.robot.importers.trees.exact_numbers import EQUAL, HIGH, Array, exact
 
 MAX_DEPTH = 200
 MAX_ELEMENTS = 50_000
+
+_LINE_END = re.compile("\r\n|[\n\r]")  # of XML 1.0; to YAML the next line and the separators of Unicode are others
 
 
 @dataclass
@@ -80,11 +84,9 @@ def _longest(faults: FaultList, line: int) -> int:
 class _XmlReader:
     def __init__(self, text: str, faults: FaultList) -> None:
         self.faults = faults
-        self.lines = text.encode("utf-8").splitlines(keepends=True)
-        self.starts = [0]
-        for line in self.lines:
-            self.starts.append(self.starts[-1] + len(line))
+        faults.lines = _LINE_END.split(text)
         self.data = text.encode("utf-8")
+        self.starts = list(accumulate((len(line) for line in self.data.splitlines(keepends=True)), initial=0))
         self.root: Element | None = None
         self.stack: list[Element] = []
         self.count = 0
@@ -104,8 +106,8 @@ class _XmlReader:
         raise _TooLargeError
 
     def _place(self, offset: int) -> Place:
-        line = self.parser.CurrentLineNumber
-        text = self.data[max(0, offset - self.parser.CurrentColumnNumber) : offset].decode("utf-8", "replace")
+        line = bisect_right(self.starts, offset, 0, max(1, len(self.starts) - 1))  # the last start is the end
+        text = self.data[self.starts[line - 1] : offset].decode("utf-8", "replace")
         return Place(line, len(text) + 1)
 
     def _start(self, tag: str, attributes: list[str]) -> None:
@@ -130,9 +132,7 @@ class _XmlReader:
             if found is None:
                 continue
             end = self.data.find(found.group()[-1:], found.end())
-            before = self.data[: found.end()].decode("utf-8", "replace")
-            line = before.count("\n") + 1
-            places[name] = Place(line, len(before) - (before.rfind("\n") + 1) + 1)
+            places[name] = self._place(found.end())
         return places
 
     def _end(self, _: str) -> None:
