@@ -200,18 +200,22 @@ def _read_rotation(node: Node, what: str, scope: Scope) -> list[sp.Expr] | None:
     if len(present) != 9:
         return None
     R = [[float(scope.substitute(present[3 * i + j])) for j in range(3)] for i in range(3)]
+    if fault := rotation_fault(R):
+        scope.faults.error(node, f"{what} {fault[0]}", fault[1])
+        return None
+    return present
+
+
+def rotation_fault(R: Row[Row[float]]) -> tuple[str, str] | None:
+    """What is wrong with a rotation matrix (3, 3), as a predicate, and a hint; None if nothing is."""
     error = max(abs(sum(R[i][k] * R[j][k] for k in range(3)) - (i == j)) for i in range(3) for j in range(3))
     if error > ROTATION_TOLERANCE:
         hint = "write exact values such as sqrt(2)/2, or use rpy"
-        scope.faults.error(node, f"{what} is not orthonormal: R R^T misses the unit matrix by {error:.1e}", hint)
-        return None
+        return f"is not orthonormal: R R^T misses the unit matrix by {error:.1e}", hint
     determinant = sum(
         R[0][i] * (R[1][(i + 1) % 3] * R[2][(i + 2) % 3] - R[1][(i + 2) % 3] * R[2][(i + 1) % 3]) for i in range(3)
     )
-    if determinant < 0:
-        scope.faults.error(node, f"{what} is a reflection", "its determinant is -1 and must be +1")
-        return None
-    return present
+    return ("is a reflection", "its determinant is -1 and must be +1") if determinant < 0 else None
 
 
 # ------------------------------------------------------------------------------------------------------------------

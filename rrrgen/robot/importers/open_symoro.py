@@ -23,6 +23,7 @@ from rrrgen.base.yamltext.expressions import FUNCTIONS, ExpressionError, Name, p
 from rrrgen.robot.file.fields import MAX_JOINTS
 from rrrgen.robot.file.mechanism import mechanism_of_rows
 from rrrgen.robot.file.quantities import LARGEST_BARE_LENGTH, held_fault, held_number
+from rrrgen.robot.file.reader import rotation_fault
 from rrrgen.robot.importers.interface import Found, Importer, Source, warn_of_rounded_angles
 from rrrgen.robot.importers.trees.exact_numbers import exact_angle, exact_multiple, number
 from rrrgen.robot.model.loops import LoopError, ParallelogramError, with_parallelograms_followed
@@ -621,6 +622,8 @@ def _pose_of_frame_0(file: Assignments) -> sp.Matrix:
     Z = sp.Matrix(4, 4, [file.number(entry, "Z") for entry in file.entries("Z", 16)])
     if list(Z.row(3)) != [0, 0, 0, 1]:
         file.faults.error(file.place["Z"], "the last four entries of Z are not 0,0,0,1", "Z is a 4x4 pose, row by row")
+    elif fault := rotation_fault([[float(x) for x in Z[row, :3]] for row in range(3)]):
+        file.faults.error(file.place["Z"], f"the rotation in Z {fault[0]}", "Z is a 4x4 pose, row by row")
     return Z
 
 

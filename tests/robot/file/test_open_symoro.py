@@ -232,6 +232,7 @@ def spoilt(old: str, new: str) -> str:
     return content.replace(old, new)
 
 
+POSE = "Z = {{{},0,0,0,0,1,0,0,0,0,1,0,0,0,0,1}}"
 FAULTS = {
     "later frame": ("0,1,2,3,4,5", "0,1,2,5,4,5", "frame 4 follows frame 5", "0 to 3; 0 is the base"),
     "structure": ("Type = 0", "Type = 3", "Type 3: no known structure", "Type = 2"),
@@ -258,6 +259,8 @@ FAULTS = {
     "negative mass": ("4.0,3.5,", "4.0,-3.5,", "the mass of frame 2 is negative", ""),
     "negative friction": ("is_mobile = 0", "is_mobile = 0\nFV = {0,-1,0,0,0,0}", "FV of joint 2 is -1", "0 or more"),
     "too large": ("0,0,D3,0,0,0", "0,0,D3,9e300*9e300,0,0", "d: an entry is about 1e+601", "at most 1e+15"),
+    "no rotation": ("is_mobile = 0", f"is_mobile = 0\n{POSE.format(2)}", "rotation in Z is not orthonormal", "by row"),
+    "reflection": ("is_mobile = 0", f"is_mobile = 0\n{POSE.format(-1)}", "rotation in Z is a reflection", "by row"),
     "moving base": ("0,0,0}\n\n(* End", "0,0,1}\n\n(* End", "the base moves", "fixed base"),
     "twice": ("is_mobile = 0", "is_mobile = 0\nd = {0}", "'d' is given twice", ""),
     "division by zero": ("4.0,3.5,", "1/(D3-0.45),3.5,", "M of frame 1 is not finite", "division by zero"),
