@@ -196,6 +196,10 @@ InverseKinematics = Callable[[Array], Array]
 """Tip positions (m, 3) along a path to joint positions (m, n) along a path."""
 
 
+FARTHEST = 1000.0
+"""Largest coordinate of the writing window, m: beyond it are mistyped numbers."""
+
+
 @dataclass(frozen=True)
 class WritingPlane:
     """The writing window: ranges of ``x`` and ``z`` in the vertical plane at ``y``, m, base frame.
@@ -210,6 +214,8 @@ class WritingPlane:
     def __post_init__(self) -> None:
         if self.x[0] >= self.x[1] or self.z[0] >= self.z[1]:
             raise InputError("the writing window needs x[0] < x[1] and z[0] < z[1]")
+        if far := [value for value in (*self.x, *self.z, self.y) if not abs(value) <= FARTHEST]:
+            raise InputError(f"the writing window reaches {far[0]:g} m from the base; at most {FARTHEST:g} m")
 
 
 @dataclass(frozen=True)

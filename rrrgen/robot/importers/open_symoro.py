@@ -12,6 +12,7 @@ With closed loops, ``Type = 2``, the frames 1 to NL are those of a tree of links
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from rrrgen.base.yamltext.expressions import FUNCTIONS, ExpressionError, Name, p
 from rrrgen.robot.file.fields import MAX_JOINTS
 from rrrgen.robot.file.mechanism import mechanism_of_rows
 from rrrgen.robot.file.quantities import LARGEST_BARE_LENGTH, held_fault, held_number
-from rrrgen.robot.file.reader import rotation_fault
+from rrrgen.robot.file.reader import LARGEST_GRAVITY, rotation_fault
 from rrrgen.robot.importers.interface import Found, Importer, Source, warn_of_rounded_angles
 from rrrgen.robot.importers.trees.exact_numbers import exact_angle, exact_multiple, number
 from rrrgen.robot.model.loops import LoopError, ParallelogramError, with_parallelograms_followed
@@ -634,6 +635,9 @@ def _gravity(file: Assignments) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
         for entry in file.entries(name, 3):
             if entry.expr != 0:
                 file.faults.error(entry.place, f"{name} is not 0: the base moves", "robot files have a fixed base")
+    size = math.hypot(*map(float, G))
+    if size > LARGEST_GRAVITY:
+        file.faults.error(file.place["G"], f"gravity is {size:g} m/s^2", f"at most {LARGEST_GRAVITY} m/s^2")
     x, y, z = _pose_of_frame_0(file)[:3, :3] * sp.Matrix(G)
     return x, y, z
 

@@ -170,3 +170,9 @@ def test_what_cannot_be_written_is_refused() -> None:
         WritingPlane(x=(0.2, 0.1))
     with pytest.raises(InputError, match="pace"):
         writing_task("RRR", pace=(0.0,))
+
+
+@pytest.mark.parametrize("far", [1e40, math.inf, math.nan])
+def test_a_window_beyond_any_reach_is_refused(far):
+    with pytest.raises(InputError, match=r"the writing window (reaches|needs)"):
+        WritingPlane(z=(0.35, far))
