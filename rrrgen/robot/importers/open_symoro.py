@@ -223,10 +223,11 @@ def _read(source: Source, faults: FaultList) -> Found | None:
             file.refuse_open(value, file.place["sigma"], what)
     if faults.errors:
         return None
+    robot, place = _name(source)
     used = base.free_symbols | tool.free_symbols
     used |= {symbol for j in joints for value in (j.alpha, j.a, j.d, j.theta) for symbol in value.free_symbols}
     spec = RobotSpec(
-        name=_name(source),
+        name=robot,
         convention="modified",
         gravity=gravity,
         parameters={str(s): source.values[str(s)] for s in sorted(used, key=str)},
@@ -235,7 +236,7 @@ def _read(source: Source, faults: FaultList) -> Found | None:
         base=_fixed(base),
         tool=_fixed(tool),
     )
-    return Found(spec)
+    return Found(spec, place=place)
 
 
 def _table(file: Assignments) -> dict[str, list[ListEntry]] | None:
@@ -344,11 +345,12 @@ def _tree(source: Source, file: Assignments, table: dict[str, list[ListEntry]], 
     _warn_about_rest(file, links, driven)
     if file.faults.errors:
         return None
+    robot, name_place = _name(source)
     values = [value for row in rows for value in (row.alpha, row.a, row.d, row.theta, row.gamma, row.b)]
     values += [value for loop in loops for _, place in loop.pins for value in place]
     used = sorted({str(symbol) for value in values for symbol in value.free_symbols})
     spec = RobotSpec(
-        name=_name(source),
+        name=robot,
         convention="modified",
         gravity=gravity,
         parameters={name: source.values[name] for name in used},
@@ -357,7 +359,7 @@ def _tree(source: Source, file: Assignments, table: dict[str, list[ListEntry]], 
         base=_fixed(base),
         mechanism=replace(mechanism, loops=tuple(loops)),
     )
-    return Found(_with_followers(file, table, spec))
+    return Found(_with_followers(file, table, spec), place=name_place)
 
 
 def _with_followers(file: Assignments, table: dict[str, list[ListEntry]], spec: RobotSpec) -> RobotSpec:
@@ -482,10 +484,13 @@ def _fixed_row(file: Assignments, table: dict[str, list[ListEntry]], j: int) -> 
     return JointSpec(f"fixed{j + 1}", "revolute", alpha.expr, d.expr, r.expr, theta.expr)
 
 
-def _name(source: Source) -> str:
+def _name(source: Source) -> tuple[str, Place | None]:
+    """The robot's name, and its place if the file states it."""
     found = re.search(r"\(\*\s*Robotname\s*=\s*'([^'\n]*)'", source.text)
     word = re.sub(r"\W+", "_", found.group(1), flags=re.ASCII).strip("_") if found else ""
-    return word or source.name
+    if found is None or not word:
+        return source.name, None
+    return word, place_at(source.text, found.start(1))
 
 
 def _refuse_other_structures(file: Assignments) -> None:

@@ -259,6 +259,7 @@ FAULTS = {
     "negative mass": ("4.0,3.5,", "4.0,-3.5,", "the mass of frame 2 is negative", ""),
     "negative friction": ("is_mobile = 0", "is_mobile = 0\nFV = {0,-1,0,0,0,0}", "FV of joint 2 is -1", "0 or more"),
     "too large": ("0,0,D3,0,0,0", "0,0,D3,9e300*9e300,0,0", "d: an entry is about 1e+601", "at most 1e+15"),
+    "name": ("Robotname = '", "Robotname = '7", "the robot name '7arm' is not an identifier", "--name"),
     "gravity": ("0,0,-9.81", "0,0,-981", "gravity is 981 m/s^2", "at most 50"),
     "no rotation": ("is_mobile = 0", f"is_mobile = 0\n{POSE.format(2)}", "rotation in Z is not orthonormal", "by row"),
     "reflection": ("is_mobile = 0", f"is_mobile = 0\n{POSE.format(-1)}", "rotation in Z is a reflection", "by row"),
