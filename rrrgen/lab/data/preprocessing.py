@@ -240,9 +240,12 @@ def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[s
         return {}
     reader = Reader(faults)
 
-    def per_joint(value: Node, what: str, table: dict[str, float], bare: str) -> tuple[float, ...]:
+    def per_joint(value: Node, what: str, table: dict[str, float], bare: str, zero: bool = False) -> tuple[float, ...]:
         values = reader.per_joint(value, what, joints, table, bare)
-        return tuple(number for number in values if number is not None)
+        numbers = tuple(number for number in values if number is not None)
+        if any(number < 0.0 or (number == 0.0 and not zero) for number in numbers):
+            faults.error(value, f"{what} must be {'0 or more' if zero else 'positive'}")
+        return numbers
 
     found: dict[str, Any] = {}
     values = reader.values(node, "processing", KEYS) or {}
@@ -259,9 +262,9 @@ def read_processing(node: Node | None, joints: int, faults: FaultList) -> dict[s
             elif whole:
                 found[name] = whole
         elif name == "cutoff":
-            found[name] = reader.quantity(value, what, log_units.RATE, "Hz")
+            found[name] = reader.quantity(value, what, log_units.RATE, "Hz", positive=True)
         elif name == "low_speed":
-            found[name] = per_joint(value, what, log_units.VELOCITY, "rad/s")
+            found[name] = per_joint(value, what, log_units.VELOCITY, "rad/s", zero=True)
         elif name == "position_resolution":
             found["var_eta"] = tuple(s**2 / 12.0 for s in per_joint(value, what, log_units.POSITION, "rad"))
         else:

@@ -38,6 +38,12 @@ def test_an_empty_word_is_none_of_the_allowed_ones(entry):
         loads_mapping(mapping(f"{entry}\n"))
 
 
+@pytest.mark.parametrize("setting", ["cutoff: 0 Hz", "jerk: [1, 0]", "position_resolution: -0.1", "low_speed: -1"])
+def test_a_setting_of_nothing_is_a_fault_of_the_file(setting):
+    with pytest.raises(InputError, match=rf":8:\d+: error: processing.{setting.partition(':')[0]}"):
+        loads_mapping(mapping(f"processing: {{{setting}}}\n"))
+
+
 def test_words_that_would_be_ignored_are_refused():
     with pytest.raises(OptionError, match="add method butterworth"):
         chosen("processing: {method: kalman}\n", cutoff=20.0)
