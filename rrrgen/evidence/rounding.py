@@ -56,7 +56,8 @@ In reverse mode the derivatives of an output by its many nodes lose what they ha
 multiplied, such as in the third axis of a frame, which is the cross product of the other two, they are multiplied out.
 Therefore the derivatives ``v_i' = d v_i / dt`` along the line, at whose point t every error is t times its actual
 value, are bounded in forward mode too, and the smaller bound of an output counts, also for what the program computes
-from it. A rotation ``v = c A + s B + e`` has ``v' = (c A' + s B') + (A c' + B s') + e'``, and the rules apply:
+from it. Programs of many nodes and outputs are bounded in forward mode alone. A rotation ``v = c A + s B + e`` has
+``v' = (c A' + s B') + (A c' + B s') + e'``, and the rules apply:
 
 1. ``|c A' + s B'| <= rho N(A', B')`` and ``|A c' + B s'| <= N(A, B) N(c', s')``, by Cauchy-Schwarz.
 2. For the two rows of a rotation ``N(v', w') <= rho N(A', B') + N(A, B) N(c', s') + N(e', f')``, since the second terms
@@ -142,6 +143,7 @@ _TINY = 1e-150  # magnitudes below it vanish when squared
 _SINE_ERROR = 2.0**-48  # of NumPy's sine and cosine, which are accurate to some units in the last place of 1
 _BUDGET = 4e6  # nodes times parts of the box: some seconds for the largest function
 _LARGE = 3e4  # nodes from which on the box stays whole: finding the rotations takes longer than the arithmetic
+_MOST_REVERSED = 1e5  # nodes times outputs for which reverse mode is used: of more it takes longest, and gains least
 _MOST_PARTS = 8  # of one angle; more gained less than a tenth on the bundled arms
 _MOST_TERMS = 24  # of a flattened sum
 _MOST_FACTORS = 6  # of a product that is multiplied out
@@ -168,7 +170,7 @@ class NoBoundError(Exception):
 class RoundingBounds:
     """Proven absolute error bounds: ``double[k]`` and ``single[k]`` hold one number per element of output k.
 
-    ``parts`` is the number of equal parts into which every angle's range was split in reverse mode. ``conditional[k]``
+    ``parts`` is the number of equal parts into which every angle's range was split at first. ``conditional[k]``
     says whether the bounds of output k hold only where comparisons come out as in exact arithmetic, ``library`` whether
     they assume an accuracy of the C library.
     """
@@ -1150,9 +1152,11 @@ class _Analysis:
         self.angles = sorted({node.args[0] for node in self.nodes if node.op is Op.SIN or node.op is Op.COS})
         self._in_angles = set(reachable(self.nodes, self.angles))
         self._check_angles()
+        self.outputs = [index for row in program.results for index in row]
+        reversed_too = len(self.nodes) * len(set(self.outputs)) <= _MOST_REVERSED
         builder = Builder()  # one for all sweeps, of which each takes the nodes that it reaches
         self._recording = builder, builder.input(Port("v", (len(self.nodes),)))
-        self.sweeps = {index: self._sweep(index) for row in program.results for index in row}
+        self.sweeps = {index: self._sweep(index) for index in self.outputs} if reversed_too else {}
         self.followed: dict[int, set[int]] = {}  # of the choices: the nodes that they take in some part of the box
         self.undecided: set[int] = set()  # choices and signs that rounding may turn over
 
@@ -1335,7 +1339,7 @@ class _Analysis:
 
     def _largest(self, parts: int, by_reverse_mode: bool) -> dict[int, Array]:
         """The largest bounds over all boxes of every output element, in both precisions, shape (precisions,)."""
-        totals = {index: np.zeros(len(PRECISIONS)) for index in self.sweeps}
+        totals = {index: np.zeros(len(PRECISIONS)) for index in self.outputs}
         for part in self._batches(parts):
             ranges, errors = self._enclosed(part)
             local = [np.stack([np.atleast_1d(each) for each in np.broadcast_arrays(*error)]) for error in errors]
@@ -1343,7 +1347,7 @@ class _Analysis:
             if by_reverse_mode:
                 known = {index: self._error_of(sweep, ranges, errors) for index, sweep in self.sweeps.items()}
             carried = _Carried(ranges, local, known)
-            for index in self.sweeps:
+            for index in self.outputs:
                 totals[index] = np.maximum(totals[index], np.max(carried.sizes[index], axis=1))
         return totals
 
@@ -1352,7 +1356,7 @@ class _Analysis:
         found: dict[int, tuple[float, float]] = {}
         for part in self._batches(parts):
             ranges, _ = self._enclosed(part)
-            for index in self.sweeps:
+            for index in self.outputs:
                 low, high = (f(x) for f, x in zip((np.min, np.max), ranges.ranges[index], strict=True))
                 before = found.get(index, (math.inf, -math.inf))
                 found[index] = min(before[0], float(low)), max(before[1], float(high))
