@@ -146,7 +146,10 @@ class _SolutionReader(Factorization):
         self.right = [self._right_side(k) for k in range(self.n)]
 
     def _solved(self) -> tuple[list[Any], list[Any]]:
-        """y and x at the state."""
+        """y (n,) of L y = rhs, and x (n,) of L' x = y / D with the pivots D, the diagonal of S.
+
+        x are the accelerations at the state, in the order of elimination.
+        """
         n, L, y = self.n, self.L, list(self.rhs)
         for i in range(n):
             for k in range(i):

@@ -442,10 +442,11 @@ class _Rotation(NamedTuple):
 
 
 class _Reduction(NamedTuple):
-    """A norm by rule 2: that of ``members``, and what is split off one or two of the former members.
+    """One step of rule 2, which bounds the norm of several terms by the norm of fewer or simpler ones, ``members``.
 
-    These are sums that a rotation leaves, or the products of one factor with sine and cosine, ``turned``, with the
-    roundings ``lost`` inside them. One of the products may have further sines and cosines, ``extra``.
+    Either one or two of the terms are rows of a rotation, ``rotations``, and the pair that is rotated takes their
+    place. Or two are the sine and the cosine of one angle times the same product, ``turned``, which takes their place;
+    then ``lost`` are the roundings inside both, and ``extra`` the sines and cosines that one of them has besides.
     """
 
     members: list[Factors]
@@ -456,7 +457,7 @@ class _Reduction(NamedTuple):
 
     @property
     def stretch(self) -> float:
-        """By how much the norm of the new members may be smaller than that of the former ones."""
+        """Bound of the norm of the former terms over that of ``members``, without roundings and further terms."""
         return _stretch(self.rotations[0].multiple) if self.rotations else float(RHO ** (1 + len(self.extra)))
 
 
@@ -798,11 +799,14 @@ class _Ranges:
         return [*pairs[:1], *(single if len(members) == 2 else single[-1:])]
 
     def _read(self, member: Factors) -> _Factored:
-        """A member of a norm, multiplied out if it is a single node."""
+        """A term of a norm, multiplied out if it is a single node."""
         return self.product(member[0]) if len(member) == 1 and member[0] != TWO else _Factored(1, member, ())
 
     def _further(self, factors: Factors, others: Factors) -> Factors | None:
-        """The factors beyond ``others``, if these are among them and the further ones are sines and cosines."""
+        """The quotient of the product ``factors`` by the product ``others``, if it is a product of sines and cosines.
+
+        None if ``others`` does not divide ``factors``, or leaves another factor.
+        """
         left = list(factors)
         for other in others:
             if other not in left:

@@ -267,7 +267,11 @@ def largest_derivative_residuals(
     exact = wide_outputs(derivatives, precision, samples)
 
     def reference(states: Sequence[Array], ddq: Array) -> list[Array]:
-        """tau (n, states), then dtau_dq, dtau_dv and M (n, n, states), in the wider format."""
+        """Inverse dynamics at the accelerations ``ddq`` in the wider format, with which results are compared.
+
+        Returns the torques (n, states), their derivatives by positions and by speeds, and the mass matrix, each
+        (n, n, states).
+        """
         given = [
             ddq if port.role is Role.ACCELERATION else states[names.index(port.name)] for port in derivatives.inputs
         ]

@@ -23,7 +23,7 @@ from rrrgen.robot.importers.trees.exact_numbers import EQUAL, HIGH, Array, exact
 MAX_DEPTH = 200
 MAX_ELEMENTS = 50_000
 
-_LINE_END = re.compile("\r\n|[\n\r]")  # of XML 1.0; to YAML the next line and the separators of Unicode are others
+_LINE_END = re.compile("\r\n|[\n\r]")  # in YAML, U+0085, U+2028 and U+2029 end a line too; in XML 1.0 they do not
 
 
 @dataclass
