@@ -122,8 +122,14 @@ def _orders(model: SlidingModel, data: JointData, revolute: bool) -> Array:
 
 def _waves(q: Array, dq: Array, order: float, cutoff: float) -> Array:
     """Columns (N, 2) of the cosine and sine of a ripple as the low-pass filter passes them at the present speed."""
-    gain = 1.0 / (1.0 + (order * np.abs(dq) / (2.0 * np.pi * cutoff)) ** 8)
-    return np.asarray(np.column_stack([np.cos(order * q), np.sin(order * q)]) * gain[:, None])
+    waves = np.column_stack([np.cos(order * q), np.sin(order * q)])
+    return np.asarray(waves / (1.0 + order**8 * _damping(dq, cutoff))[:, None])
+
+
+def _damping(dq: Array, cutoff: float) -> Array:
+    """What the low-pass filter does to a ripple at the speeds ``dq``: its gain is ``1 / (1 + order^8 damping)``."""
+    squared = (dq / (2.0 * np.pi * cutoff)) ** 2
+    return np.asarray((squared * squared) ** 2)  # NumPy squares in a tenth of the time of other powers
 
 
 def _best_order(model: SlidingModel, orders: Array, cutoff: float) -> float | None:
@@ -134,9 +140,13 @@ def _best_order(model: SlidingModel, orders: Array, cutoff: float) -> float | No
     q, dq = model.q[at] - np.mean(model.q), model.dq[at]
     Q = np.linalg.qr(model.columns[at] / np.linalg.norm(model.columns[at], axis=0).clip(1e-300))[0]
     left = model.torque[at] - Q @ (Q.T @ model.torque[at])
+    damping = _damping(dq, cutoff)
+    # the orders are in equal steps: one complex product turns the waves of an order into those of the next
+    wave, turn = np.exp(1j * orders[0] * q), np.exp(1j * (orders[-1] - orders[0]) / max(1, len(orders) - 1) * q)
     explained = []
     for order in orders:
-        A = _waves(q, dq, float(order), cutoff)
+        A = wave.view(float).reshape(-1, 2) / (1.0 + order**8 * damping)[:, None]  # as _waves, cosine and sine
+        wave *= turn
         A -= Q @ (Q.T @ A)
         b = A.T @ left
         explained.append(float(b @ np.linalg.lstsq(A.T @ A, b, rcond=1e-6)[0]))
