@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from rrrgen.cli.terminal import fault_text, progress_bar, say, terminal_width, with_warning
@@ -81,6 +82,23 @@ def flag_here(name: str) -> str:
     context = click.get_current_context(silent=True)
     options = () if context is None else context.command.params
     return next((each.opts[-1] for each in options if isinstance(each, click.Option) and each.name == name), name)
+
+
+def refuse(names: Iterable[str], reason: str) -> None:
+    """Refuse options that would have no effect: raise click.UsageError with ``reason`` if the command line states any.
+
+    ``names`` are those of the parameters of the command in Python; the error shows their flags.
+    """
+    context = click.get_current_context()
+    stated = [name for name in names if context.get_parameter_source(name) is ParameterSource.COMMANDLINE]
+    if stated:
+        raise click.UsageError(f"{', '.join(map(flag_here, stated))}: {reason}")
+
+
+def only_beside(mode: str, *allowed: str) -> None:
+    """Refuse all options but ``allowed``, which the command would ignore because the option ``mode`` is given."""
+    names = (str(each.name) for each in click.get_current_context().command.params)
+    refuse((name for name in names if name not in allowed), f"has no effect with {mode}")
 
 
 def robot_argument(function: F) -> F:

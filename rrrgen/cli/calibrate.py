@@ -11,7 +11,9 @@ from rrrgen.base.errors import Fault, InputError, require
 from rrrgen.cli.arguments import (
     FindingsPrinter,
     json_option,
+    only_beside,
     read_with_warnings,
+    refuse,
     robot_argument,
     robot_source,
     run_study,
@@ -66,6 +68,10 @@ def calibrate(
 
     if (poses is None) == (choose is None):
         raise click.UsageError("give one of --poses FILE and --choose N")
+    if choose is None:
+        refuse(["kind"], "goes with --choose")
+    else:
+        only_beside("--choose", "robot", "output", "choose", "kind", "gains", "seed", "force")
     if output is not None and output.exists() and not force:
         raise InputError([Fault(str(output), 0, 0, "the file exists already", hint="--force overwrites it")])
     if figure is not None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.base.parallel import without_collection
-from rrrgen.cli.arguments import complete_robot, json_option, print_json, read_with_warnings
+from rrrgen.cli.arguments import complete_robot, json_option, only_beside, print_json, read_with_warnings
 from rrrgen.cli.generate import chosen_unit, code_options, emitted, serialized_casadi, with_solver, work_options
 from rrrgen.cli.terminal import progress_bar, say, verdict
 
@@ -77,8 +77,9 @@ def certify(
     functions, in double and in float, over the limits of the robot file; tested is every function against independent
     dynamics, as by `rrrgen verify`. What is missing is listed with the reason.
 
-    --check compares the hashes of all files, the pages and the functions with the certificate; --again also derives
-    the robot and proves the bounds anew, and compares the templates with those of this version.
+    --check compares the hashes of all files, the pages and the functions with the certificate, and its robot with
+    ROBOT if that is given; --again also derives the robot and proves the bounds anew, and compares the templates with
+    those of this version.
 
     \b
     Examples:
@@ -87,8 +88,7 @@ def certify(
       rrrgen certify panda -o runs/panda --real float --speed 0.5 --acceleration 1
     """
     if checked is not None:
-        if output is not None:
-            raise click.UsageError("--check writes nothing: give it without -o")
+        only_beside("--check", "robot", "checked", "again", "as_json")
         return _check(checked, robot, again, as_json)
     if again:
         raise click.UsageError("--again belongs to --check")
@@ -221,16 +221,22 @@ def _read(directory: Path) -> dict[str, Any]:
 
 
 def _check(directory: Path, robot: str | None, again: bool, as_json: bool) -> int:
-    """Compare the certificate below ``directory`` with the files beside it, and ``again`` with a new derivation."""
-    from rrrgen.evidence.check import bounds_that_differ, disagreements
+    """Compare the certificate below ``directory`` with the files beside it, and with ``robot`` if that is given.
 
+    ``again`` also derives the robot anew and proves its bounds anew.
+    """
+    from rrrgen.evidence.check import another_robot, bounds_that_differ, disagreements
+
+    if again and robot is None:
+        raise click.UsageError("--again needs ROBOT: rrrgen certify ROBOT --check DIR --again")
     found = disagreements(directory)
     content = _read(directory)
-    if again and not found:
-        if robot is None:
-            raise click.UsageError("--again needs ROBOT: rrrgen certify ROBOT --check DIR --again")
-        with progress_bar() as tell:
-            found = bounds_that_differ(content, read_with_warnings(robot), tell)
+    if robot is not None and not found:
+        spec = read_with_warnings(robot)
+        found = another_robot(content, spec)
+        if again and not found:
+            with progress_bar() as tell:
+                found = bounds_that_differ(content, spec, tell)
     if as_json:
         print_json({"directory": str(directory), "ok": not found, "disagreements": found})
     else:

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import click
 
-from rrrgen.base.errors import Fault, InputError, cannot_write
+from rrrgen.base.errors import Fault, InputError
+from rrrgen.base.files import write_file
 from rrrgen.base.tables import text_table
-from rrrgen.cli.arguments import json_option, print_json
+from rrrgen.cli.arguments import json_option, only_beside, print_json
 from rrrgen.cli.terminal import say, terminal_width
 
 
@@ -48,15 +49,14 @@ def new(name: str, output: Path | None, joints: str, convention: str, bundled: s
         raise InputError([Fault(name, 0, 0, fault[0], hint=fault[1])])
     if not joints or set(joints.upper()) - set("RP"):
         raise click.BadParameter("one letter per joint, R or P, e.g. RRPR", param_hint="--joints")
+    if bundled is not None:
+        only_beside("--from", "name", "output", "bundled", "force")
     path = output or Path(f"{name}.yaml")
     if path.exists() and not force:
         raise InputError([Fault(str(path), 0, 0, "the file exists already", hint="--force overwrites it")])
     text = _renamed(bundled, name) if bundled else _template(name, joints.upper(), convention)
     loads_spec(text, str(path))  # what is written is valid, or nothing is written
-    try:
-        path.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    write_file(path, text)
     say(f"{path} written; next: rrrgen check {path}, rrrgen show {path}")
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.base.errors import require
-from rrrgen.cli.arguments import json_option, output_option, print_json, real_option
+from rrrgen.cli.arguments import json_option, output_option, print_json, real_option, refuse
 from rrrgen.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -112,10 +112,16 @@ def vibration(model: Path | None, output: Path, as_json: bool, **options: Any) -
     from rrrgen.lab.data.run_folder import RunFolder, plain
     from rrrgen.lab.vibration import design_notches, design_shaper, plot_vibration
 
-    vibrations, period, left_out = _vibrations(model, options)
     kind, tolerance = options["kind"], options["tolerance"]
     if kind == "none" and not options["notch"]:
         raise click.UsageError("nothing to design: neither a shaper nor a notch")
+    if kind == "none":
+        refuse(["tolerance"], "is that of a shaper, and none is designed")
+    if not options["notch"]:
+        refuse(["peak", "width", "crossover"], "describes notches, and none is designed")
+    if model is None:
+        refuse(["against", "band"], "chooses among the modes of MODEL, which is not given")
+    vibrations, period, left_out = _vibrations(model, options)
     shaper = None if kind == "none" else design_shaper(vibrations, period, kind, tolerance)
     notches = design_notches(vibrations, period, options["peak"], options["width"]) if options["notch"] else []
     record = _record(vibrations, shaper, notches, period, options["crossover"]) | {"left_out": left_out}

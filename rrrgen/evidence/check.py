@@ -37,6 +37,7 @@ _KEYS = (
     "real",
     "files",
     "templates",
+    "options",
     "functions",
     "evidence",
     "without_bound",
@@ -114,16 +115,21 @@ def _manifest_faults(directory: Path, content: dict[str, Any]) -> list[str]:
     return found
 
 
+def another_robot(content: dict[str, Any], spec: RobotSpec) -> list[str]:
+    """One sentence if the robot ``spec`` is not the one of the certificate ``content``, else nothing."""
+    if identify(replace(spec, ik=content["options"]["ik"])).model_hash == content["model_hash"]:
+        return []
+    return [f"{spec.name}: the robot file is not the one of the certificate"]
+
+
 def bounds_that_differ(content: dict[str, Any], spec: RobotSpec, tell: Tell | None = None) -> list[str]:
     """Derive the robot ``spec`` anew, prove its bounds anew, and compare them and the templates with the ``content``.
 
-    Returns one sentence for every difference; versions of other tools than those that wrote the certificate may round
-    the proof differently, so bounds are compared to 1e-9.
+    The robot is that of the certificate (:func:`another_robot`). Returns one sentence for every difference; versions of
+    other tools than those that wrote the certificate may round the proof differently, so bounds are compared to 1e-9.
     """
     options = content["options"]
     spec = replace(spec, ik=options["ik"])
-    if identify(spec).model_hash != content["model_hash"]:
-        return [f"{spec.name}: the robot file is not the one of the certificate"]
     groups = ("model", *(name for name in sorted(options["with"]) if name in GROUPS))
     model = derive_once(spec, groups)
     ranges = Ranges(options["speed"], options["acceleration"])

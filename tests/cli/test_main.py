@@ -309,7 +309,8 @@ def test_new_copies_a_bundled_robot_and_overwrites_nothing(rrrgen):
     assert load_spec("a.yaml").n == 3
     assert rrrgen("new", "class")[0] == 3
     assert rrrgen("new", "arm", "--from", "nothing")[0] == 3
-    assert rrrgen("new", "arm", "-o", "no/such/folder.yaml")[0] == 5
+    assert rrrgen("new", "arm", "-o", "new/folder/arm.yaml")[0] == 0
+    assert load_spec("new/folder/arm.yaml").name == "arm"
 
 
 def test_schema_accepts_the_bundled_robots(rrrgen):

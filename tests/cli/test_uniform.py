@@ -74,7 +74,7 @@ def test_every_robot_may_come_from_the_standard_input(rrrgen):
     "arguments",
     [
         ["generate", "pendulum", "-o", "file/below"],
-        ["new", "arm", "-o", "missing/arm.yaml"],
+        ["new", "arm", "-o", "file/arm.yaml"],
         ["show", "pendulum", "--html", "file/report.html"],
     ],
 )
@@ -84,6 +84,27 @@ def test_output_that_cannot_be_written_is_no_bad_input(arguments, rrrgen):
     assert code == 5
     assert "cannot write" in err
     assert arguments[-1].split("/")[0] in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("new arm --from ur5 --joints RR", "--joints: has no effect with --from"),
+        ("calibrate ur5 --choose 9 --robust --json", "--robust, --json: has no effect with --choose"),
+        ("calibrate ur5 --poses file.csv --kind height", "--kind: goes with --choose"),
+        ("certify --check . --speed 3 -j 1", "--speed, --jobs: has no effect with --check"),
+        ("certify rrr --check . -o here", "--output: has no effect with --check"),
+        ("response vibration --mode 9:.1 --rate 1000 -o v --band 1 2", "--band: chooses among the modes of MODEL"),
+        ("response vibration model.json -o v --no-notch --peak 2", "--peak: describes notches, and none is designed"),
+        ("response vibration model.json -o v --shaper none --tolerance .1", "--tolerance: is that of a shaper"),
+    ],
+)
+def test_options_that_would_have_no_effect_are_refused(arguments, said, rrrgen):
+    """They were ignored without a word."""
+    code, out, err = rrrgen(*arguments.split())
+    assert (code, out) == (2, "")
+    assert said in " ".join(err.split())
+    assert list(Path().iterdir()) == []
 
 
 def test_exit_codes_are_documented_alike():

@@ -68,6 +68,15 @@ def test_a_missing_and_a_further_file_are_found(copy):
     assert "other.c: is not in the certificate" in done.output
 
 
+def test_the_robot_of_a_certificate_is_compared_if_one_is_given(copy):
+    """The name of another robot was ignored, and its code said to belong to the certificate."""
+    assert run("pendulum", "--check", copy).return_value == 0
+    for again in ((), ("--again",)):
+        done = run("rrr", "--check", copy, *again)
+        assert done.return_value == 1
+        assert "rrr: the robot file is not the one of the certificate" in done.output
+
+
 def test_again_proves_the_bounds_anew(copy):
     assert run("pendulum", "--check", copy, "--again").return_value == 0
     content = content_of(copy)
@@ -79,7 +88,4 @@ def test_again_proves_the_bounds_anew(copy):
     content = content_of(copy) | {"templates": "0" * 64}
     assert bounds_that_differ(content, load_spec("pendulum")) == [
         "the templates of the C code are not those of this version of rrrgen"
-    ]
-    assert bounds_that_differ(content, load_spec("planar2r")) == [
-        "planar2r: the robot file is not the one of the certificate"
     ]
