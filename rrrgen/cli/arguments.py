@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -39,6 +40,21 @@ NONE = "none"
 """The word of ``--parts`` for a controller without optional parts."""
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+class Number(click.FloatRange):
+    """A real number, within bounds if there are any. ``click.FloatRange`` takes infinities, and NaN for any bound."""
+
+    def __init__(self, min: float | None = None, max: float | None = None, **more: bool) -> None:
+        super().__init__(min, max, **more)
+        self.name = "float" if min is None and max is None else self.name
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number that the word ``value`` stands for."""
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is no number; write one such as 0.5 or 1e-3", param, ctx)
+        return number
 
 
 def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.base.parallel import without_collection
-from rrrgen.cli.arguments import complete_robot, json_option, only_beside, print_json, read_with_warnings
+from rrrgen.cli.arguments import (
+    Number,
+    complete_robot,
+    json_option,
+    only_beside,
+    print_json,
+    read_with_warnings,
+)
 from rrrgen.cli.generate import chosen_unit, code_options, emitted, serialized_casadi, with_solver, work_options
 from rrrgen.cli.terminal import progress_bar, say, verdict
 
@@ -32,13 +39,13 @@ if TYPE_CHECKING:
 @click.option("--again", is_flag=True, help="With --check: also compute again what can be computed again.")
 @click.option(
     "--speed",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Number(min=0.0, min_open=True),
     metavar="SPEED",
     help="Prove bounds up to this speed of all joints, rad/s (m/s), instead of the limits of the robot file.",
 )
 @click.option(
     "--acceleration",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=Number(min=0.0, min_open=True),
     metavar="ACC",
     help="Likewise for accelerations, rad/s^2 (m/s^2).",
 )

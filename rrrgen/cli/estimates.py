@@ -10,6 +10,7 @@ import click
 from rrrgen.base.errors import DerivationError
 from rrrgen.cli.arguments import (
     FindingsPrinter,
+    Number,
     fresh_option,
     json_option,
     output_option,
@@ -173,18 +174,18 @@ def payload(
         type=click.Path(path_type=Path),
         help="Recording, or its mapping file, with the payload; --log is the one without. Repeat for several.",
     ),
-    click.option("--mass", required=True, type=click.FloatRange(min=0, min_open=True), help="Mass of the payload, kg."),
+    click.option("--mass", required=True, type=Number(min=0, min_open=True), help="Mass of the payload, kg."),
     click.option(
         "--com",
         nargs=3,
-        type=float,
+        type=Number(),
         default=(0.0, 0.0, 0.0),
         help="Centre of mass in the last link frame, m; default: its origin.",
     ),
     click.option(
         "--inertia",
         nargs=6,
-        type=float,
+        type=Number(),
         default=(0.0,) * 6,
         metavar="XX YY ZZ XY XZ YZ",
         help="Inertia tensor about the centre of mass in its axes, kg m^2; default: a point mass.",

@@ -13,6 +13,7 @@ import click
 
 from rrrgen.base.parallel import usual_jobs, without_collection
 from rrrgen.cli.arguments import (
+    Number,
     complete_words,
     export_targets,
     ik_option,
@@ -55,7 +56,7 @@ KINDS = ("rls", "gradient")
 
 def estimator_options(function: F) -> F:
     """Add the options of the online estimators."""
-    positive = click.FloatRange(min=0.0, min_open=True)
+    positive = Number(min=0.0, min_open=True)
     options = [
         click.option(
             "--estimator",
@@ -83,7 +84,7 @@ def estimator_options(function: F) -> F:
         ),
         click.option(
             "--forgetting",
-            type=click.FloatRange(0.0, 1.0, min_open=True),
+            type=Number(0.0, 1.0, min_open=True),
             help="Forgetting factor of the least squares, 1 to forget nothing; default 0.999.",
         ),
         click.option(
@@ -94,7 +95,7 @@ def estimator_options(function: F) -> F:
         ),
         click.option(
             "--rest-speed",
-            type=click.FloatRange(min=0.0),
+            type=Number(min=0.0),
             metavar="SPEED",
             help="Joints slower than this, rad/s (m/s), are left out of the estimation; default 0.01.",
         ),
@@ -168,8 +169,8 @@ def _fixed(entries: tuple[str, ...]) -> dict[str, float]:
     for entry in entries:
         name, _, value = entry.partition("=")
         try:
-            fixed[name.strip()] = float(value)
-        except ValueError:
+            fixed[name.strip()] = Number().convert(value, None, None)
+        except click.BadParameter:
             raise click.BadParameter(f"'{entry}' is not NAME=VALUE", param_hint="--fix") from None
     return fixed
 
@@ -213,7 +214,7 @@ def controller_options(function: F) -> F:
         ),
         click.option(
             "--rate",
-            type=click.FloatRange(min=0.0, min_open=True),
+            type=Number(min=0.0, min_open=True),
             metavar="HZ",
             help=f"Sampling rate of the controller; default {RATE:g}.",
         ),

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.base.tables import text_table
-from rrrgen.cli.arguments import ik_option, json_option, print_json, read_with_warnings, robot_argument
+from rrrgen.cli.arguments import (
+    Number,
+    ik_option,
+    json_option,
+    print_json,
+    read_with_warnings,
+    robot_argument,
+)
 from rrrgen.cli.terminal import doubtful, say, terminal_width, working
 
 if TYPE_CHECKING:
@@ -36,7 +43,9 @@ if TYPE_CHECKING:
 @click.option(
     "--tip", metavar="NAME", help="Named tip of a branching robot; --near then holds the joints that tips share."
 )
-@click.option("--redundancy", type=float, help="Prescribed joint variable or arm angle of a redundant arm, rad or m.")
+@click.option(
+    "--redundancy", type=Number(), help="Prescribed joint variable or arm angle of a redundant arm, rad or m."
+)
 @click.option(
     "--closest", is_flag=True, help="Also for unreachable poses: the configuration with the least-squares error."
 )

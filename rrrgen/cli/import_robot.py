@@ -9,6 +9,7 @@ from typing import Literal
 import click
 
 from rrrgen.base.errors import Fault, InputError
+from rrrgen.cli.arguments import Number
 from rrrgen.cli.terminal import fault_text, say
 
 
@@ -47,7 +48,7 @@ class _WithFormats(click.Command):
 )
 @click.option(
     "--angle-tolerance",
-    type=click.FloatRange(0, 0.01),
+    type=Number(0, 0.01),
     default=1e-5,
     show_default=True,
     metavar="RAD",

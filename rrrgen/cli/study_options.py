@@ -11,6 +11,7 @@ import click
 
 from rrrgen.base.errors import options_written, with_names
 from rrrgen.cli.arguments import (
+    Number,
     flag_here,
     fresh_option,
     json_option,
@@ -103,9 +104,7 @@ def _click_type(entry: OptionField, kind: Any) -> Any:
         return click.Path(path_type=Path)
     if kind is str:
         return str
-    if about.least is None and about.above is None:
-        return kind
     if kind is int:
-        return click.IntRange(min=None if about.least is None else int(about.least))
+        return int if about.least is None else click.IntRange(min=int(about.least))
     low = about.least if about.above is None else about.above
-    return click.FloatRange(min=low, min_open=about.above is not None)
+    return Number(min=low, min_open=about.above is not None)

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.base.errors import require
-from rrrgen.cli.arguments import json_option, output_option, print_json, real_option, refuse
+from rrrgen.cli.arguments import (
+    Number,
+    json_option,
+    output_option,
+    print_json,
+    real_option,
+    refuse,
+)
 from rrrgen.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -45,7 +52,7 @@ def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ..
     metavar="HZ:DAMPING",
     help="Mode in place of MODEL: frequency and damping ratio; repeat for more.",
 )
-@click.option("--rate", type=click.FloatRange(min=0.0, min_open=True), metavar="HZ", help="Sampling rate, with --mode.")
+@click.option("--rate", type=Number(min=0.0, min_open=True), metavar="HZ", help="Sampling rate, with --mode.")
 @click.option(
     "--against",
     type=click.Choice(AGAINST),
@@ -53,7 +60,7 @@ def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ..
     show_default=True,
     help="Which modes of MODEL to suppress.",
 )
-@click.option("--band", nargs=2, type=float, metavar="LOW HIGH", help="Only the modes of MODEL in this band, Hz.")
+@click.option("--band", nargs=2, type=Number(), metavar="LOW HIGH", help="Only the modes of MODEL in this band, Hz.")
 @click.option(
     "--shaper",
     "kind",
@@ -64,7 +71,7 @@ def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ..
 )
 @click.option(
     "--tolerance",
-    type=click.FloatRange(0.0, 0.5, min_open=True, max_open=True),
+    type=Number(0.0, 0.5, min_open=True, max_open=True),
     default=0.05,
     show_default=True,
     help="Vibration that a shaper may leave, relative.",
@@ -72,19 +79,19 @@ def _modes(ctx: click.Context, parameter: click.Parameter, values: tuple[str, ..
 @click.option("--notch/--no-notch", default=True, show_default=True, help="Also design notch filters.")
 @click.option(
     "--peak",
-    type=click.FloatRange(0.0, min_open=True),
+    type=Number(0.0, min_open=True),
     default=3.0,
     show_default=True,
     help="Amplification of a mode that its notch may leave.",
 )
 @click.option(
     "--width",
-    type=click.FloatRange(0.0, 1.0, min_open=True),
+    type=Number(0.0, 1.0, min_open=True),
     help="Damping ratio of the notches' poles; default: as the postures and --peak need.",
 )
 @click.option(
     "--crossover",
-    type=click.FloatRange(0.0, min_open=True),
+    type=Number(0.0, min_open=True),
     metavar="HZ",
     help="Print the phase lag of the notches at this frequency.",
 )

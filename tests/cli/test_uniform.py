@@ -107,6 +107,17 @@ def test_options_that_would_have_no_effect_are_refused(arguments, said, rrrgen):
     assert list(Path().iterdir()) == []
 
 
+@pytest.mark.parametrize("word", ["nan", "inf", "-inf", "1e999"])
+def test_options_that_are_real_numbers_take_no_others(word, rrrgen):
+    """A rate that is NaN passed for one above 0 and ended as an internal fault."""
+    options = [option for command in commands().values() for option in command.params]
+    numbers = [option for option in options if isinstance(option.type, click.types.FloatParamType)]
+    assert len(numbers) > 40
+    for option in numbers:
+        with pytest.raises(click.BadParameter, match=r"is no number|not in the range"):
+            option.type.convert(word, option, None)
+
+
 def test_exit_codes_are_documented_alike():
     """Every exit code of an error, the check that fails, usage and the interrupt stand in the help and on the page."""
     from rrrgen.base import errors

@@ -224,8 +224,8 @@ def _single(entry: OptionField, kind: Any, value: Any) -> Any:
         if not isinstance(value, str):
             raise OptionError(f"{name} is {value!r}, not a text", entry.name)
         return value
-    what, wanted = (Integral, "a whole number") if kind is int else (Real, "a number")
-    if not isinstance(value, what) or isinstance(value, bool) or math.isnan(value):
+    what, wanted = (Integral, "a whole number") if kind is int else (Real, "a finite number")
+    if not isinstance(value, what) or isinstance(value, bool) or not math.isfinite(value):
         raise OptionError(f"{name} is {value!r}, not {wanted}", entry.name)
     least, above, unit = entry.about.least, entry.about.above, f" {entry.about.unit}".rstrip()
     if least is not None and value < least:

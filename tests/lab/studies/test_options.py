@@ -65,7 +65,7 @@ def test_numbers_of_numpy_are_numbers():
         ({"count": 2.5}, "count is 2.5, not a whole number"),
         ({"count": True}, "count is True, not a whole number"),
         ({"cutoff": 0}, "cutoff is 0 Hz, but must be above 0 Hz"),
-        ({"cutoff": float("nan")}, "cutoff is nan, not a number"),
+        ({"cutoff": float("nan")}, "cutoff is nan, not a finite number"),
         ({"strict": "no"}, "strict is 'no', not True or False"),
         ({"files": [3]}, "files is 3, not the path of a file"),
     ],
