@@ -25,7 +25,7 @@ from rrrgen.cli.terminal import failed, progress_bar, say
     is_flag=True,
     help="Take half the time: fewer harmonics, postures, periods and friction laws; the same limits.",
 )
-@click.option("--seed", type=int, default=1, show_default=True, help="Seed for all random numbers.")
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed for all random numbers.")
 @json_option
 def case_study(
     output: Path, jobs: int, cluster: str | None, starts: int | None, quick: bool, seed: int, as_json: bool

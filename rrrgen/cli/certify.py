@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     "--value-analysis", is_flag=True, help="Also exclude run-time errors by Frama-C EVA, which takes minutes."
 )
 @click.option("--samples", type=click.IntRange(min=1), default=200, show_default=True, help="States of the comparison.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of all random states.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of all random states.")
 @code_options
 @work_options
 @json_option

@@ -13,7 +13,15 @@ from typing import Any, NoReturn
 
 import click
 
-from rrrgen.base.errors import InputError, InternalError, RrrgenError, missing_extra, options_written, storage_error
+from rrrgen.base.errors import (
+    InputError,
+    InternalError,
+    RrrgenError,
+    StorageError,
+    missing_extra,
+    options_written,
+    storage_error,
+)
 from rrrgen.base.version import VERSION
 from rrrgen.cli.arguments import flag_here
 from rrrgen.cli.commands import COMMANDS, FURTHER, GROUPS, RENAMED, further_commands, load_command, load_further_command
@@ -34,8 +42,8 @@ Examples:
 
 \b
 Exit codes: 0 ok, 1 a check failed, 2 usage, 3 bad input file, 4 no closed
-form or not identifiable, 5 toolchain or extra missing, disk full or output
-not writable, 70 fault of rrrgen, 130 interrupted.
+form or not identifiable, 5 toolchain or extra missing, disk or memory full,
+output not writable, 70 fault of rrrgen, 130 interrupted.
 
 \b
 Equation numbers such as (14.23) are those of D. Kostic, B. de Jager,
@@ -198,9 +206,12 @@ def run(args: Sequence[str] | None = None, prog_name: str = "rrrgen", command: c
         say_error(_message(str(error)))
         return error.exit_code
     except Exception as error:  # anything else is a fault of rrrgen, and says so
-        known = missing_extra(error) or (
-            storage_error(error.filename or "the output", error) if isinstance(error, OSError) else None
-        )
+        known: RrrgenError | None = missing_extra(error)
+        if isinstance(error, OSError):
+            known = known or storage_error(error.filename or "the output", error)
+        elif isinstance(error, MemoryError):
+            what = str(error) or "an array could not be made"
+            known = StorageError(f"the memory is too small: {what}. Ask for fewer samples, or a shorter time")
         if known:
             say_error(_message(str(known)))
             return known.exit_code

@@ -468,13 +468,14 @@ def _closed_forms(derivation: Derivation, name: str, entry: str | None) -> dict[
     if entry is None:
         return {label: form.readable() for label, form in closed_forms(derivation, name).items()}
     form = closed_form(derivation, name)
-    try:
-        place = tuple(int(part) - 1 for part in entry.split(","))
-        if min(place) < 0:
-            raise IndexError(f"entries count from 1, got {entry}")
-        return {f"{name}[{entry}]": form.readable(place)}
-    except (ValueError, IndexError) as error:
-        raise click.BadParameter(str(error), param_hint="--entry") from None
+    words = [word.strip() for word in entry.split(",")]
+    inside = [word.isdecimal() and 1 <= int(word) <= size for word, size in zip(words, form.shape, strict=False)]
+    if len(words) != len(form.shape) or not all(inside):
+        size = " x ".join(map(str, form.shape))
+        raise click.BadParameter(
+            f"'{entry}' is none of the {size} entries of {name}, counted from 1", param_hint="--entry"
+        )
+    return {f"{name}[{entry}]": form.readable(tuple(int(word) - 1 for word in words))}
 
 
 def _plain(form: Form) -> Any:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @click.command()
 @robot_argument
 @click.option("--samples", type=click.IntRange(min=1), default=200, show_default=True, help="Number of random states.")
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random states.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random states.")
 @click.option(
     "--backend",
     type=click.Choice(["c", "numpy"]),

@@ -18,6 +18,7 @@ from typing import Any
 import sympy as sp
 
 from rrrgen.base.errors import DerivationError
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.derive.derived_model import Derivation
 from rrrgen.derive.functions.recording import FunctionBuilder
 from rrrgen.derive.functions.table import TABLE, find, recorders
@@ -402,7 +403,9 @@ def closed_forms(derivation: Derivation, function: str) -> dict[str, ClosedForm]
     entry, parametrization = find(name), derivation.parametrization
     tip = entry.tip if entry is not None and entry.tip in derivation.spec.tips else ""
     if (name.removeprefix(f"{tip}_") if tip else name) not in CLOSED:
-        raise DerivationError(f"no closed form of {function!r}; there is one of: {', '.join(CLOSED)}")
+        meant = did_you_mean(name, CLOSED) if entry is None else ""  # what exists was not meant to be another
+        there = f"there is one of: {', '.join(CLOSED)}"
+        raise DerivationError(f"no closed form of {function!r}; {meant or there}")
     model = derivation.model.at_tip(tip) if tip else derivation.model
     further = [v for row in parametrization.inverse or () for v in row]
     free, pairs, roots = exact_constants(model, further)

@@ -87,8 +87,9 @@ def test_processes_end_without_a_word(command, tmp_path):
         (["show", "rrr", "--recorded"], "--recorded goes with --program"),
         (["show", "rrr", "--program", "-f", "gravit"], "no program 'gravit'; there are forward_kinematics, "),
         (["show", "rrr", "--entry", "1,1"], "--entry needs exactly one --function"),
-        (["show", "pendulum", "-f", "gravity", "--entry", "2"], "has shape (1,)"),
-        (["show", "pendulum", "-f", "gravity", "--entry", "0"], "entries count from 1"),
+        (["show", "pendulum", "-f", "gravity", "--entry", "2"], "'2' is none of the 1 entries of gravity"),
+        (["show", "rrr", "-f", "mass_matrix", "--entry", "9,9"], "'9,9' is none of the 3 x 3 entries of mass_matrix"),
+        (["show", "pendulum", "-f", "gravity", "--entry", "0"], "counted from 1"),
         (["show", "pendulum", "-f", "gravity", "--entry", "x"], "--entry"),
         (["new", "x", "--joints", "RQ"], "one letter per joint"),
     ],
@@ -317,6 +318,13 @@ def test_schema_accepts_the_bundled_robots(rrrgen):
     code, out, _ = rrrgen("schema")
     assert code == 0
     assert json.loads(out)["title"] == "rrrgen robot"
+
+
+def test_more_samples_than_the_memory_holds_are_no_fault_of_rrrgen(rrrgen):
+    code, _, err = rrrgen("verify", "pendulum", "--backend", "numpy", "--samples", 10**14)
+    assert code == 5
+    assert "the memory is too small: Unable to allocate " in err
+    assert "Ask for fewer samples" in err
 
 
 def test_interrupts_and_faults_of_our_own_are_told_apart(rrrgen, monkeypatch):

@@ -118,6 +118,15 @@ def test_options_that_are_real_numbers_take_no_others(word, rrrgen):
             option.type.convert(word, option, None)
 
 
+def test_seeds_are_not_negative():
+    """They ended as internal faults: NumPy takes none that is."""
+    options = [option for command in commands().values() for option in command.params if "--seed" in option.opts]
+    assert len(options) > 7
+    for option in options:
+        with pytest.raises(click.BadParameter, match="not in the range"):
+            option.type.convert("-1", option, None)
+
+
 def test_exit_codes_are_documented_alike():
     """Every exit code of an error, the check that fails, usage and the interrupt stand in the help and on the page."""
     from rrrgen.base import errors

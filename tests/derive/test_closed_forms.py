@@ -169,6 +169,8 @@ def test_what_has_no_closed_form_and_wrong_entries_are_refused():
     pendulum = prepared("pendulum")
     with pytest.raises(DerivationError, match="no closed form of 'forward_dynamics'; there is one of: forward_kinem"):
         closed_form(pendulum, "forward_dynamics")
+    with pytest.raises(DerivationError, match="no closed form of 'mass_matrx'; did you mean 'mass_matrix'"):
+        closed_form(pendulum, "mass_matrx")
     with pytest.raises(DerivationError, match="no closed form of 'forward_dynamics_derivatives'"):
         closed_form(pendulum, "forward_dynamics_derivatives")
     for unclear in (*SEVERAL, "inverse_dynamics_derivatives.dtau", "mass_matrix.C"):

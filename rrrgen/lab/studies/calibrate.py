@@ -34,6 +34,7 @@ class CalibrateOptions(StudyOptions):
     seed: int = option(
         0,
         "Seed of the random postures, at which the error of the tip is predicted, or among which poses are chosen.",
+        least=0,
         shown=True,
         recorded=False,
     )

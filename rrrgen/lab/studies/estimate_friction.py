@@ -46,7 +46,7 @@ class FrictionOptions(StudyOptions):
         metavar="FILE",
         recorded=False,
     )
-    seed: int = option(0, "Seed for all random numbers; default 0.", recorded=False)
+    seed: int = option(0, "Seed for all random numbers; default 0.", least=0, recorded=False)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

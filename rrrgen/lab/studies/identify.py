@@ -114,7 +114,7 @@ class IdentifyOptions(StudyOptions):
         metavar="ADDRESS",
         recorded=False,
     )
-    seed: int = option(0, "Seed for all random numbers; default 0.", recorded=False)
+    seed: int = option(0, "Seed for all random numbers; default 0.", least=0, recorded=False)
 
     def packages(self) -> tuple[str, ...]:
         """The optional packages that these options need."""

@@ -286,7 +286,7 @@ class ExperimentOptions(StudyOptions):
         recorded=False,
     )
     rate: float | None = option(None, "Sampling rate of the controller; default 1000.", unit="Hz", above=0)
-    seed: int | None = option(None, "Seed for all random numbers; default 0.", recorded=False)
+    seed: int | None = option(None, "Seed for all random numbers; default 0.", least=0, recorded=False)
 
     def of_file(self, joints: int) -> Experiment:
         """The experiment file, or the defaults, for a robot of ``joints`` joints, with what the options override."""
