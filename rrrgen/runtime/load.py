@@ -45,6 +45,8 @@ def load_model(
     """
     if backend not in ("c", "numpy"):
         raise ValueError(f"backend must be 'c' or 'numpy', not {backend!r}")
+    if real not in ("double", "float"):
+        raise ValueError(f"real must be 'double' or 'float', not {real!r}")
     if backend == "numpy" and real != "double":
         raise ValueError("the NumPy backend computes in double only")
     engine: Engine = NumpyEngine(derived.programs) if backend == "numpy" else _compiled(derived, identity, real)

@@ -27,7 +27,9 @@ def test_bound_calls_compute_the_same_in_place(model, states):
     assert h.run() == 1
     with pytest.raises(TypeError):
         f.inputs["q"] = q  # another array would go unseen
-    with pytest.raises(ValueError, match="no function 'inverse_dynamic'"):
+    with pytest.raises(
+        ValueError, match=r"no function 'inverse_dynamic'; did you mean 'inverse_dynamics'\? there are "
+    ):
         model.bind("inverse_dynamic")
 
 

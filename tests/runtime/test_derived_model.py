@@ -146,7 +146,7 @@ def test_derivatives_are_compiled_when_they_are_called(backend):
     np.testing.assert_allclose(tau, model.inverse_dynamics(q, [0.1], [0.2]), rtol=1e-14)
     np.testing.assert_allclose(M, model.mass_matrix(q), rtol=1e-14)
     assert model.bind("inverse_dynamics_derivatives").outputs
-    with pytest.raises(ValueError, match=r"no function 'inverse_dynamics_derivative'; there are .*_derivatives"):
+    with pytest.raises(ValueError, match=r"no function 'inverse_dynamics_derivative'; .*there are .*_derivatives"):
         model.bind("inverse_dynamics_derivative")
 
 

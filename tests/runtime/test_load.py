@@ -7,6 +7,7 @@ import threading
 import numpy as np
 import pytest
 
+import rrrgen
 from emit.c_tools import IDENTITY
 from emit.planar import IA_NOMINAL, planar_model
 from rrrgen.runtime.load import load_model
@@ -54,3 +55,5 @@ def test_backends_are_named_right():
         load_model(planar_model(), IDENTITY, "fortran")
     with pytest.raises(ValueError, match="double only"):
         load_model(planar_model(), IDENTITY, "numpy", "float")
+    with pytest.raises(ValueError, match="real must be 'double' or 'float', not 'half'"):
+        rrrgen.compile("pendulum", real="half")

@@ -63,7 +63,7 @@ from rrrgen.lab.identify.friction_choice import FrictionFit, LawChoice, fit_fric
 from rrrgen.lab.identify.friction_columns import with_linear_friction, without_laws
 from rrrgen.lab.identify.held_out_data import Split
 from rrrgen.lab.identify.nuisance_estimate import Nuisances, estimate_nuisances, start
-from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker
+from rrrgen.lab.identify.observations import KnownTorque, Observations, Recording, RowMaker, require_torques
 from rrrgen.lab.identify.parameters import Column, DriveTerms, explained_names, identified_units
 from rrrgen.lab.identify.regressor import (
     FullRegressor,
@@ -322,6 +322,7 @@ def identify(
         if len(recording.joints) != model.n:
             raise InputError(f"a recording of {len(recording.joints)} joints for a robot with {model.n}")
     check_loops(model, recordings)
+    require_torques(recordings)
     tuning = tune(processing, recordings, options.split)
     rows = measured_rows(recordings) if on_floating_base(recordings) else None
     if options.split.kind != "none":

@@ -7,7 +7,7 @@ longer than it by the memory of the filters on both sides; the result does not d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -46,6 +46,31 @@ class Recording(Protocol):
     def parts(self) -> Iterator[Part]: ...  # noqa: D102
     def samples(self) -> Iterator[Part]: ...  # noqa: D102
     def __len__(self) -> int: ...
+
+
+SMALLEST_TORQUE = 1e-100  # N m (N): the squares of smaller torques, and of those beyond its reciprocal, are no numbers
+
+
+def require_torques(recordings: Sequence[Recording]) -> None:
+    """Raise :class:`InputError` for joints of which no torque was recorded: each is zero, missing or out of range.
+
+    Reads the recordings until every joint has shown one torque. Those without any are left to :class:`RowMaker`, and
+    those with the motion of a floating base, whose wrench stands for missing torques, to the choice of their rows.
+    """
+    joints = recordings[0].joints
+    missing = np.ones(len(joints), bool)
+    for recording in recordings:
+        for part in recording.parts():
+            if part.tau is None or joints[: len(ON_BASE)] == ON_BASE:
+                return
+            size = np.abs(np.where(part.valid, part.tau, np.nan))
+            missing &= ~np.any((size > SMALLEST_TORQUE) & (size < 1.0 / SMALLEST_TORQUE), axis=0)
+            if not missing.any():
+                return
+    names = ", ".join(name for name, gone in zip(joints, missing, strict=True) if gone)
+    raise InputError(
+        f"no torque of {names} was recorded: all are zero or no valid number; check columns and units of the torques"
+    )
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from rrrgen.lab.identify.bandwidth import Tuning, reach, tune
 from rrrgen.lab.identify.factoring import ScoredRows
 from rrrgen.lab.identify.friction_columns import FrictionSurface, Sliding, law_columns, stated_laws
 from rrrgen.lab.identify.held_out_data import Split
-from rrrgen.lab.identify.observations import Observations, Recording, RowMaker
+from rrrgen.lab.identify.observations import Observations, Recording, RowMaker, require_torques
 from rrrgen.lab.identify.scores import MAIN_LOBE, OWN, UNKNOWN, Label, Score, filter_reach, score_models
 from rrrgen.robot.model.drives import friction_terms
 from rrrgen.runtime.regressor_columns import drive_columns
@@ -205,6 +205,7 @@ def validate_recordings(
 
     sliding = getattr(torque_model, "sliding", None)
 
+    require_torques(recordings)
     tuning = tune(processing, recordings)
     chosen = tuning.processing
     split = split or Split()

@@ -275,6 +275,8 @@ def _followed(arm: RobotInput, experiment: Experiment, motion: Any, reference: R
         series: Any = read_friction_motion(Path(motion)) or read_trajectory(Path(motion))
         return _Followed(series.evaluate, series.period, {"trajectory": Path(motion)}, {})
     series = motion.trajectory if isinstance(motion, ExcitationResult) else motion
+    if not hasattr(series, "evaluate"):
+        raise TypeError(f"motion is of type {type(motion).__name__}, not a trajectory, a result of excite, or a file")
     return _Followed(series.evaluate, series.period, {}, {"motion": series.to_json()})
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rrrgen.base.arrays import real_array
+from rrrgen.base.yamltext.suggestions import did_you_mean
 from rrrgen.derive.functions.friction import surfaces_of
 from rrrgen.program import Role, nominal_name
 from rrrgen.robot.model.drives import stated_at_joints
@@ -95,7 +96,8 @@ class Calls:
         further = [group for group in GROUPS if group not in (*ALWAYS, *self._groups)] if self._compiled else []
         others = [each for group in further for each in functions_of(group, self.n, self.spec.tips)]
         known = sorted({*self.derived.programs, *derived, *others})
-        raise ValueError(f"no function '{name}'; there are inverse_kinematics, {', '.join(known)}")
+        there = f"there are inverse_kinematics, {', '.join(known)}"
+        raise ValueError(f"no function '{name}'; {' '.join(filter(None, (did_you_mean(name, known), there)))}")
 
     @cached_property
     def _on_demand(self) -> tuple[str, ...]:

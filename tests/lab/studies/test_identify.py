@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 import rrrgen
+from rrrgen.base.errors import InputError
 from rrrgen.cli.main import cli
 from rrrgen.lab.data.recordings import Log
 from samples.recordings import fourier_motion, write_log
@@ -37,6 +38,27 @@ def test_arrays_give_the_numbers_of_the_command(arrays, result, tmp_path):
     own, wanted = result.to_json(), json.loads(run.stdout)
     own["repairs"][0].pop("recording"), wanted["repairs"][0].pop("recording")  # the name of the file
     assert own == wanted
+
+
+@pytest.mark.parametrize("study", [rrrgen.identify, rrrgen.validate])
+@pytest.mark.parametrize("torque", [0.0, np.nan, np.inf, 1e-200, 1e200])
+def test_a_joint_without_a_recorded_torque_is_named(arrays, study, torque):
+    """A column of zeros, as loggers write for a drive that is not read, ended in a failed decomposition."""
+    silent = arrays["tau"].copy()
+    silent[:, 1] = torque
+    with pytest.raises(InputError, match="no torque of q2 was recorded"):
+        study("planar2r", arrays | {"tau": silent})
+
+
+@pytest.mark.parametrize("torque", [0.0, np.nan])
+def test_a_joint_whose_torque_is_recorded_for_half_of_the_time_only(arrays, torque):
+    half = arrays["tau"].copy()
+    half[:1000, 1] = torque
+    found = rrrgen.identify("planar2r", arrays | {"tau": half}, **OPTIONS)
+    assert np.isfinite(found.values).all()
+    if np.isnan(torque):
+        whole = rrrgen.identify("planar2r", arrays, **OPTIONS)
+        assert (np.abs(found.values - whole.values) < 5 * np.hypot(found.std, whole.std)).all()
 
 
 def test_the_estimate_is_that_of_the_model(result):

@@ -68,6 +68,8 @@ def test_its_recording_is_that_of_its_file(motion, tmp_path):
 
 
 def test_options_that_make_no_sense_are_refused(motion, result):
+    with pytest.raises(TypeError, match="motion is of type float, not a trajectory"):
+        rrrgen.simulate("planar2r", 1.0)
     with pytest.raises(rrrgen.InputError, match=r"^the arm follows a motion or reference, not both"):
         rrrgen.simulate("planar2r", motion, reference=result.log)
     with pytest.raises(rrrgen.InputError, match="bandwidth is 0 Hz, but must be above 0 Hz"):

@@ -297,7 +297,8 @@ class Trial:
         change[:, kept, range(len(kept))] = 1.0
         change[:, p:, -1] = np.eye(n) if mix is None else mix.T
         G = change.transpose(0, 2, 1) @ self.products @ change
-        total = np.maximum(G[:, -1, -1], np.finfo(float).tiny)
+        squared = G[:, -1, -1]
+        total = np.where(squared > 0.0, squared, np.inf)  # a joint without torques in the sample has no weight
         x, inverse, squares = fit_products(G, self.counts, np.sqrt(total / self.counts))
         theta, covariance = np.zeros(p), np.zeros((p, p))
         theta[kept] = x
