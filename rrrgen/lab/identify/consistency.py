@@ -33,6 +33,10 @@ AT_BOUND = 1e-3  # a drive parameter below this many (conditional) standard devi
 TINY = 1e-9
 
 
+class InconsistentEstimateError(DerivationError):
+    """No physically consistent estimate was found: the least-squares estimate is too far from any."""
+
+
 @dataclass(frozen=True)
 class Neighbourhood:
     """Second-order model of the objective about the estimate, in r free coordinates, for the covariance.
@@ -118,7 +122,7 @@ def consistent_estimate(
     ``weights`` (n,) are those of the joints, ``1 / sigma_j``, which make the noise of all rows equal; ``reference`` is
     the unconstrained estimate to which the residual is compared; ``fixed`` maps indices of standard parameters to known
     values; ``scored`` are the rows on which errors are reported if they differ from the fitted ones, as in robust
-    estimation. Raises :class:`DerivationError` if the solver fails.
+    estimation. Raises :class:`InconsistentEstimateError` if the solver fails.
     """
     b, n = model.base_projection.shape[0], len(prior.P0)
     R = factors.stacked(weights)
@@ -194,7 +198,10 @@ class _Program:
                 facts = {"solver": "CLARABEL", "strength": strength, "status": status}
                 return self.to_phi @ x[: 10 * self.n], drives, facts, self._near(x, strength, fixed)
             strength *= 10.0
-        raise DerivationError(f"no physically consistent estimate was found: the solver reports '{status}'")
+        reported = status.partition(". ")[0]
+        raise InconsistentEstimateError(
+            f"no arm that can be built is near the least-squares estimate: the solver reports '{reported}'"
+        )
 
     def _near(self, x: Array, strength: float, fixed: Mapping[int, float]) -> Neighbourhood:
         """Second-order model of the objective at the solution ``x``, for the covariance.

@@ -435,6 +435,7 @@ def _estimate(
     """Estimate, fit the loop, check and diagnose; ``folder`` keeps the state of unfinished work."""
     from rrrgen.lab.closed_loop.refinement import closed_loop_estimate
     from rrrgen.lab.identify.bias import check_bias
+    from rrrgen.lab.identify.consistency import InconsistentEstimateError
     from rrrgen.lab.identify.cross_validation import cross_validate
     from rrrgen.lab.identify.diagnosis.causes import merged
     from rrrgen.lab.identify.diagnosis.report import diagnose_fit, swinging_notes
@@ -451,15 +452,18 @@ def _estimate(
         _check_flight(torques, arm.model, chosen)
     before = () if floating else tell_causes(arm.spec, recordings, findings)
     model = FloatingModel(arm.model) if floating else arm.model
-    found = estimate(
-        model,
-        recordings,
-        processing,
-        estimation,
-        checkpoint=None if folder is None else folder.checkpoint("factors"),
-        digest="" if folder is None else folder.digest,
-        progress=progress,
+    kept: dict[str, Any] = (
+        {} if folder is None else {"checkpoint": folder.checkpoint("factors"), "digest": folder.digest}
     )
+    try:
+        found = estimate(model, recordings, processing, estimation, progress=progress, **kept)
+    except InconsistentEstimateError as error:  # such as wrong signs: say what the least-squares estimate tells
+        found = estimate(
+            model, recordings, processing, replace(estimation, consistent=False), progress=progress, **kept
+        )
+        causes = () if floating else diagnose_fit(model, found.corrected(recordings), found)
+        lines = [line for cause in causes for line in cause.lines()]
+        raise InconsistentEstimateError("\n".join([str(error), *lines])) from None
     put_right = found.corrected(recordings)
     fitted = None
     if loop.controller is not None:

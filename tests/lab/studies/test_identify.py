@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 import rrrgen
-from rrrgen.base.errors import InputError
+from rrrgen.base.errors import DerivationError, InputError
 from rrrgen.cli.main import cli
 from rrrgen.lab.data.recordings import Log
 from samples.recordings import fourier_motion, write_log
@@ -59,6 +59,17 @@ def test_a_joint_whose_torque_is_recorded_for_half_of_the_time_only(arrays, torq
     if np.isnan(torque):
         whole = rrrgen.identify("planar2r", arrays, **OPTIONS)
         assert (np.abs(found.values - whole.values) < 5 * np.hypot(found.std, whole.std)).all()
+
+
+def test_precise_torques_of_the_wrong_sign_are_diagnosed():
+    """No physically consistent estimate is near: the error was that of the solver, and the diagnosis came too late."""
+    t = np.arange(2000) / 200.0
+    q, dq, ddq = fourier_motion(t, 3, seed=4)
+    tau = -rrrgen.compile("rrr").inverse_dynamics(q, dq, ddq)
+    with pytest.raises(DerivationError, match="no arm that can be built is near the least-squares estimate") as caught:
+        rrrgen.identify("rrr", {"t": t, "q": q, "tau": tau}, decimate=4)
+    for joint in ("q1", "q2", "q3"):
+        assert f"diagnosis: the torque or the position of joint {joint} has the wrong sign" in str(caught.value)
 
 
 def test_the_estimate_is_that_of_the_model(result):
