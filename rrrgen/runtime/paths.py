@@ -153,6 +153,9 @@ class PathFunctions(FrictionFunctions):
             InputError: the path or the limits are unusable, or no motion keeps them; the message says where.
             BuildError: the model has no compiler (backend="numpy").
         """
+        if not isinstance(path, Path):
+            given_type = type(path).__name__
+            raise TypeError(f"time_path: path is of type {given_type}; rrrgen.spline_path(waypoints) makes a path")
         if gravity is not None and not self.spec.gravity_input:
             self._check_beta("time_path", beta)
             return self.any_gravity.time_path(
@@ -222,8 +225,10 @@ class PathFunctions(FrictionFunctions):
     @staticmethod
     def _vector(name: str, value: Any, size: int) -> Any:
         array = np.asarray(value, dtype=float)
-        if array.shape != (size,) or np.any(np.isnan(array)):
+        if array.shape != (size,):
             raise ValueError(f"time_path: {name} must be {size} numbers, ({size},), not {array.shape}")
+        if np.any(np.isnan(array)):
+            raise ValueError(f"time_path: {name} must be {size} numbers, not {array.tolist()}")
         return array
 
 

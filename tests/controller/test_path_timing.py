@@ -326,6 +326,10 @@ def test_what_cannot_be_timed(rrr):
         rrr.time_path(line(2), **some)
     with pytest.raises(ValueError, match=r"tau_max must be 3 numbers, \(3,\), not \(2,\)"):
         rrr.time_path(line(3), tau_max=[1.0, 2.0])
+    with pytest.raises(ValueError, match=r"tau_max must be 3 numbers, not \[nan, 1.0, 1.0\]"):
+        rrr.time_path(line(3), tau_max=[np.nan, 1.0, 1.0])
+    with pytest.raises(TypeError, match=r"path is of type list; rrrgen.spline_path\(waypoints\) makes a path"):
+        rrr.time_path([[0, 0, 0], [1, 1, 1]])
 
 
 def test_a_joint_without_inertia_along_the_path(planar):
