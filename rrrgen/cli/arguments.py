@@ -43,7 +43,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Number(click.FloatRange):
-    """A real number, within bounds if there are any. ``click.FloatRange`` takes infinities, and NaN for any bound."""
+    """A finite real number, within bounds if there are any; ``click.FloatRange`` lets NaN and infinities pass."""
 
     def __init__(self, min: float | None = None, max: float | None = None, **more: bool) -> None:
         super().__init__(min, max, **more)
@@ -53,7 +53,7 @@ class Number(click.FloatRange):
         """The number that the word ``value`` stands for."""
         number: float = super().convert(value, param, ctx)
         if not math.isfinite(number):
-            self.fail(f"{value} is no number; write one such as 0.5 or 1e-3", param, ctx)
+            self.fail(f"{value} is no finite number; write one such as 0.5 or 1e-3", param, ctx)
         return number
 
 
