@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.base.parallel import without_collection
-from rrrgen.cli.arguments import (
-    Number,
-    complete_robot,
-    json_option,
-    only_beside,
-    print_json,
-    read_with_warnings,
-)
+from rrrgen.cli.arguments import Number, complete_robot, json_option, only_beside, print_json, read_with_warnings
 from rrrgen.cli.generate import chosen_unit, code_options, emitted, serialized_casadi, with_solver, work_options
 from rrrgen.cli.terminal import progress_bar, say, verdict
 

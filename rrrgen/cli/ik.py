@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.base.tables import text_table
-from rrrgen.cli.arguments import (
-    Number,
-    ik_option,
-    json_option,
-    print_json,
-    read_with_warnings,
-    robot_argument,
-)
+from rrrgen.cli.arguments import Number, ik_option, json_option, print_json, read_with_warnings, robot_argument
 from rrrgen.cli.terminal import doubtful, say, terminal_width, working
 
 if TYPE_CHECKING:

@@ -10,14 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrrgen.base.errors import require
-from rrrgen.cli.arguments import (
-    Number,
-    json_option,
-    output_option,
-    print_json,
-    real_option,
-    refuse,
-)
+from rrrgen.cli.arguments import Number, json_option, output_option, print_json, real_option, refuse
 from rrrgen.cli.terminal import say
 
 if TYPE_CHECKING:

@@ -376,7 +376,11 @@ def _refuse_on_floating_base(spec: RobotSpec, chosen: IdentifyOptions) -> None:
 
 
 def _check_flight(torques: bool, model: Model, chosen: IdentifyOptions) -> None:
-    """Raise an OptionError for equations without right-hand side: neither ``torques`` nor a known parameter."""
+    """Raise an OptionError if nothing sets the scale of the parameters in flight.
+
+    The wrench on the base is zero there, so that every multiple of a solution is one, unless joint ``torques`` are
+    recorded or a parameter is known.
+    """
     if not torques and not chosen.fix:
         mass = next(name for name in model.base_parameter_names if name in ("m1", "m1R"))
         raise OptionError(
@@ -452,15 +456,19 @@ def _estimate(
         _check_flight(torques, arm.model, chosen)
     before = () if floating else tell_causes(arm.spec, recordings, findings)
     model = FloatingModel(arm.model) if floating else arm.model
-    kept: dict[str, Any] = (
-        {} if folder is None else {"checkpoint": folder.checkpoint("factors"), "digest": folder.digest}
+    fit = partial(
+        estimate,
+        model,
+        recordings,
+        processing,
+        checkpoint=None if folder is None else folder.checkpoint("factors"),
+        digest="" if folder is None else folder.digest,
+        progress=progress,
     )
     try:
-        found = estimate(model, recordings, processing, estimation, progress=progress, **kept)
+        found = fit(estimation)
     except InconsistentEstimateError as error:  # such as wrong signs: say what the least-squares estimate tells
-        found = estimate(
-            model, recordings, processing, replace(estimation, consistent=False), progress=progress, **kept
-        )
+        found = fit(replace(estimation, consistent=False))
         causes = () if floating else diagnose_fit(model, found.corrected(recordings), found)
         lines = [line for cause in causes for line in cause.lines()]
         raise InconsistentEstimateError("\n".join([str(error), *lines])) from None
