@@ -101,12 +101,12 @@ class NumpyEngine:
 class CompiledEngine:
     """Engine that calls the emitted C through cffi.
 
-    ``functions`` maps program names to C functions for one state. ``build_more(name)`` compiles a function that is
-    missing there, and those in its source file, when it is first needed: they are rarely called and take long to
-    compile.
-    ``build_loops(names)`` compiles the vectorized loops over states of some programs. A loop is built alone at the
-    first batch of its function, because all loops of a robot take longer to compile than everything else;
-    :meth:`prepare` builds all. cffi releases the global interpreter lock during a call, so threads run in parallel.
+    Nothing is compiled before it is called: who evaluates batches needs no functions of one state, and those of large
+    robots take seconds. ``build_functions(names)`` compiles C functions for one state, with all others in the same
+    source files, ``build_loops(names)`` vectorized loops over states; both return what they compiled by program name. A
+    loop is built alone, at the first batch of its function, because all loops of a robot take longer to compile than
+    everything else; :meth:`prepare` builds all. ``address`` is ``from_buffer`` of cffi, which releases the global
+    interpreter lock during a call, so that threads run in parallel.
     """
 
     name: ClassVar[EngineName] = "c"
@@ -114,34 +114,34 @@ class CompiledEngine:
     def __init__(
         self,
         programs: Mapping[str, Program],
-        ffi: Any,
-        functions: Mapping[str, Any],
-        build_more: Callable[[str], Mapping[str, Any]],
+        address: Any,
+        build_functions: Callable[[Sequence[str]], Mapping[str, Any]],
         build_loops: Callable[[Sequence[str]], Mapping[str, Any]],
         dtype: np.dtype[Any],
     ) -> None:
         self.dtype = dtype
         self.threads = 1
         self._pointer = "double[]" if dtype == np.float64 else "float[]"
-        self._ffi, self._functions = ffi, dict(functions)
-        self._build_more, self._build_loops = build_more, build_loops
+        self._address, self._build_functions, self._build_loops = address, build_functions, build_loops
+        self._functions: dict[str, Any] = {}
         self._loops: dict[str, Any] = {}
         codes = _codes(programs.values())
         self._calls = {
-            name: CompiledCall(program, ffi.from_buffer, self._function, self._loop, dtype, self._pointer, codes)
+            name: CompiledCall(program, address, self._function, self._loop, dtype, self._pointer, codes)
             for name, program in programs.items()
         }
 
     def prepare(self) -> None:
-        """Build the loops of all functions at once: faster than one by one if more than about ten are needed."""
-        missing = [name for name in self._calls if name not in self._loops]
-        if missing:
-            self._loops |= self._build_loops(missing)
+        """Build everything at once: faster than one by one if more than about ten functions are called."""
+        for held, build in (self._functions, self._build_functions), (self._loops, self._build_loops):
+            missing = [name for name in self._calls if name not in held]
+            if missing:
+                held.update(build(missing))
 
     def _function(self, name: str) -> Any:
         """The C function that evaluates the program ``name`` for one state, compiled if needed."""
         if name not in self._functions:
-            self._functions |= self._build_more(name)
+            self._functions |= self._build_functions([name])
         return self._functions[name]
 
     def _loop(self, name: str) -> Any:
@@ -156,7 +156,7 @@ class CompiledEngine:
 
     def bind(self, name: str, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], Any]:
         """Bind the C function ``name`` to the memory of the arrays; returns a function without arguments."""
-        pointers = [self._ffi.from_buffer(self._pointer, array) for array in (*inputs, *outputs)]
+        pointers = [self._address(self._pointer, array) for array in (*inputs, *outputs)]
         return functools.partial(self._function(name), *pointers)
 
 

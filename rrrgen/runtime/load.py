@@ -40,8 +40,8 @@ def load_model(
 
     ``backend`` is "c", or "numpy", which needs no compiler; ``real`` is the floating-point type of the C code.
     ``closed_form`` returns the closed form of a function by name; ``compiled`` compiles other models with the same
-    options: copies, and other groups of functions. Raises ValueError for unknown options, BuildError if the C code
-    cannot be built.
+    options: copies, and other groups of functions. Raises ValueError for unknown options, BuildError if the C compiler
+    is missing.
     """
     if backend not in ("c", "numpy"):
         raise ValueError(f"backend must be 'c' or 'numpy', not {backend!r}")
@@ -58,57 +58,57 @@ def load_model(
 
 
 def _compiled(derived: DerivedModel, identity: Identity, real: Real) -> CompiledEngine:
+    from _cffi_backend import FFI
+
+    from rrrgen.emit.c.compilers import find_compiler, include_directory
     from rrrgen.emit.c.language import Dialect, InlineSinCos
-    from rrrgen.emit.c.robot_files import DERIVATIVES, NOMINAL, header_and_sources, source_parts
+    from rrrgen.emit.c.robot_files import header_and_sources, source_parts
     from rrrgen.emit.description import programs_of
 
+    find_compiler(), include_directory()  # what is missing is told here, and not by the first call
     dialect = Dialect(derived.spec.name, real)
     programs = {name: program for name, program in programs_of(derived).items() if program.inputs}
-    code = header_and_sources(derived, identity, dialect, InlineSinCos())
     parts = source_parts(programs.values())
-    first = [part for part in ("", NOMINAL) if parts.get(part)] or [DERIVATIVES]
-    later = {name: part for part, names in parts.items() if part not in first for name in names}
 
-    def built(*wanted: str) -> tuple[Any, dict[str, Any]]:
-        """Compile the source files of the parts ``wanted``."""
-        files = {f"{dialect.prefix}{part}.c" for part in wanted}
-        sources = {name: text for name, text in code.items() if name.endswith(".h") or name in files}
-        return _functions({name: programs[name] for part in wanted for name in parts.get(part, ())}, sources, dialect)
+    @cache
+    def code() -> dict[str, str]:
+        return header_and_sources(derived, identity, dialect, InlineSinCos())
 
-    def build_later(name: str) -> dict[str, Any]:
-        return built(later[name])[1]
-
-    ffi, functions = built(*first)
+    def build_functions(names: Sequence[str]) -> dict[str, Any]:
+        chosen = {part: within for part, within in parts.items() if not set(names).isdisjoint(within)}
+        files = (f"{dialect.prefix}.h", *(f"{dialect.prefix}{part}.c" for part in chosen))
+        together = {name: programs[name] for within in chosen.values() for name in within}
+        return _functions(together, {file: code()[file] for file in files}, dialect)
 
     def build_loops(names: Sequence[str]) -> dict[str, Any]:
         return _loops({name: programs[name] for name in names}, code, dialect)
 
     scalar = np.dtype(np.float64 if real == "double" else np.float32)
-    return CompiledEngine(programs, ffi, functions, build_later, build_loops, scalar)
+    return CompiledEngine(programs, FFI().from_buffer, build_functions, build_loops, scalar)
 
 
-def _functions(
-    programs: Mapping[str, Program], sources: Mapping[str, str], dialect: Dialect
-) -> tuple[Any, dict[str, Any]]:
-    """Compile the C ``sources`` of ``programs``; returns cffi's interface and the C functions by program name."""
+def _functions(programs: Mapping[str, Program], sources: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
+    """Compile the C ``sources`` of ``programs``; returns the C functions by program name."""
     from rrrgen.emit.c.batches import declarations
     from rrrgen.emit.c.compilers import NATIVE
     from rrrgen.emit.c.header_comments import function_name
     from rrrgen.runtime.build import build_extension
 
-    ffi, lib = build_extension(sources, declarations(programs.values(), dialect), dialect.prefix, NATIVE)
-    return ffi, {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
+    _, lib = build_extension(sources, declarations(programs.values(), dialect), dialect.prefix, NATIVE)
+    return {name: getattr(lib, function_name(program, dialect)) for name, program in programs.items()}
 
 
-def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Dialect) -> dict[str, Any]:
-    """Compile the loops over states of ``programs`` as a separate extension; returns them by program name."""
+def _loops(programs: Mapping[str, Program], code: Callable[[], Mapping[str, str]], dialect: Dialect) -> dict[str, Any]:
+    """Compile the loops over states of ``programs`` as a separate extension; returns them by program name.
+
+    Only loops without vector types need the ``code`` of the robot, whose functions they call.
+    """
     from rrrgen.emit.c.batches import loop_declarations, loop_files, loop_name
     from rrrgen.emit.c.compilers import CONTRACT, NATIVE, find_compiler
     from rrrgen.runtime.build import build_extension
 
     simd = not find_compiler().microsoft
-    sources = {name: text for name, text in code.items() if name.endswith(".h") or not simd}
-    sources |= loop_files(programs.values(), dialect, simd)
+    sources = {**({} if simd else code()), **loop_files(programs.values(), dialect, simd)}
     declared = loop_declarations(programs.values(), dialect)
     _, lib = build_extension(sources, declared, f"{dialect.prefix}-batches", (*NATIVE, *CONTRACT))
     return {name: getattr(lib, loop_name(program, dialect)) for name, program in programs.items()}
@@ -117,8 +117,9 @@ def _loops(programs: Mapping[str, Program], code: Mapping[str, str], dialect: Di
 def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> Model:
     """A callable model of a robot: derive, emit, build and load it.
 
-    Derivations and built libraries are cached by content, so that the second call for a robot is fast. Derivatives of
-    the dynamics, and functions that are emitted on request only, are derived and built when they are first called.
+    Derivations and built libraries are cached by content, so that the second call for a robot is fast. A function is
+    built when it is first called or bound, once for one state and once for batches; ``model.engine.prepare()`` builds
+    all. Derivatives of the dynamics, and functions that are emitted on request only, are then derived too.
 
     Args:
         robot: path of a robot file, name of a bundled robot such as "rrr", or a RobotSpec.
@@ -127,7 +128,7 @@ def compile(robot: Robot, backend: EngineName = "c", real: Real = "double") -> M
 
     Raises:
         InputError: the robot file is faulty; the error lists every fault.
-        BuildError: the C compiler is missing or fails.
+        BuildError: the C compiler is missing. If it fails, the first call of a function says so.
 
     Warns:
         RobotFileWarning: the robot file is doubtful; one warning for a file lists all of them. A RobotSpec has them as

@@ -53,19 +53,35 @@ def test_sources_become_callable_and_are_built_once(cache, monkeypatch):
 def test_a_batch_builds_the_loop_of_its_function_alone(cache):
     model = rrrgen.compile("pendulum")
     q = np.linspace(-1.0, 1.0, 11)[:, None]
-    assert len(libraries(cache)) == 1
+    assert libraries(cache) == []
     alone = model.gravity(q)
-    assert len(libraries(cache)) == 2
+    assert len(libraries(cache)) == 1
     np.testing.assert_array_equal(model.gravity(q[:5]), alone[:5])
-    assert len(libraries(cache)) == 2
+    assert len(libraries(cache)) == 1
     model.engine.prepare()
-    assert len(libraries(cache)) == 3, "all others together"
+    assert len(libraries(cache)) == 3, "all other loops together, and all functions of one state"
     model.mass_matrix(q)
     model.engine.prepare()
     assert len(libraries(cache)) == 3
     again = rrrgen.compile("pendulum")
     again.engine.prepare()
     np.testing.assert_array_equal(again.gravity(q), alone)
+
+
+def test_one_state_builds_the_functions_of_its_source_file(cache):
+    model = rrrgen.compile("pendulum")
+    model.mass_matrix(np.zeros(1)), model.gravity(np.zeros(1))
+    assert len(libraries(cache)) == 1
+    model.gravity(np.zeros(1), beta=model.beta)
+    assert len(libraries(cache)) == 2, "those without the numbers of the robot file are in another"
+    model.bind("mass_matrix")
+    assert len(libraries(cache)) == 2
+
+
+def test_a_missing_compiler_is_told_before_any_function_is_called(cache, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(BuildError, match="'no-such-compiler' named by CC"):
+        rrrgen.compile("pendulum")
 
 
 def test_derivatives_are_built_when_they_are_called(cache):

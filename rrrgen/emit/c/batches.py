@@ -249,7 +249,8 @@ STATE = "first_state"
 def loop_files(programs: Iterable[Program], dialect: Dialect, simd: bool = True) -> dict[str, str]:
     """Print the files ``<name>_loops.h`` and ``.c``, with one loop over states per program.
 
-    Without ``simd``, for compilers without vector types, a loop calls the function of one state.
+    Without ``simd``, for compilers without vector types, a loop calls the function of one state, which the header of
+    the robot declares; vectorized loops need no other file.
 
     Each input comes with a step, in elements from one state to the next: 0 repeats one value for all states. Outputs
     are dense. The status of a program, where it has one, is stored per state in the array ``status``.
@@ -267,7 +268,8 @@ def loop_files(programs: Iterable[Program], dialect: Dialect, simd: bool = True)
         body = _loop_body(program, dialect) if simd else _scalar_body(program, dialect)
         source += [signature, "{", *(f"    {line}" for line in body), "}", ""]
     guard = f"{dialect.macro}_LOOPS_H"
-    top = [f"#ifndef {guard}", f"#define {guard}", "", f'#include "{dialect.prefix}.h"', ""]
+    opening = f"typedef {dialect.real} {dialect.real_type};" if simd else f'#include "{dialect.prefix}.h"'
+    top = [f"#ifndef {guard}", f"#define {guard}", "", opening, ""]
     return {
         f"{dialect.prefix}_loops.h": "\n".join([*top, *header, "", "#endif", ""]),
         f"{dialect.prefix}_loops.c": "\n".join(source),
